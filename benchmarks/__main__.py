@@ -1,0 +1,44 @@
+"""Run one benchmark and print its figures."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import pkgutil
+import sys
+from pathlib import Path
+
+for _pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"):  # before numpy loads: second threads only fight at these sizes
+    os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
+
+
+def main() -> int:
+    """Parse the command line, run the benchmark, print JSON or a table."""
+    import benchmarks
+
+    skip = {"__main__", "report", "plot"}
+    names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name not in skip)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure Handwave: figures, and accuracy beside time.")
+    parser.add_argument("name", choices=names, help="what to measure")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--quick", action="store_true", help="small data, few repetitions: checks that it runs, not for quoting")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="also draw accuracy against time")
+    options = parser.parse_args()
+    result = importlib.import_module(f"benchmarks.{options.name}").run(quick=options.quick)
+    if options.plot:
+        from benchmarks.plot import draw
+
+        draw(result["choices"], options.plot)
+    if options.json:
+        print(json.dumps(result))
+    else:
+        from benchmarks.plot import show
+
+        show(result)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""Accuracy against time, as a table and as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the flat figures, then one row per choice."""
+    console = Console()
+    for key, value in result.items():
+        if key != "choices":
+            console.print(f"{key}: {value:.4g}" if isinstance(value, float) else f"{key}: {value}")
+    table = Table("stage", "choice", "accuracy", "median ms", "p95 ms", "x reference")
+    for row in result["choices"]:
+        accuracy, time = row["accuracy"], row["time_ms"]
+        table.add_row(
+            row["stage"],
+            row["choice"],
+            f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}",
+            f"{time['median']:.3f}",
+            f"{time['p95']:.3f}",
+            f"{row['ratio']:.2f}",
+        )
+    console.print(table)
+
+
+def draw(choices: list[dict[str, Any]], path: Path) -> None:
+    """Draw one panel per stage and accuracy figure: time (log) across, accuracy up, every choice labelled."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    panels: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in choices:
+        panels.setdefault((row["stage"], f"{row['accuracy']['name']} [{row['accuracy']['unit']}]"), []).append(row)
+    figure, axes = plt.subplots(len(panels), 1, figsize=(7, 3.2 * len(panels)), squeeze=False, layout="constrained")
+    for axis, ((stage, label), rows) in zip(axes[:, 0], panels.items(), strict=True):
+        for row in rows:
+            x, y = row["time_ms"]["median"], row["accuracy"]["value"]
+            axis.errorbar(x, y, xerr=[[0], [max(row["time_ms"]["p95"] - x, 0)]], fmt="o", capsize=2)
+            axis.annotate(row["choice"], (x, y), textcoords="offset points", xytext=(5, 4), fontsize=8)
+        axis.set(xscale="log", xlabel="time [ms], bar to the 95th percentile", ylabel=label, title=stage)
+        axis.grid(alpha=0.3)
+        axis.margins(0.2)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)

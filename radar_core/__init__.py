@@ -1,0 +1,24 @@
+"""What a radar is: waveforms, antenna arrays, frames, point clouds, poses, and the checks that everything else relies on."""
+
+from radar_core.antenna import AntennaArray
+from radar_core.cloud import PointCloud
+from radar_core.errors import ConfigError, DataError, HandwaveError
+from radar_core.frame import RadarFrame, RadarInfo
+from radar_core.labels import GESTURES, NO_GESTURE
+from radar_core.pose import Pose
+from radar_core.waveform import SPEED_OF_LIGHT, Waveform
+
+__all__ = [
+    "GESTURES",
+    "NO_GESTURE",
+    "SPEED_OF_LIGHT",
+    "AntennaArray",
+    "ConfigError",
+    "DataError",
+    "HandwaveError",
+    "PointCloud",
+    "Pose",
+    "RadarFrame",
+    "RadarInfo",
+    "Waveform",
+]

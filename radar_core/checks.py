@@ -1,0 +1,35 @@
+"""Checks at the door: shapes and finiteness, with errors that name the field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.errors import DataError
+
+
+def require_shape(name: str, array: NDArray[np.generic], shape: Sequence[int | None]) -> None:
+    """Raise `DataError` unless ``array`` has the given shape; None stands for any length.
+
+    Parameters
+    ----------
+    name : str
+        Name of the field, for the message.
+    array : ndarray
+        The array to look at.
+    shape : sequence of (int or None)
+        Wanted length of each axis.
+    """
+    if len(array.shape) != len(shape) or any(w is not None and w != g for w, g in zip(shape, array.shape, strict=True)):
+        wanted = tuple("any" if w is None else w for w in shape)
+        raise DataError(f"{name} has shape {array.shape}, expected {wanted}")
+
+
+def require_finite(name: str, array: NDArray[np.generic]) -> None:
+    """Raise `DataError` when ``array`` holds a NaN or an infinity, naming the field, the count and the first place."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = np.argwhere(~finite)
+        raise DataError(f"{name} has {len(bad)} non-finite values, the first at index {tuple(int(i) for i in bad[0])}")

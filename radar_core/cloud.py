@@ -1,0 +1,94 @@
+"""Point clouds: the detections of one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.checks import require_shape
+from radar_core.errors import DataError
+from radar_core.pose import Pose
+
+Float32Array = NDArray[np.float32]
+
+
+def _nan() -> Float32Array:
+    return np.empty(0, np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """The detections of one frame; every array has shape (n_points,), float32; NaN where the sensor does not measure.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Middle of the acquisition [ns].
+    sequence : int
+        Of the frame it was made from.
+    frame_id : str
+        Frame of x, y, z: the sensor's, or ``room`` after `to_room`.
+    x, y, z : ndarray of float32
+        Position in ``frame_id`` [m].
+    range, azimuth, elevation : ndarray of float32
+        As measured, in the sensor frame [m, rad, rad].
+    radial_speed : ndarray of float32
+        Range rate, positive = receding [m/s].
+    snr, noise : ndarray of float32
+        Signal over noise floor [dB] and the floor itself [dB]. An array left out is all NaN.
+    range_std, azimuth_std, elevation_std, radial_speed_std : ndarray of float32
+        Standard deviations of the estimates.
+    """
+
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+    x: Float32Array
+    y: Float32Array
+    z: Float32Array
+    range: Float32Array = field(default_factory=_nan)
+    azimuth: Float32Array = field(default_factory=_nan)
+    elevation: Float32Array = field(default_factory=_nan)
+    radial_speed: Float32Array = field(default_factory=_nan)
+    snr: Float32Array = field(default_factory=_nan)
+    noise: Float32Array = field(default_factory=_nan)
+    range_std: Float32Array = field(default_factory=_nan)
+    azimuth_std: Float32Array = field(default_factory=_nan)
+    elevation_std: Float32Array = field(default_factory=_nan)
+    radial_speed_std: Float32Array = field(default_factory=_nan)
+
+    def __post_init__(self) -> None:
+        n = len(self.x)
+        for name in ARRAY_FIELDS:
+            array = getattr(self, name)
+            if array.dtype != np.float32:
+                raise DataError(f"PointCloud.{name} is {array.dtype}, expected float32")
+            if len(array) == 0 and n > 0 and name not in ("x", "y", "z"):
+                object.__setattr__(self, name, np.full(n, np.nan, np.float32))
+            else:
+                require_shape(f"PointCloud.{name}", array, (n,))
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def position(self) -> Float32Array:
+        """Positions, shape (n_points, 3) = (x, y, z) [m], a copy."""
+        return np.stack([self.x, self.y, self.z], axis=-1)
+
+    def select(self, index: NDArray[np.generic]) -> PointCloud:
+        """The points that a mask or an index array picks, in its order."""
+        return replace(self, **{name: getattr(self, name)[index] for name in ARRAY_FIELDS})
+
+    def to_room(self, mount: Pose) -> PointCloud:
+        """The same points with x, y, z levelled into ``room``; what the sensor measured stays as measured."""
+        if self.frame_id == "room":
+            return self
+        room = mount.to_room(self.position).astype(np.float32)
+        return replace(self, frame_id="room", x=room[:, 0].copy(), y=room[:, 1].copy(), z=room[:, 2].copy())
+
+
+ARRAY_FIELDS: tuple[str, ...] = tuple(f.name for f in fields(PointCloud) if f.name not in ("stamp_ns", "sequence", "frame_id"))
+"""Names of the per-point arrays, in the order of the message."""

@@ -1,0 +1,226 @@
+"""Configurations: frozen dataclasses that validate themselves, with units and ranges beside every knob.
+
+A configuration is declared once and serves everywhere: the library constructs it, a YAML file is loaded into it with errors that name file,
+line and key, and a node declares one ROS parameter per knob with the same description, unit and range.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+from typing_extensions import dataclass_transform
+
+from radar_core.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def knob(
+    default: Any = dataclasses.MISSING,
+    *,
+    doc: str,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[Any] | None = None,
+) -> Any:
+    """Declare one field of a configuration.
+
+    Parameters
+    ----------
+    default : Any
+        Value when the user says nothing; missing: the user must say.
+    doc : str
+        One sentence for users.
+    unit : str
+        Unit of the value, e.g. ``"m"``; empty for pure numbers and names.
+    low, high : float or None
+        Inclusive range of a number (of each entry, for a tuple).
+    choices : sequence or None
+        The only values allowed.
+
+    Returns
+    -------
+    Any
+        A dataclass field that carries the description.
+    """
+    metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "choices": tuple(choices) if choices is not None else None}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(knob, dataclasses.field))
+def config(cls: type[T]) -> type[T]:
+    """Make ``cls`` a frozen, keyword-only dataclass that checks its knobs, then calls its ``validate`` method if it has one.
+
+    Raises
+    ------
+    ConfigError
+        On construction, when a knob is outside its range or not among its choices, or a number is not finite.
+    """
+
+    def __post_init__(self: Any) -> None:
+        check_knobs(self)
+        validate = getattr(self, "validate", None)
+        if validate is not None:
+            validate()
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    cls.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
+    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+
+
+def check_knobs(instance: Any) -> None:
+    """Raise `ConfigError` when a field of ``instance`` is outside the range or the choices that its `knob` states."""
+    for field in dataclasses.fields(instance):
+        meta = field.metadata
+        if "doc" not in meta:
+            continue
+        where = f"{type(instance).__name__}.{field.name}"
+        value = getattr(instance, field.name)
+        if meta["choices"] is not None and value not in meta["choices"]:
+            raise ConfigError(f"{where} is {value!r}; choose one of {', '.join(map(repr, meta['choices']))}")
+        for number in _numbers(value):
+            if not math.isfinite(number):
+                raise ConfigError(f"{where} is {number}; it must be a finite number")
+            _check_range(where, number, meta)
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield value
+    elif isinstance(value, tuple):
+        for entry in value:
+            yield from _numbers(entry)
+
+
+def _check_range(where: str, number: float, meta: Mapping[str, Any]) -> None:
+    low, high, unit = meta["low"], meta["high"], meta["unit"]
+    if (low is not None and number < low) or (high is not None and number > high):
+        bounds = f"at least {low:g}" if high is None else f"at most {high:g}" if low is None else f"between {low:g} and {high:g}"
+        raise ConfigError(f"{where} is {number:g}; it must be {bounds}{' ' + unit if unit else ''} ({meta['doc']})")
+
+
+def load(cls: type[T], data: Any, source: str = "configuration", lines: yaml.Node | None = None) -> T:
+    """Build a configuration from plain data, refusing unknown keys and wrong types.
+
+    Parameters
+    ----------
+    cls : type
+        A class decorated with `config` (or a dataclass of such).
+    data : Any
+        Mappings, sequences and scalars, as YAML gives them; None means all defaults.
+    source : str
+        File name for the error message.
+    lines : yaml.Node or None
+        The composed YAML document, to name lines.
+
+    Raises
+    ------
+    ConfigError
+        Naming source, line, key and what was expected.
+    """
+    try:
+        return TypeAdapter(cls).validate_python({} if data is None else data)
+    except ValidationError as error:
+        problems = [_explain(cls, problem, source, lines) for problem in error.errors()]
+        raise ConfigError("\n".join(problems)) from None
+
+
+def load_file(cls: type[T], path: str | Path) -> T:
+    """Load a YAML file into a configuration; errors name file, line and key.
+
+    Raises
+    ------
+    ConfigError
+        When the file is missing, is not YAML, or does not describe a ``cls``.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read it ({error.strerror or error}); check the path") from None
+    try:
+        return load(cls, yaml.safe_load(text), str(path), yaml.compose(text, Loader=yaml.SafeLoader))
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {error}") from None
+
+
+def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> str:
+    location = [part for part in problem["loc"] if not str(part).startswith("function-")]
+    line = _line_of(lines, location)
+    where = f"{source}:{line}" if line else source
+    key = ".".join(map(str, location)) or "(top level)"
+    if problem["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+        known = _known_keys(cls, location[:-1])
+        return f"{where}: unknown key '{key}'" + (f"; known here: {', '.join(known)}" if known else "")
+    if problem["type"] in ("missing", "missing_argument"):
+        return f"{where}: '{key}' is missing; add it"
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    given = problem.get("input")
+    shown = f" (given {given!r})" if isinstance(given, (str, int, float, bool)) and problem["type"] != "value_error" else ""
+    return f"{where}: {key}: {message}{shown}"
+
+
+def _line_of(node: yaml.Node | None, location: Sequence[Any]) -> int | None:
+    if node is None:
+        return None
+    for part in location:
+        child = _child(node, part)
+        if child is None:
+            break
+        node = child
+    return int(node.start_mark.line) + 1
+
+
+def _child(node: yaml.Node, part: Any) -> yaml.Node | None:
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if key.value == str(part):
+                # A scalar sits beside its key; a block starts on the line after it, so its key is the better place to point to.
+                return value if isinstance(value, (yaml.MappingNode, yaml.SequenceNode)) else key
+    elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+        return node.value[part]  # type: ignore[no-any-return]
+    return None
+
+
+def _known_keys(cls: Any, location: Sequence[Any]) -> list[str]:
+    for part in location:
+        if not (dataclasses.is_dataclass(cls) and isinstance(part, str)):
+            return []
+        cls = get_type_hints(cls).get(part)
+    return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+
+
+def describe(cls: Any, prefix: str = "") -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
+    """List the knobs of a configuration class, nested ones with dotted names.
+
+    Yields
+    ------
+    tuple of (str, dataclasses.Field, type)
+        Dotted name, field (its metadata has doc, unit, low, high, choices) and resolved type.
+    """
+    hints = get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        name = f"{prefix}{field.name}"
+        if dataclasses.is_dataclass(hints[field.name]):
+            yield from describe(hints[field.name], f"{name}.")
+        else:
+            yield name, field, hints[field.name]
+
+
+def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn ``{"cfar.pfa": 1}`` into ``{"cfar": {"pfa": 1}}``, for `load`."""
+    result: dict[str, Any] = {}
+    for dotted, value in flat.items():
+        *parents, last = dotted.split(".")
+        place = result
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = value
+    return result

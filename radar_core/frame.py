@@ -1,0 +1,77 @@
+"""Raw frames and what is needed to understand them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.antenna import AntennaArray
+from radar_core.checks import require_finite, require_shape
+from radar_core.config import config, knob
+from radar_core.errors import ConfigError, DataError
+from radar_core.pose import Pose
+from radar_core.waveform import Waveform
+
+
+@config
+class RadarInfo:
+    """What a radar is and where it stands: everything that does not change from frame to frame."""
+
+    frame_id: str = knob("radar", doc="name of the sensor frame, e.g. left/radar")
+    waveform: Waveform = Waveform()
+    array: AntennaArray = AntennaArray()
+    mount: Pose = Pose()
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when waveform and array disagree on the number of transmitters."""
+        if self.waveform.n_tx != self.array.n_tx:
+            raise ConfigError(
+                f"the waveform uses {self.waveform.n_tx} transmitters but the array has {self.array.n_tx}; make waveform.n_tx equal "
+                "to the number of entries of array.tx"
+            )
+
+    @property
+    def cube_shape(self) -> tuple[int, int, int, int]:
+        """Shape of this radar's frames, axes (tx, chirp, rx, sample)."""
+        return (self.waveform.n_tx, self.waveform.n_chirp, self.array.n_rx, self.waveform.n_sample)
+
+
+@dataclass(frozen=True, eq=False)
+class RadarFrame:
+    """One measurement frame of raw baseband data.
+
+    The phase of a target at delay tau is +2 pi (f_min tau + slope tau t): range beats are positive frequencies in fast time, and a
+    receding target turns forward in slow time. Drivers of boards with the other sign conjugate.
+
+    Attributes
+    ----------
+    cube : ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
+        Chirp ``l`` of transmitter ``t`` starts ``(l * n_tx + t) * chirp_interval`` after the stamp.
+    stamp_ns : int
+        Start of the acquisition in the driver's clock [ns].
+    sequence : int
+        Counts the frames the radar made; a gap is a lost frame.
+    frame_id : str
+        Name of the sensor frame.
+    """
+
+    cube: NDArray[np.complex64]
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+
+    def __post_init__(self) -> None:
+        require_shape("RadarFrame.cube", self.cube, (None, None, None, None))
+        if self.cube.dtype != np.complex64:
+            raise DataError(f"RadarFrame.cube is {self.cube.dtype}, expected complex64")
+
+    def check(self, info: RadarInfo) -> None:
+        """Raise `DataError` when the cube contradicts ``info`` in its shape or holds a non-finite sample."""
+        if self.cube.shape != info.cube_shape:
+            raise DataError(
+                f"frame {self.sequence} of {self.frame_id!r} has shape {self.cube.shape} (tx, chirp, rx, sample) but its radar info says "
+                f"{info.cube_shape}; the info belongs to another radar or setting: configure the driver again, or replay the whole bag"
+            )
+        require_finite("RadarFrame.cube", self.cube)
