@@ -1,0 +1,46 @@
+# Two commands do everything from a clean clone, without root:
+#   make demo    two simulated people in a room, every node in its own process, a report at the end
+#   make test    the tests
+VENV ?= .venv
+PYTHON ?= python3
+PIP = $(VENV)/bin/python -m pip --disable-pip-version-check
+STAMP = $(VENV)/.handwave-setup
+export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
+# One thread per pool: at these sizes second threads only fight, and results stay the same bit for bit.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+
+.PHONY: help demo test setup lint typecheck bench clean
+help:
+	@sed -n 's/^## //p' $(MAKEFILE_LIST)
+
+## make setup      create .venv, install pinned dependencies, build the messages into it (under 3 s when done already)
+setup: $(STAMP)
+$(STAMP): pyproject.toml constraints.txt CMakeLists.txt package.xml scripts/check_system.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
+	@PYTHON=$(PYTHON) sh scripts/check_system.sh
+	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --upgrade pip
+	$(PIP) install --quiet --editable '.[test,lint]'
+	@touch $@
+
+## make demo       the whole graph on a simulated room (options: make demo ARGS="--headless --duration 20")
+demo: setup
+	$(VENV)/bin/handwave demo $(ARGS)
+
+## make test       all tests but the slow ones (options: make test ARGS="test/core -x")
+test: setup
+	$(VENV)/bin/python -m pytest $(ARGS)
+
+## make lint       ruff and mypy
+lint: setup
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+
+## make bench      the accuracy and the time of every choice, as tables
+bench: setup
+	for name in simulator baseband tracking gestures graph; do $(VENV)/bin/python -m benchmarks $$name || exit 1; done
+
+## make clean      remove what make made
+clean:
+	rm -rf $(VENV) build out
