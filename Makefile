@@ -20,7 +20,7 @@ $(STAMP): pyproject.toml constraints.txt CMakeLists.txt package.xml scripts/chec
 	@PYTHON=$(PYTHON) sh scripts/check_system.sh
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade pip
-	$(PIP) install --quiet --editable '.[test,lint]'
+	$(PIP) install --quiet --editable '.[test,lint,workspace]'
 	@touch $@
 
 ## make demo       the whole graph on a simulated room (options: make demo ARGS="--headless --duration 20")

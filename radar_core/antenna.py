@@ -79,4 +79,5 @@ class AntennaArray:
         az, el = np.broadcast_arrays(azimuth, elevation)
         uy, uz = np.cos(el) * np.sin(az), np.sin(el)
         path = uy[..., None] * self.virtual[:, 0] + uz[..., None] * self.virtual[:, 1]
-        return np.exp(-2j * np.pi / wavelength * path)
+        response: NDArray[Any] = np.exp(-2j * np.pi / wavelength * path)
+        return response

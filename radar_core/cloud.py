@@ -79,11 +79,11 @@ class PointCloud:
         return np.stack([self.x, self.y, self.z], axis=-1)
 
     def select(self, index: NDArray[np.generic]) -> PointCloud:
-        """The points that a mask or an index array picks, in its order."""
+        """Keep the points that a mask or an index array picks, in its order."""
         return replace(self, **{name: getattr(self, name)[index] for name in ARRAY_FIELDS})
 
     def to_room(self, mount: Pose) -> PointCloud:
-        """The same points with x, y, z levelled into ``room``; what the sensor measured stays as measured."""
+        """Return the same points with x, y, z levelled into ``room``; what the sensor measured stays as measured."""
         if self.frame_id == "room":
             return self
         room = mount.to_room(self.position).astype(np.float32)

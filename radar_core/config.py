@@ -54,7 +54,8 @@ def knob(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(knob, dataclasses.field))
+# knob is not named as a field specifier: type checkers only know `default=` there, and a positional default reads better.
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dataclasses.field,))
 def config(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen, keyword-only dataclass that checks its knobs, then calls its ``validate`` method if it has one.
 
@@ -64,13 +65,13 @@ def config(cls: type[T]) -> type[T]:
         On construction, when a knob is outside its range or not among its choices, or a number is not finite.
     """
 
-    def __post_init__(self: Any) -> None:
+    def check(self: Any) -> None:
         check_knobs(self)
         validate = getattr(self, "validate", None)
         if validate is not None:
             validate()
 
-    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    cls.__post_init__ = check  # type: ignore[attr-defined]
     cls.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
     return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
 

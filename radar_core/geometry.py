@@ -23,5 +23,5 @@ def cartesian_to_spherical(position: ArrayLike) -> tuple[NDArray[Any], NDArray[A
 
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[Any]:
-    """Unit vectors, shape (..., 3), towards azimuth and elevation [rad]."""
+    """Return unit vectors, shape (..., 3), towards azimuth and elevation [rad]."""
     return spherical_to_cartesian(1.0, azimuth, elevation)

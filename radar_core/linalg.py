@@ -13,7 +13,7 @@ class SingularError(DataError):
 
 
 def symmetrise(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The symmetric part of square matrices, shape (..., n, n)."""
+    """Return the symmetric part of square matrices, shape (..., n, n)."""
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
 
 

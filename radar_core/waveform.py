@@ -60,7 +60,7 @@ class Waveform:
 
     @property
     def range_resolution(self) -> float:
-        """c / 2B, the width of one range bin [m] (table 2.1)."""
+        """Width of one range bin, c / 2B [m] (table 2.1)."""
         return SPEED_OF_LIGHT / (2 * self.bandwidth)
 
     @property

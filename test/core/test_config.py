@@ -1,0 +1,72 @@
+"""Configurations refuse what makes no sense and say where it stands."""
+
+import dataclasses
+
+import pytest
+
+from radar_core import ConfigError, Pose, RadarInfo, Waveform
+from radar_core.config import config, describe, knob, load, load_file, nest
+
+
+@config
+class _Sub:
+    gain: float = knob(1.0, unit="dB", low=0, high=10, doc="how loud")
+    names: tuple[str, ...] = knob(("a",), doc="a list of names")
+
+
+@config
+class _Top:
+    mode: str = knob("slow", choices=("slow", "fast"), doc="the pace")
+    sub: _Sub = _Sub()
+    parts: tuple[_Sub, ...] = ()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("mode: medium\n", r"top\.yaml:1: .*mode is 'medium'; choose one of 'slow', 'fast'"),
+        ("mode: fast\nsub:\n  gain: 11\n", r"top\.yaml:\d: sub: _Sub\.gain is 11; it must be between 0 and 10 dB \(how loud\)"),
+        ("mode: fast\nsub:\n  gian: 1\n", r"top\.yaml:3: unknown key 'sub\.gian'; known here: gain, names"),
+        ("parts:\n  - gain: 1\n  - gain: loud\n", r"top\.yaml:3: parts\.1\.gain: .*valid number.*'loud'"),
+        ("sub: 3\n", r"top\.yaml:1: sub: "),
+        ("mode: [\n", r"top\.yaml: not valid YAML"),
+        ("sub:\n  gain: .nan\n", r"_Sub\.gain is nan; it must be a finite number"),
+    ],
+)
+def test_errors_name_file_line_and_key(tmp_path, text, message):
+    """One message per mistake, with the place to look at."""
+    path = tmp_path / "top.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        load_file(_Top, path)
+
+
+def test_missing_file_is_named(tmp_path):
+    """A path that does not exist is a user's mistake, not a traceback."""
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: cannot read it .* check the path"):
+        load_file(_Top, tmp_path / "nowhere.yaml")
+
+
+def test_load_equals_construct(tmp_path):
+    """YAML and Python build the same object; an empty file means the defaults."""
+    path = tmp_path / "top.yaml"
+    path.write_text("mode: fast\nsub: {gain: 2.5, names: [x, y]}\nparts: [{gain: 3}]\n")
+    assert load_file(_Top, path) == _Top(mode="fast", sub=_Sub(gain=2.5, names=("x", "y")), parts=(_Sub(gain=3.0),))
+    path.write_text("")
+    assert load_file(_Top, path) == _Top()
+
+
+def test_frozen_and_described():
+    """A configuration cannot change under a processor, and lists its knobs with dotted names."""
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        _Sub().gain = 2.0
+    named = {name: field.metadata["unit"] for name, field, _ in describe(RadarInfo) if "doc" in field.metadata}
+    assert named["waveform.carrier"] == "Hz"
+    assert named["mount.tilt"] == "rad"
+    assert load(RadarInfo, nest({"mount.z": 2.0, "frame_id": "left/radar"})) == RadarInfo(frame_id="left/radar", mount=Pose(z=2.0))
+
+
+def test_info_must_agree_with_itself():
+    """Waveform and array count the same transmitters."""
+    with pytest.raises(ConfigError, match="uses 1 transmitters but the array has 2"):
+        RadarInfo(waveform=Waveform(n_tx=1))
