@@ -1,0 +1,29 @@
+"""Every benchmark runs on quick data and puts accuracy beside time; no test asserts a time."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("name", ["simulator", "baseband", "tracking", "gestures"])
+def test_quick_run_emits_choices(name, tmp_path):
+    """One JSON object; each choice has stage, choice, accuracy, time and ratio; the plot is a picture."""
+    picture = tmp_path / "choices.png"
+    command = [sys.executable, "-m", "benchmarks", name, "--json", "--quick", "--plot", str(picture)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert len(result["choices"]) >= 2
+    for row in result["choices"]:
+        assert set(row) == {"stage", "choice", "accuracy", "time_ms", "ratio"}
+        assert set(row["accuracy"]) == {"name", "value", "unit"}
+        assert math.isfinite(row["accuracy"]["value"])
+        assert 0 < row["time_ms"]["median"] <= row["time_ms"]["p95"]
+        assert row["ratio"] > 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
