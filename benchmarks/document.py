@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("simulator", "baseband", "tracking", "gestures", "graph")
 HEAD = """# What accuracy costs in time
 
-Every accuracy knob with what it achieves and what it takes, measured in one run per stage; the last column is the ratio to the reference that
+Every accuracy knob with what it achieves and what it takes, measured in one run per stage; the last column is the ratio to the one that
 stands first. Absolute times drift from machine to machine, ratios less so. Made by `python -m benchmarks.document` on {machine};
 one stage alone: `python -m benchmarks NAME` (`--json`, `--plot PNG`).
 """

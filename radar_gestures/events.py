@@ -1,0 +1,100 @@
+"""When a gesture begins and ends: the event detector (thesis, section 4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radar_core import ConfigError
+from radar_core.config import config, knob
+
+
+@config
+class EventConfig:
+    """When a motion is an event. All durations are in seconds, so a lower frame rate or lost frames change nothing."""
+
+    threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which an arm is in motion")
+    min_duration: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="an event starts when the motion has lasted that long")
+    quiet: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="an event ends when there was no motion for that long")
+    bridge: float = knob(0.07, unit="s", low=0.0, high=10.0, doc="longest pause that does not interrupt a motion that is still starting")
+    max_duration: float = knob(1.4, unit="s", low=0.1, high=10.0, doc="a longer event is closed; the next one needs a quiet time first")
+    max_gap: float = knob(0.5, unit="s", low=0.01, high=10.0, doc="after a longer silence of the sensor everything starts anew")
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when an event could never be long enough."""
+        if self.min_duration >= self.max_duration:
+            raise ConfigError(
+                f"EventConfig: min_duration ({self.min_duration:g} s) must be shorter than max_duration ({self.max_duration:g} s)"
+            )
+
+
+@dataclass(frozen=True)
+class Event:
+    """A motion that may be a gesture: from the first to the last sample above the threshold [ns]."""
+
+    start_ns: int
+    end_ns: int
+
+
+class EventDetector:
+    """Cuts the speed signal of one track into events.
+
+    A motion starts with the first speed above ``threshold``. It is dropped when a pause longer than ``bridge`` comes before it has lasted
+    ``min_duration``; after that only ``quiet`` seconds of rest end it. At ``max_duration`` it ends at once, and nothing new starts before
+    ``quiet`` seconds of rest: somebody who walks gives one event, not one every ``max_duration``.
+
+    Parameters
+    ----------
+    settings : EventConfig
+        The knobs.
+    """
+
+    def __init__(self, settings: EventConfig) -> None:
+        self._settings = settings
+        self._bridge_ns = round(settings.bridge * 1e9)
+        self._min_ns = round(settings.min_duration * 1e9)
+        self._quiet_ns = round(settings.quiet * 1e9)
+        self._max_ns = round(settings.max_duration * 1e9)
+        self._gap_ns = round(settings.max_gap * 1e9)
+        self._start: int | None = None
+        self._last_above = 0
+        self._last_stamp: int | None = None
+        self._wait_for_rest = False
+
+    @property
+    def active(self) -> bool:
+        """Whether a motion is under way that is long enough to become an event."""
+        return self._start is not None and self._last_above - self._start >= self._min_ns
+
+    def process(self, stamp_ns: int, speed: float) -> Event | None:
+        """Take the speed [m/s] at ``stamp_ns`` (either sign; NaN counts as rest) and return the event that ended with it, if any."""
+        if self._last_stamp is not None and not 0 < stamp_ns - self._last_stamp <= self._gap_ns:
+            self._start, self._wait_for_rest = None, False
+        self._last_stamp = stamp_ns
+        above = abs(speed) > self._settings.threshold
+        if self._wait_for_rest:
+            self._wait_for_rest = above or stamp_ns - self._last_above < self._quiet_ns
+            if above:
+                self._last_above = stamp_ns
+            return None
+        if above:
+            self._last_above = stamp_ns
+            if self._start is None:
+                self._start = stamp_ns
+        return self._close(stamp_ns)
+
+    def _close(self, stamp_ns: int) -> Event | None:
+        if self._start is None:
+            return None
+        event = Event(self._start, self._last_above)
+        rest = stamp_ns - self._last_above
+        if not self.active:
+            if rest > self._bridge_ns:
+                self._start = None
+            return None
+        if stamp_ns - self._start >= self._max_ns:
+            self._start, self._wait_for_rest = None, True
+            return event
+        if rest >= self._quiet_ns:
+            self._start = None
+            return event
+        return None

@@ -1,0 +1,151 @@
+"""What tracking gives: tracks of people, which points belong to whom, and the hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError, PointCloud
+from radar_core.checks import require_shape
+
+Float64Array = NDArray[np.float64]
+
+
+class TrackStatus(IntEnum):
+    """How sure a track is; the numbers are those of ``msg/Track.msg``."""
+
+    TENTATIVE = 0
+    CONFIRMED = 1
+    COASTING = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One person (or object) followed over time, in ``room``.
+
+    Attributes
+    ----------
+    id : int
+        Never used again within a run.
+    status : TrackStatus
+        COASTING: confirmed, but not updated by this cloud.
+    age : float
+        Since the first detection [s].
+    unseen : float
+        Since the last update [s]; 0: updated by this cloud.
+    n_points : int
+        Points of the cloud that belong to it.
+    position, velocity : ndarray of float64, shape (3,)
+        [m], [m/s].
+    extent : ndarray of float64, shape (3,)
+        Standard deviation of its points about the position [m]; NaN = unknown.
+    covariance : ndarray of float64, shape (6, 6)
+        Of (x, y, z, vx, vy, vz).
+    """
+
+    id: int
+    status: TrackStatus
+    age: float
+    unseen: float
+    n_points: int
+    position: Float64Array
+    velocity: Float64Array
+    extent: Float64Array
+    covariance: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """All tracks after one cloud.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Of the cloud [ns].
+    sequence : int
+        Of the cloud.
+    frame_id : str
+        Always ``room``.
+    tracks : tuple of Track
+        In the order of their ids.
+    point_track_id : ndarray of int32, shape (n_points,)
+        Whose each point of the cloud is; -1: nobody's.
+    """
+
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+    tracks: tuple[Track, ...]
+    point_track_id: NDArray[np.int32]
+
+    @property
+    def people_count(self) -> int:
+        """Number of people: confirmed and coasting tracks."""
+        return sum(track.status is not TrackStatus.TENTATIVE for track in self.tracks)
+
+    def find(self, track_id: int) -> Track | None:
+        """Return the track with this id, or None."""
+        return next((track for track in self.tracks if track.id == track_id), None)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedCloud:
+    """A cloud in ``room`` and the tracks made from it.
+
+    Raises
+    ------
+    DataError
+        When the two do not belong together.
+    """
+
+    cloud: PointCloud
+    tracks: Tracks
+
+    def __post_init__(self) -> None:
+        require_shape("Tracks.point_track_id", self.tracks.point_track_id, (len(self.cloud),))
+        if self.cloud.stamp_ns != self.tracks.stamp_ns:
+            raise DataError(
+                f"the cloud's stamp is {self.cloud.stamp_ns} ns but the tracks' is {self.tracks.stamp_ns} ns; pair them by stamp"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class HandTrack:
+    """The hand that is used as an analogue input; the fields of ``msg/HandTrack.msg``.
+
+    Attributes
+    ----------
+    stamp_ns, sequence : int
+        Of the cloud.
+    frame_id : str
+        Always ``room``.
+    parent_id : int
+        Track of the person whose hand it is.
+    active : bool
+        False: this result ends the hand track.
+    n_points : int
+        Points of the cloud that belong to the hand.
+    unseen : float
+        Since the last update [s].
+    position, velocity : ndarray of float64, shape (3,)
+        [m], [m/s].
+    covariance : ndarray of float64, shape (6, 6)
+        Of (x, y, z, vx, vy, vz).
+    value : float
+        Control value, 0..1.
+    """
+
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+    parent_id: int
+    active: bool
+    n_points: int
+    unseen: float
+    position: Float64Array
+    velocity: Float64Array
+    covariance: Float64Array
+    value: float

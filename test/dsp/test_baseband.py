@@ -1,0 +1,173 @@
+"""The chain as a whole: determinism, refusals, caps, grouping, windows, a real recording."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from echoes import amplitude_for, echo, frame, noise
+
+from radar_core import ConfigError, DataError, RadarFrame, RadarInfo, Waveform
+from radar_core.cloud import ARRAY_FIELDS
+from radar_core.config import describe, load
+from radar_dsp import Baseband, BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, SpectrumConfig
+from radar_dsp.peaks import Interpolator, group
+from radar_dsp.spectrum import Spectrum, integrate
+from radar_dsp.windows import make_window
+
+INFO = RadarInfo()
+DATA = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+
+
+def busy(seed=0, sequence=0):
+    """A frame with a crowd of echoes."""
+    rng = np.random.default_rng(seed)
+    parts = [
+        echo(INFO, *rng.uniform([0.5, -4, -0.9, -0.4], [6, 4, 0.9, 0.4]), amplitude_for(rng.uniform(15, 45), INFO)) for _ in range(30)
+    ]
+    return frame(INFO, noise(INFO, rng), *parts, sequence=sequence)
+
+
+def equal(a, b):
+    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in ARRAY_FIELDS)
+
+
+def test_same_frame_same_cloud():
+    """Bit for bit: again, in another processor, after other frames, and from a read-only or strided copy; the input stays as it was."""
+    given = busy()
+    before = given.cube.copy()
+    baseband = Baseband(BasebandConfig(), INFO)
+    first = baseband.process(given)
+    baseband.process(busy(1))
+    np.testing.assert_array_equal(given.cube, before)
+    given.cube.flags.writeable = False
+    strided = RadarFrame(np.asfortranarray(given.cube), 0, 0, "radar")
+    for other in (baseband.process(given), Baseband(BasebandConfig(), INFO).process(given), baseband.process(strided)):
+        assert equal(first, other)
+    assert len(first) > 25
+
+
+def test_transforms_are_the_formulas():
+    """Equations 2.12 and 2.13 written out, for one cell; the windows have unit energy."""
+    cube = busy().cube
+    spectrum = Spectrum(SpectrumConfig(), INFO).process(cube)
+    k = np.arange(64)
+    w = make_window("hann", 64)
+    chirps = (cube[1, :, 2, :] * w) @ np.exp(-2j * np.pi * k * 20 / 64)
+    np.testing.assert_allclose(spectrum[1, 60, 2, 20], np.sum(w * chirps * np.exp(-2j * np.pi * k * 60 / 64)), rtol=1e-4)
+    np.testing.assert_allclose(integrate(spectrum), np.mean(np.abs(spectrum) ** 2, axis=(0, 2)), rtol=1e-5)
+
+
+def test_refuses_frames_of_another_radar():
+    """The message names both shapes."""
+    with pytest.raises(DataError, match=r"\(2, 64, 4, 32\).*\(2, 64, 4, 64\)"):
+        Baseband(BasebandConfig(), INFO).process(RadarFrame(np.zeros((2, 64, 4, 32), np.complex64), 0, 0, "radar"))
+
+
+def test_a_source_of_clouds_has_no_frames():
+    """With n_sample = 0 the processor can be made (so that a pipeline can), but there is nothing to process."""
+    info = RadarInfo(waveform=Waveform(n_sample=0))
+    with pytest.raises(DataError, match="n_sample is 0"):
+        Baseband(BasebandConfig(), info).process(RadarFrame(np.zeros(info.cube_shape, np.complex64), 0, 0, "radar"))
+
+
+def test_cap_keeps_the_strongest():
+    """At most max_detections cells survive: the strongest, in the usual order, and the rest is counted."""
+    given = busy()
+    free = BasebandConfig(doa=DoaConfig(gate=False))
+    everything = Baseband(free, INFO).process(given)
+    capped = Baseband(dataclasses.replace(free, max_detections=10), INFO)
+    kept = capped.process(given)
+    assert len(kept) == 10
+    assert capped.n_capped == len(everything) - 10
+    level = everything.snr + everything.noise
+    threshold = np.sort(level)[-12]
+    assert (kept.snr + kept.noise >= threshold).all()
+    assert np.isin(kept.range, everything.range).all()
+
+
+def test_grouping_is_nested():
+    """Every peak is a maximum along range, every such maximum is a detection; one point echo has one peak."""
+    given = frame(INFO, noise(INFO, np.random.default_rng(3)), echo(INFO, 2.04, 1.03, 0.1, 0.0, amplitude_for(35, INFO)))
+    clouds = {g: Baseband(BasebandConfig(grouping=g), INFO).process(given) for g in ("none", "range", "peak")}
+    near = {g: int(np.sum(np.abs(c.range - 2.04) < 0.3)) for g, c in clouds.items()}
+    assert near["peak"] == 1
+    assert near["peak"] < near["range"] < near["none"]
+
+
+def test_flank_cells_know_that_they_are_bad():
+    """Cells beside the peak cannot know the speed to better than their distance from it, and say so."""
+    truth = 8 * INFO.waveform.speed_resolution
+    given = frame(INFO, noise(INFO, np.random.default_rng(4)), echo(INFO, 2.0, truth, 0.1, 0.0, amplitude_for(40, INFO)))
+    cloud = Baseband(BasebandConfig(), INFO).process(given)
+    near = np.abs(cloud.range - 2.0) < 0.1
+    assert near.sum() >= 3
+    error = np.abs(cloud.radial_speed[near] - truth)
+    assert (error < 4 * cloud.radial_speed_std[near] + 1e-3).all()
+
+
+def test_equal_neighbours_give_one_peak():
+    """A plateau of two cells is one maximum, on either axis and across the ends."""
+    for cells in ([(3, 4), (3, 5)], [(3, 4), (4, 4)], [(0, 4), (7, 4)]):
+        power = np.ones((8, 10), np.float32)
+        power[tuple(np.transpose(cells))] = 5.0
+        assert group(power > 2, power, "peak").sum() == 1
+
+
+@pytest.mark.parametrize("window", ["hann", "hamming", "chebwin:60", "blackmanharris", "kaiser:8"])
+def test_interpolation_has_no_bias(window):
+    """Noise-free tones between cells come out within 0.002 cells, though the plain parabola errs up to 0.06."""
+    values = make_window(window, 64)
+    interpolator = Interpolator(values)
+    offset = np.linspace(-0.49, 0.49, 41)
+    k = np.arange(64)
+    tone = np.exp(2j * np.pi * k[None, :] * (20 + offset[:, None]) / 64)
+    power = (np.abs(np.fft.fft(values * tone, axis=1)) ** 2).astype(np.float32)
+    found, _ = interpolator.process(power[:, 19], power[:, 20], power[:, 21], np.full(41, 1e6, np.float32), 8)
+    np.testing.assert_allclose(found, offset, atol=2e-3)
+
+
+def test_bad_configurations_are_refused():
+    """With the name of what is wrong."""
+    with pytest.raises(ConfigError, match="nonsense"):
+        SpectrumConfig(range_window="nonsense")
+    with pytest.raises(ConfigError, match="training"):
+        CfarConfig(training_range=0, training_speed=0)
+    with pytest.raises(ConfigError, match="false_alarm"):
+        CfarConfig(false_alarm=0.0)
+    with pytest.raises(ConfigError, match="algorithm"):
+        CfarConfig(algorithm="magic")
+
+
+def test_configuration_loads_from_plain_data():
+    """As YAML and ROS parameters give it; every knob has a sentence."""
+    config = load(BasebandConfig, {"cfar": {"algorithm": "ca"}, "doa": {"mode": "azimuth"}})
+    assert (config.cfar.algorithm, config.doa.mode) == ("ca", "azimuth")
+    assert all(field.metadata.get("doc") for _, field, _ in describe(BasebandConfig))
+
+
+def test_real_frame():
+    """OpenRadar's Doppler example: a mover in range cell 60 at Doppler cell +7 (known from its documentation), the strongest mover there is.
+
+    Its samples are stored as unsigned 16-bit wrap. The radar's settings are not recorded; only cells are compared.
+    """
+    path = DATA / "openradar" / "doppler_example_1.npy"
+    if not path.is_file():
+        pytest.skip(f"no recording at {path}; set HANDWAVE_DATA to the folder of the real recordings")
+    raw = np.load(path)
+    parts = np.stack([raw.real, raw.imag], axis=-1)
+    samples = np.where(parts > 32767, parts - 65536, parts) @ [1, 1j]
+    cube = np.ascontiguousarray(samples.reshape(128, 2, 4, 128).transpose(1, 0, 2, 3)).astype(np.complex64)
+    w = Waveform(n_chirp=128, n_sample=128, frame_interval=40e-3)
+    info = RadarInfo(waveform=w)
+    config = BasebandConfig(grouping="peak", doa=DoaConfig(mode="void"), coupling=CouplingConfig(range_extent=0.0))
+    cloud = Baseband(config, info).process(RadarFrame(cube, 0, 0, "radar"))
+    speed_bin = cloud.radial_speed / w.speed_resolution
+    range_bin = (cloud.range + cloud.radial_speed * w.carrier / w.slope) / w.range_resolution
+    moving = np.flatnonzero(np.abs(speed_bin) > 2)
+    mover = moving[np.argmax(cloud.snr[moving])]
+    assert round(float(speed_bin[mover])) == 7
+    assert round(float(range_bin[mover])) == 60
+    static = np.abs(speed_bin) < 0.5
+    assert np.any(np.abs(range_bin[static] - 1) < 0.6)

@@ -1,0 +1,139 @@
+"""Features against motions whose features can be written down by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from radar_core import PointCloud
+from radar_gestures.features import (
+    FEATURE_NAMES,
+    FeatureConfig,
+    MotionSample,
+    doppler_gates,
+    extract,
+    summarise,
+    weighted_median,
+    zero_crossings,
+)
+
+SETTINGS = FeatureConfig()
+BODY = (2.0, 0.1, -0.05)
+
+
+def cloud(speed, snr, azimuth=None, elevation=None, distance=None):
+    n = len(speed)
+    f32 = [np.asarray(a, np.float32) for a in (speed, snr)]
+    other = [
+        np.full(n, fill, np.float32) if a is None else np.asarray(a, np.float32)
+        for a, fill in ((distance, 2.0), (azimuth, 0.0), (elevation, 0.0))
+    ]
+    zero = np.zeros(n, np.float32)
+    return PointCloud(5, 1, "room", zero, zero, zero, range=other[0], azimuth=other[1], elevation=other[2], radial_speed=f32[0], snr=f32[1])
+
+
+def motion(speed, azimuth=None, elevation=None, dt=0.02, body=(2.0, 0.0, 0.0)):
+    n = len(speed)
+    azimuth, elevation = (np.zeros(n) if a is None else a for a in (azimuth, elevation))
+    return [
+        MotionSample(round(i * dt * 1e9), float(v), 1.0 if v else 0.0, 2.0, float(a), float(e), body)
+        for i, (v, a, e) in enumerate(zip(speed, azimuth, elevation, strict=True))
+    ]
+
+
+def by_name(features):
+    return dict(zip(FEATURE_NAMES, features, strict=True))
+
+
+def test_the_strongest_detection_of_a_gate_counts():
+    """Section 7.2: 1.00 and 1.02 m/s share a gate of 0.13 m/s; 1.2 m/s has its own; the one without a speed is left out."""
+    picked = doppler_gates(np.float32([1.0, 1.02, 1.2, np.nan]), np.float32([10, 20, 5, 50]), 0.13)
+    assert picked.tolist() == [1, 2]
+
+
+def test_a_detection_without_snr_loses_against_one_with():
+    assert doppler_gates(np.float32([1.0, 1.0]), np.float32([np.nan, -3.0]), 0.13).tolist() == [1]
+    assert doppler_gates(np.float32([1.0]), np.float32([np.nan]), 0.13).tolist() == [0]
+
+
+def test_weighted_median_leans_to_the_weight():
+    assert weighted_median(np.array([0.0, 1.0, 2.0]), np.ones(3)) == pytest.approx(1.0)
+    assert weighted_median(np.array([0.0, 1.0, np.nan]), np.array([1e-9, 1.0, 5.0])) == pytest.approx(1.0, abs=1e-6)
+    assert math.isnan(weighted_median(np.array([np.nan]), np.ones(1)))
+
+
+def test_a_summary_is_the_fastest_gate_of_the_stronger_side():
+    """The body at rest does not count; a lone weak detection on the other side does not flip the sign."""
+    sample = summarise(cloud([0.05, -1.0, -2.0, 3.0], [40, 30, 28, 12], azimuth=[0.0, 0.2, 0.2, -0.9]), BODY, SETTINGS)
+    assert sample.speed == pytest.approx(-2.0)
+    assert sample.azimuth == pytest.approx(0.2)
+    assert sample.stamp_ns == 5
+
+
+def test_gates_far_below_the_strongest_are_ignored():
+    assert summarise(cloud([1.0, 3.5], [40, 19.9]), BODY, SETTINGS).speed == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("speed", [[], [0.0, 0.1], [np.nan]])
+def test_no_motion_is_speed_zero(speed):
+    sample = summarise(cloud(speed, [20.0] * len(speed)), BODY, SETTINGS)
+    assert (sample.speed, sample.weight) == (0.0, 0.0)
+    assert math.isnan(sample.azimuth)
+
+
+def test_zero_crossings_ignore_noise_about_zero():
+    assert zero_crossings(np.array([1.0, 0.1, -0.1, 1.0, -1.0, 1.0]), 0.4) == 2
+
+
+def test_features_of_a_swipe_written_by_hand():
+    """Approaching, then receding, while the arm goes 0.5 rad to the left at constant rate; smoothing leaves a straight line alone."""
+    t = np.arange(40) * 0.02
+    speed = -2.0 * np.cos(np.pi * t / t[-1])
+    got = by_name(extract(motion(speed, azimuth=-0.25 + 0.5 * t / t[-1]), 0, FeatureConfig(angles="relative", smoothing=0.0)))
+    assert got["zero_crossings"] == 1
+    assert got["max_speed"] == pytest.approx(2.0)
+    assert got["min_speed"] == pytest.approx(-2.0)
+    assert got["time_of_max_speed"] == pytest.approx(t[-1])
+    assert got["time_of_min_speed"] == pytest.approx(0.0)
+    assert got["max_azimuth"] == pytest.approx(0.25)
+    assert got["azimuth_at_min_speed"] == pytest.approx(-0.25)
+    assert got["azimuth_at_max_speed"] == pytest.approx(0.25)
+    assert got["max_elevation"] == got["min_elevation"] == 0.0
+
+
+def test_times_count_from_the_event_not_from_the_first_sample():
+    got = by_name(extract(motion([1.0, 1.0, 3.0, 1.0]), 20_000_000, SETTINGS))
+    assert got["time_of_max_speed"] == pytest.approx(0.02)
+
+
+def test_features_do_not_depend_on_where_the_person_stands():
+    """Offsets from the track: the same motion 1 rad to the side, across the +-pi cut too, gives the same numbers."""
+    speed, azimuth = np.linspace(1, 2, 20), np.linspace(-0.2, 0.2, 20)
+    reference = extract(motion(speed, azimuth), 0, SETTINGS)
+    for turn in (1.0, math.pi - 0.1):
+        turned = motion(speed, (azimuth + turn + math.pi) % (2 * math.pi) - math.pi, body=(2.0, turn, 0.0))
+        np.testing.assert_allclose(extract(turned, 0, SETTINGS), reference, atol=1e-12)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.04])
+def test_features_do_not_depend_on_the_frame_rate(dt):
+    """The same smooth motion at 100, 50 and 25 Hz: times agree within a frame interval, everything else to a few per cent."""
+
+    def at(step):
+        t = np.arange(0, 0.8, step)
+        return extract(motion(0.5 + 2.0 * np.sin(np.pi * t / 0.8), 0.3 * t, 0.1 * t, dt=step), 0, SETTINGS)
+
+    np.testing.assert_allclose(at(dt), at(0.02), atol=0.05, rtol=0.03)
+
+
+def test_too_few_moving_samples_give_no_features():
+    assert extract(motion([0.0, 1.0, 1.0, 0.0]), 0, SETTINGS) is None
+    assert extract([], 0, SETTINGS) is None
+
+
+def test_unmeasured_elevation_gives_zeros_not_nan():
+    features = extract(motion(np.ones(10), np.linspace(0, 1, 10), np.full(10, np.nan)), 0, SETTINGS)
+    assert np.isfinite(features).all()
+    assert by_name(features)["max_elevation"] == 0.0

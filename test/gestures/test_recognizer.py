@@ -1,0 +1,159 @@
+"""The recogniser against synthetic tracked clouds: what it keeps, what it forgets, and what it calls random."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radar_core import GESTURES, ConfigError, PointCloud, Pose
+from radar_core.geometry import spherical_to_cartesian
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.model import GestureModel
+from radar_gestures.recognizer import GestureConfig, GestureRecognizer, walked
+from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
+
+SETTINGS = GestureConfig()
+MOUNT = Pose(z=1.2)
+PULL, PUSH = GESTURES.index("pull"), GESTURES.index("push")
+
+
+def sign_model():
+    """A perceptron written by hand: push when the fastest motion approaches, pull when it recedes."""
+    n, k = len(FEATURE_NAMES), len(GESTURES)
+    hidden = np.zeros((n, 2))
+    hidden[FEATURE_NAMES.index("max_speed"), 0] = 1.0
+    hidden[FEATURE_NAMES.index("min_speed"), 1] = -1.0
+    output = np.zeros((2, k))
+    output[0, PULL] = output[1, PUSH] = 10.0
+    return GestureModel(np.zeros(n), np.ones(n), hidden, np.zeros(2), output, np.zeros(k))
+
+
+def person(track_id, position=(2.0, 0.0, 1.0), status=TrackStatus.CONFIRMED):
+    return Track(track_id, status, 1.0, 0.0, 6, np.array(position), np.zeros(3), np.full(3, 0.2), np.eye(6))
+
+
+def tracked(stamp_ns, people, speeds, sequence=0):
+    """Three body points at rest and three arm points at the given speed, for every person."""
+    points = []
+    for track, speed in zip(people, speeds, strict=True):
+        points += [(track.id, track.position, 0.0, 30.0)] * 3 + [(track.id, track.position, speed, 25.0)] * 3
+    owner = np.array([p[0] for p in points], np.int32)
+    place = np.array([p[1] for p in points], np.float32).reshape(-1, 3)
+    away = place - MOUNT.origin.astype(np.float32)
+    f32 = [np.array([p[i] for p in points], np.float32) for i in (2, 3)]
+    cloud = PointCloud(
+        stamp_ns,
+        sequence,
+        "room",
+        *place.T.copy(),
+        range=np.linalg.norm(away, axis=1),
+        azimuth=np.arctan2(away[:, 1], away[:, 0]),
+        elevation=np.arctan2(away[:, 2], np.hypot(away[:, 0], away[:, 1])),
+        radial_speed=f32[0],
+        snr=f32[1],
+    )
+    return TrackedCloud(cloud, Tracks(stamp_ns, sequence, "room", tuple(people), owner))
+
+
+def run(recognizer, speed_of, people_of=lambda t: [person(1)], end=4.0, dt=0.02):
+    found = []
+    for i in range(round(end / dt)):
+        t = i * dt
+        people = people_of(t)
+        found += recognizer.process(tracked(round(t * 1e9), people, [speed_of(t, p.id) for p in people], i))
+    return found
+
+
+def burst(start, end, value):
+    return lambda t, _: value if start <= t < end else 0.0
+
+
+def test_one_push_is_one_gesture_with_its_time():
+    (gesture,) = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, -2.0))
+    assert (gesture.label, gesture.name, gesture.track_id, gesture.frame_id) == (PUSH, "push", 1, "room")
+    # One frame of 20 ms: the limits are the first and last stamp above the threshold, the decision comes 0.2 s of rest later.
+    assert gesture.start_ns == pytest.approx(1.0e9, abs=20e6)
+    assert gesture.end_ns == pytest.approx(1.5e9, abs=21e6)
+    assert gesture.stamp_ns == pytest.approx(1.7e9, abs=21e6)
+    assert gesture.probabilities.sum() == pytest.approx(1.0)
+    assert gesture.confidence == gesture.probabilities[PUSH]
+    assert gesture.features[FEATURE_NAMES.index("min_speed")] == pytest.approx(-2.0)
+
+
+def test_two_people_at_once_keep_their_own_gestures():
+    """Section 7.2: what tracking separates, gestures must not mix."""
+    people = [person(1), person(2, (2.0, 1.5, 1.0))]
+    found = run(
+        GestureRecognizer(SETTINGS, sign_model(), MOUNT),
+        lambda t, who: burst(1.0, 1.5, -2.0 if who == 1 else 2.0)(t, who),
+        lambda t: people,
+    )
+    assert {g.track_id: g.name for g in found} == {1: "push", 2: "pull"}
+
+
+def test_a_track_that_is_gone_is_forgotten():
+    recognizer = GestureRecognizer(SETTINGS, sign_model(), MOUNT)
+    run(recognizer, burst(0.5, 1.0, 2.0), lambda t: [person(1), person(2, (2.0, 1.5, 1.0))] if t < 0.7 else [person(1)], end=1.0)
+    assert recognizer.track_ids == (1,)
+
+
+def test_a_tentative_track_gives_no_gesture():
+    people = [person(1, status=TrackStatus.TENTATIVE)]
+    assert run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, 2.0), lambda t: people) == []
+
+
+def test_a_walking_person_gives_only_random():
+    """Walking at 1 m/s: legs move faster than the threshold without a rest, the track moves by more than walk_distance."""
+    found = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(0.5, 3.0, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))])
+    assert [g.name for g in found] == ["random"]
+    quiet = GestureRecognizer(GestureConfig(publish_random=False), sign_model(), MOUNT)
+    assert run(quiet, burst(0.5, 3.0, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))]) == []
+
+
+def test_an_uncertain_gesture_is_random():
+    model = sign_model()
+    flat = GestureModel(model.mean, model.scale, model.hidden_weights, model.hidden_bias, model.output_weights * 1e-3, model.output_bias)
+    (gesture,) = run(GestureRecognizer(SETTINGS, flat, MOUNT), burst(1.0, 1.5, -2.0))
+    assert gesture.name == "random"
+    assert gesture.confidence == pytest.approx(0.1, abs=0.02)
+
+
+def test_an_event_seen_in_too_few_frames_is_random_without_features():
+    found = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, -2.0), dt=0.24)
+    assert [g.name for g in found] == ["random"]
+    assert np.isnan(found[0].features).all()
+
+
+def test_lost_frames_do_not_change_the_gesture():
+    rng = np.random.default_rng(1)
+    recognizer, speed, found = GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.6, -2.0), []
+    for i in range(150):
+        if rng.random() > 0.3:
+            found += recognizer.process(tracked(i * 20_000_000, [person(1)], [speed(i * 0.02, 1)], i))
+    assert [g.name for g in found] == ["push"]
+
+
+def test_the_same_clouds_give_the_same_gestures():
+    a, b = (run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, -2.0)) for _ in range(2))
+    np.testing.assert_array_equal(a[0].features, b[0].features)
+
+
+def test_a_model_trained_with_other_settings_is_refused():
+    model = sign_model()
+    other = GestureModel(
+        *(getattr(model, name) for name in ("mean", "scale", "hidden_weights", "hidden_bias", "output_weights", "output_bias")),
+        settings={"margin": 0.3, "events": {"threshold": 0.8}},
+    )
+    with pytest.raises(ConfigError, match=r"margin = 0\.3 \(now 0\.1\)"):
+        GestureRecognizer(SETTINGS, other, MOUNT)
+
+
+def test_walked_is_the_ground_distance_between_the_ends():
+    """From 2 m straight ahead to 2 m at 90 degrees: 2 sqrt(2) m; a third of twelve samples stands at either end."""
+    from radar_gestures.features import MotionSample
+
+    ends = [(2.0, 0.0, 0.0)] * 4 + [(2.0, 0.5, 0.0)] * 4 + [(2.0, np.pi / 2, 0.0)] * 4
+    samples = [MotionSample(i, 1.0, 1.0, 2.0, 0.0, 0.0, body) for i, body in enumerate(ends)]
+    assert walked(samples) == pytest.approx(2 * np.sqrt(2))
+    assert walked([]) == 0.0
+    np.testing.assert_allclose(spherical_to_cartesian(2.0, np.pi / 2, 0.0), [0, 2, 0], atol=1e-12)

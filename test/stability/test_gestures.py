@@ -1,0 +1,119 @@
+"""Hard numerical cases of radar_gestures: nothing there, nothing known, constant, huge, long, float32, time that jumps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from radar_core import PointCloud
+from radar_gestures.events import EventConfig, EventDetector
+from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, summarise
+
+SETTINGS = FeatureConfig()
+BODY = (2.0, 0.0, 0.0)
+
+
+def sample(stamp_ns, speed=1.0, angle=0.0, weight=1.0, distance=2.0, body=BODY):
+    return MotionSample(stamp_ns, speed, weight, distance, angle, angle, body)
+
+
+def points(n, **fields):
+    zero = np.zeros(n, np.float32)
+    return PointCloud(0, 0, "room", zero, zero, zero, **{name: np.full(n, value, np.float32) for name, value in fields.items()})
+
+
+@pytest.mark.parametrize("angles", ["offset", "relative", "sensor"])
+def test_constant_signals_give_finite_features(angles):
+    features = extract([sample(i * 20_000_000) for i in range(20)], 0, FeatureConfig(angles=angles))
+    assert np.isfinite(features).all()
+    assert features[0] == 0
+    assert features[3] == features[4] == 1.0
+
+
+@pytest.mark.parametrize("angles", ["offset", "relative", "sensor"])
+@pytest.mark.parametrize("bad", [{"angle": math.nan}, {"distance": math.nan}, {"body": (math.nan,) * 3}])
+def test_unknown_numbers_give_finite_features(angles, bad):
+    features = extract([sample(i, **bad) for i in range(5)], 0, FeatureConfig(angles=angles))
+    assert np.isfinite(features).all()
+
+
+def test_one_known_angle_among_unknown_ones_is_used():
+    features = extract([sample(i * 20_000_000, angle=0.3 if i == 3 else math.nan) for i in range(8)], 0, FeatureConfig(angles="sensor"))
+    np.testing.assert_allclose(features[5:], 0.3)
+
+
+def test_empty_and_single():
+    assert extract([], 0, SETTINGS) is None
+    assert extract([sample(0)], 0, SETTINGS) is None
+    assert np.isfinite(extract([sample(0)], 0, SETTINGS, min_samples=1)).all()
+
+
+@pytest.mark.parametrize("snr", [-math.inf, math.nan, -500.0, 500.0, math.inf])
+def test_extreme_snr_gives_a_finite_summary(snr):
+    """Amplitudes are limited to +-200 dB, so that no weight overflows or vanishes."""
+    result = summarise(points(4, radial_speed=2.0, snr=snr, range=2.0, azimuth=0.1, elevation=0.1), BODY, SETTINGS)
+    assert result.speed == pytest.approx(2.0)
+    assert result.azimuth == pytest.approx(0.1)
+    assert math.isfinite(result.weight)
+
+
+def test_no_points_and_points_without_speed():
+    for cloud in (points(0), points(5, snr=20.0)):
+        result = summarise(cloud, BODY, SETTINGS)
+        assert result.speed == result.weight == 0.0
+
+
+def test_many_points_in_one_gate():
+    assert summarise(points(100_000, radial_speed=-1.0, snr=10.0, range=1.0), BODY, SETTINGS).weight == pytest.approx(10**0.5)
+
+
+def test_float32_input_gives_the_same_features_as_float64():
+    """Stamps are integers and sums are double, so single-precision speeds and angles (1e-7 relative) change nothing by more than 1e-6."""
+    t = np.arange(40) * 0.02
+    speed, angle = 2 * np.sin(3 * t) + 2.5, 0.3 * np.cos(3 * t)
+    double = extract([sample(i * 20_000_000, v, a) for i, (v, a) in enumerate(zip(speed, angle, strict=True))], 0, SETTINGS)
+    pairs = zip(speed.astype(np.float32), angle.astype(np.float32), strict=True)
+    single = extract([sample(i * 20_000_000, float(v), float(a)) for i, (v, a) in enumerate(pairs)], 0, SETTINGS)
+    np.testing.assert_allclose(single, double, atol=1e-6)
+
+
+def test_stamps_of_a_real_clock_lose_no_precision():
+    """Today's stamps are about 1.8e18 ns, where a double counts in steps of 256 ns; times are made from differences of integers."""
+    now = 1_800_000_000_123_456_789
+    early, late = (extract([sample(t0 + i * 1000, 1.0 + i, 0.01 * i) for i in range(10)], t0, SETTINGS) for t0 in (0, now))
+    np.testing.assert_array_equal(early, late)
+
+
+def test_a_long_run_stays_bounded():
+    """100,000 frames at 50 Hz, and the same at an absurd 1 MHz."""
+    for step in (20_000_000, 1_000):
+        ring = MotionRing(1.4)
+        for i in range(100_000):
+            ring.add(sample(i * step))
+        assert len(ring) <= 4096
+    assert len(ring.between(99_990_000, 10**12)) == 10
+
+
+def test_time_that_jumps_back_empties_the_ring():
+    ring = MotionRing(1.0)
+    for stamp in (10, 20, 30, 30):
+        ring.add(sample(stamp))
+    assert len(ring) == 1
+    ring.add(sample(5))
+    assert [s.stamp_ns for s in ring.between(0, 100)] == [5]
+
+
+def test_the_detector_survives_any_stamps_and_speeds():
+    """Random stamps (forward, backward, repeated), speeds with NaN and infinity: every event keeps to its shortest and longest time."""
+    rng = np.random.default_rng(7)
+    detector = EventDetector(EventConfig())
+    stamp = 0
+    for _ in range(20_000):
+        stamp += int(
+            rng.choice([0, 20_000_000, 20_000_000, 20_000_000, 40_000_000, 10**9, -(10**9)], p=[0.01, 0.3, 0.3, 0.3, 0.07, 0.01, 0.01])
+        )
+        event = detector.process(stamp, float(rng.choice([0.0, 2.0, -2.0, math.nan, math.inf], p=[0.3, 0.4, 0.27, 0.02, 0.01])))
+        if event is not None:
+            assert 200_000_000 <= event.end_ns - event.start_ns <= 1_900_000_000
