@@ -79,8 +79,8 @@ class Baseband:
         Returns
         -------
         PointCloud
-            Points in the sensor frame, ordered by speed bin, then range. Ranges and range rates hold at the cloud's stamp, the middle of the
-            acquisition.
+            Points in the sensor frame, ordered by speed bin, then range. Ranges and range rates hold at the cloud's stamp, the
+            middle of the acquisition.
 
         Raises
         ------
@@ -89,7 +89,8 @@ class Baseband:
         """
         spectrum, exponent = self._transform(frame)
         power = integrate(spectrum)
-        cells = self._cap(np.nonzero(group(self._detector.detect(power), power, self.config.grouping)), power)
+        speed_bin, range_bin = np.nonzero(group(self._detector.detect(power), power, self.config.grouping))
+        cells = self._cap((speed_bin, range_bin), power)
         estimates = self._estimate(power, cells)
         snapshot = self._compensate(spectrum, cells, estimates.speed)
         directions = self._finder.process(snapshot, estimates.snr)

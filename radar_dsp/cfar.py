@@ -6,7 +6,7 @@ zeros would raise the false-alarm rate there a hundredfold.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ MIN_TRAINING = 6
 
 FloatMap = NDArray[np.float32]
 Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
+AnyArray = NDArray[Any]
 
 
 class TrainingWindow:
@@ -52,7 +53,7 @@ class TrainingWindow:
         self._stride = n_range + 2 * self.half_range
         self.shifts = self.offsets[:, 0] * self._stride + self.offsets[:, 1]
 
-    def pad(self, values: NDArray[np.generic], fill: float) -> NDArray[np.generic]:
+    def pad(self, values: AnyArray, fill: float) -> AnyArray:
         """Wrap along speed, put ``fill`` where a training cell does not exist; shape (n_speed + 2 half_speed, n_range + 2 half_range)."""
         n_speed, n_range = self.usable.shape
         hs, hr = self.half_speed, self.half_range
@@ -64,29 +65,32 @@ class TrainingWindow:
             padded[hs + n_speed :] = padded[hs : 2 * hs]
         return padded
 
-    def each(self, padded: NDArray[np.generic]) -> list[NDArray[np.generic]]:
+    def each(self, padded: AnyArray) -> list[AnyArray]:
         """View of the padded array per training cell; flat, in step with `flat` (one long loop is several times faster than short rows)."""
         flat, length = padded.ravel(), self.usable.shape[0] * self._stride - 2 * self.half_range
         start = self.half_speed * self._stride + self.half_range
         return [flat[start + s : start + s + length] for s in self.shifts.tolist()]
 
-    def flat(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def flat(self, values: AnyArray) -> AnyArray:
         """Per-cell values in the layout of `each`, shape (n_speed * stride - 2 half_range,)."""
         n_range, hr = self.usable.shape[1], self.half_range
         wide = np.zeros((self.usable.shape[0], self._stride), values.dtype)
         wide[:, hr : hr + n_range] = values
-        return wide.ravel()[hr : wide.size - hr]
+        result: AnyArray = wide.ravel()[hr : wide.size - hr]
+        return result
 
-    def unflat(self, flat: NDArray[np.generic]) -> NDArray[np.generic]:
+    def unflat(self, flat: AnyArray) -> AnyArray:
         """Undo `flat`; shape (n_speed, n_range)."""
         wide = np.empty((self.usable.shape[0], self._stride), flat.dtype)
         wide.ravel()[self.half_range : wide.size - self.half_range] = flat
-        return wide[:, self.half_range : self.half_range + self.usable.shape[1]]
+        result: AnyArray = wide[:, self.half_range : self.half_range + self.usable.shape[1]]
+        return result
 
-    def gather(self, padded: NDArray[np.generic], cells: Cells) -> NDArray[np.generic]:
+    def gather(self, padded: AnyArray, cells: Cells) -> AnyArray:
         """Training cells of single cells, shape (n_cells, n_offsets)."""
         centre = (cells[0] + self.half_speed) * self._stride + cells[1] + self.half_range
-        return padded.ravel()[centre[:, None] + self.shifts]
+        result: AnyArray = padded.ravel()[centre[:, None] + self.shifts]
+        return result
 
     def patterns(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
         """Group the cells by which of their training cells exist.
@@ -101,8 +105,8 @@ class TrainingWindow:
         for weight, exists in zip(np.random.default_rng(0).random(len(self.offsets)), self.each(padded), strict=True):
             key += weight * self.unflat(exists)
         _, first, index = np.unique(key, return_index=True, return_inverse=True)
-        cells = np.unravel_index(first, self.usable.shape)
-        return self.gather(padded, cells).astype(np.bool_), index.reshape(self.usable.shape)
+        speed_bin, range_bin = np.unravel_index(first, self.usable.shape)
+        return self.gather(padded, (speed_bin, range_bin)).astype(np.bool_), index.reshape(self.usable.shape)
 
 
 class Detector(Protocol):
@@ -175,23 +179,26 @@ class CellAverage:
         self._window = window
         exists, pattern = window.patterns()
         n = exists.sum(axis=1)
-        factor = np.where(n >= MIN_TRAINING, thresholds.ca_factor(config.false_alarm, effective_number(exists, correlation), n_channel), np.inf)
+        factor = np.where(
+            n >= MIN_TRAINING, thresholds.ca_factor(config.false_alarm, effective_number(exists, correlation), n_channel), np.inf
+        )
         self._mean_of_sum = (1.0 / np.maximum(n, 1)).astype(np.float32)[pattern]
         self.factor = np.where(window.usable, factor[pattern], np.inf)
-        self._factor = self.factor.astype(np.float32)
+        self._judged = np.isfinite(self.factor)
+        self._factor = np.where(self._judged, self.factor, 1.0).astype(np.float32)
 
     def _noise(self, power: FloatMap) -> FloatMap:
         # Direct sums: running sums lose everything beside one strong cell in float32.
         views = self._window.each(self._window.pad(power, 0.0))
         total = np.zeros(views[0].shape, np.float32)
         for training in views:
-            total += training  # type: ignore[arg-type]
+            total += training
         return np.asarray(self._window.unflat(total) * self._mean_of_sum, np.float32)
 
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
         """Mask of the cells above their threshold, shape (n_speed, n_range)."""
         noise = self._noise(power)
-        return np.asarray((power > self._factor * noise) & (noise > 0)) & np.isfinite(self._factor)
+        return np.asarray((power > self._factor * noise) & (noise > 0) & self._judged)
 
     def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
         """Estimated noise power at single cells, shape (n_cells,)."""
@@ -203,7 +210,7 @@ ALGORITHMS: dict[str, type[OrderedStatistic] | type[CellAverage]] = {"os": Order
 
 
 def effective_number(exists: NDArray[np.bool_], correlation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Number of independent cells whose mean varies as much as that of the correlated ones.
+    """Count the independent cells whose mean varies as much as that of the correlated ones.
 
     Parameters
     ----------
@@ -251,8 +258,8 @@ def make_detector(
     exists = window.patterns()[0] if len(window.offsets) else np.zeros((1, 0), np.bool_)
     if exists.sum(axis=1).max() < MIN_TRAINING:
         raise ConfigError(
-            f"a spectrum of {usable.shape[0]} x {usable.shape[1]} cells (speed x range) leaves no cell {MIN_TRAINING} training cells; lower "
-            "cfar.guard_*, raise cfar.training_*, shrink the coupling region, or use more samples and chirps"
+            f"a spectrum of {usable.shape[0]} x {usable.shape[1]} cells (speed x range) leaves no cell {MIN_TRAINING} training cells; "
+            "lower cfar.guard_*, raise cfar.training_*, shrink the coupling region, or use more samples and chirps"
         )
     lag = window.offsets[:, None, :] - window.offsets[None, :, :]
     squared = np.abs(correlation[0][lag[..., 0] % usable.shape[0]] * correlation[1][lag[..., 1] % usable.shape[1]]) ** 2

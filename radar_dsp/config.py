@@ -60,7 +60,7 @@ class DoaConfig:
     )
     grid_azimuth: int = knob(17, low=2, high=721, doc="points of the coarse search over azimuth")
     grid_elevation: int = knob(5, low=2, high=361, doc="points of the coarse search over elevation")
-    newton_steps: int = knob(3, low=0, high=20, doc="refinement steps after the coarse search")
+    newton_steps: int = knob(2, low=0, high=20, doc="refinement steps after the coarse search")
     gate: bool = knob(True, doc="drop detections outside the array's field of view")
 
 
@@ -78,4 +78,4 @@ class BasebandConfig:
         doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
     )
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
-    min_snr: float = knob(0.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio")
+    min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_dsp.windows import noise_correlation, response
 
 FloatMap = NDArray[np.float32]
+AnyArray = NDArray[Any]
 _FLOOR = 1e-3
 """Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
 
@@ -15,8 +18,10 @@ _FLOOR = 1e-3
 def is_maximum(power: FloatMap, axis: int) -> NDArray[np.bool_]:
     """Mask of the local maxima along one axis, shape as ``power``; of equal neighbours the first one wins.
 
-    Both axes are circular: a transform leaks around its ends, in range too.
+    Both axes are circular: a transform leaks around its ends, in range too. On an axis of one cell everything is a maximum.
     """
+    if power.shape[axis] == 1:
+        return np.ones(power.shape, np.bool_)
     return (power > np.roll(power, 1, axis)) & (power >= np.roll(power, -1, axis))
 
 
@@ -40,7 +45,7 @@ def group(mask: NDArray[np.bool_], power: FloatMap, grouping: str) -> NDArray[np
     if grouping == "none":
         return mask
     mask = mask & is_maximum(power, 1)
-    if grouping == "range":
+    if grouping == "range" or power.shape[0] == 1:
         return mask
     # Diagonal neighbours count too: the ridges of a strong echo's window are maxima along single axes only.
     across = np.maximum(np.maximum(np.roll(power, 1, 1), np.roll(power, -1, 1)), power)
@@ -50,7 +55,8 @@ def group(mask: NDArray[np.bool_], power: FloatMap, grouping: str) -> NDArray[np
 class Interpolator:
     """Position of an echo between the cells of one axis: a parabola through three log powers, corrected for the window.
 
-    For a Gaussian window the parabola would be exact. For others its bias depends on the true offset alone, so it is tabulated and inverted.
+    For a Gaussian window the parabola would be exact. For others its bias depends on the true offset alone, so it is tabulated and
+    inverted.
 
     Parameters
     ----------
@@ -99,9 +105,10 @@ class Interpolator:
         return offset.astype(np.float32), np.minimum(np.sqrt(variance + excess**2), 12**-0.5).astype(np.float32)
 
 
-def _parabola(before: NDArray[np.floating], at: NDArray[np.floating], after: NDArray[np.floating]) -> NDArray[np.floating]:
+def _parabola(before: AnyArray, at: AnyArray, after: AnyArray) -> AnyArray:
     curvature = np.minimum(before - 2 * at + after, -1e-6)
-    return np.clip(0.5 * (before - after) / curvature, -1.0, 1.0)
+    vertex: AnyArray = np.clip(0.5 * (before - after) / curvature, -1.0, 1.0)
+    return vertex
 
 
 def _variance(

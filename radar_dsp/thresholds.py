@@ -1,8 +1,8 @@
 """Thresholds of CFAR detectors from the wanted probability of a false alarm.
 
-Cells of noise, integrated over n channels, follow a gamma distribution of shape n. Windows correlate neighbouring cells, so that the N training
-cells tell less about the noise than N independent ones; an effective number N_eff takes their place. For windows in common use this is no
-small thing: with Hann on both axes 72 cells are worth about 20, and ignoring it doubles the false-alarm rate.
+Cells of noise, integrated over n channels, follow a gamma distribution of shape n. Windows correlate neighbouring cells, so that the N
+training cells tell less about the noise than N independent ones; an effective number N_eff takes their place. With Hann on both axes 72
+cells are worth 23 in an average and 30 in an ordered statistic; ignoring it makes the false-alarm rate 1.4 times what was wanted at 1e-4.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def make_window(name: str, n: int) -> NDArray[np.float64]:
     energy = float(np.sum(values**2))
     if not np.isfinite(energy) or energy <= 0.0:
         raise ConfigError(f"window {name!r} has no energy at length {n}; choose another")
-    return values / np.sqrt(energy)
+    return np.asarray(values / np.sqrt(energy), np.float64)
 
 
 def noise_correlation(window: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -61,11 +61,13 @@ def main_cluster(points: Float64Array, weights: Float64Array, config: Associatio
     return np.asarray(labels == int(size.argmax()))
 
 
-def assign(points: Float64Array, distance: Float64Array, plane: Float64Array, config: AssociationConfig) -> IndexArray:
+def assign(
+    points: Float64Array, distance: Float64Array, plane: Float64Array, torso: Float64Array, config: AssociationConfig
+) -> IndexArray:
     """Give each point to the nearest track in whose largest cluster it lies.
 
-    A point that is not in the main cluster of its nearest track is free for the next one. "Largest" counts points by their `nearness`,
-    so that of two clusters of equal size the body's wins over the hand's.
+    A point that is not in the main cluster of its nearest track is free for the next one. "Largest" counts points by their `nearness`
+    and by how much they look like a torso, so that the body's cluster wins over the hand's even where it has fewer points.
 
     Parameters
     ----------
@@ -75,6 +77,8 @@ def assign(points: Float64Array, distance: Float64Array, plane: Float64Array, co
         Of `gate`.
     plane : ndarray of float64, shape (n_tracks, n_points)
         Of `plane_distance`.
+    torso : ndarray of float64, shape (n_tracks, n_points)
+        0..1; see `PeopleTracker`.
     config : AssociationConfig
         Clustering.
 
@@ -94,7 +98,7 @@ def assign(points: Float64Array, distance: Float64Array, plane: Float64Array, co
         freed = False
         for track in np.unique(owner[owner >= 0]):
             own = np.flatnonzero(owner == track)
-            kept = main_cluster(points[own], nearness(plane[track, own], 2 * config.body_radius), config)
+            kept = main_cluster(points[own], nearness(plane[track, own], 2 * config.body_radius) * torso[track, own], config)
             open_distance[track, own[~kept]] = np.inf
             owner[own[~kept]] = -1
             freed |= not kept.all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,18 @@ _NANOSECOND = 1e-9
 _MAX_POINTS = 500  # a hand has a handful of points; more than this of one person only cost time
 _ASSUMED_Z_STD = 0.3  # m: where no point measures the height, the hand is assumed as high as the body
 _START_STD = (0.15, 1.0)  # of position [m] and velocity [m/s] when the hand is found
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Points that may be the hand. `axis`: from the body's axis; `depth`: range beyond the person's median; `cross`: lateral error [m]."""
+
+    position: Float64Array
+    speed: Float64Array
+    weight: Float64Array
+    cross: Float64Array
+    axis: Float64Array
+    depth: Float64Array
 
 
 class HandTracker:
@@ -161,36 +174,32 @@ class HandTracker:
         """Predict, then update with the points of the hand; return how many there are."""
         config, stamp_ns = self.config, tracked.cloud.stamp_ns
         unseen = (stamp_ns - self._seen_ns) * _NANOSECOND
-        position, speed, weight, noise = self._candidates(tracked)
+        points = self._candidates(tracked)
         if self._mean is not None and dt > 0:
             step = min(dt, 1.0 + config.lost_after)
             self._mean, self._covariance = predict(self._mean, self._covariance, step, config.process_noise)
             if unseen > dt:
                 self._mean[3:] *= math.exp(-step / config.damping)
-        own = np.zeros(len(position), bool)
+        own = np.zeros(len(points.axis), bool)
         if self._mean is not None:
-            own = self._gate(position, speed, noise)
+            own = self._gate(points)
         if not own.any() and (self._mean is None or unseen > config.reacquire_after):
-            own = self._split(position, speed, tracked, weight)
+            own = self._split(points)
             if own.any():
-                self._restart(position[own], weight[own])
-        if own.any() and self._mean is not None:
-            self._correct(position[own], weight[own], noise[own])
+                self._restart(points.position[own], points.weight[own])
+        if own.any():
+            self._correct(points.position[own], points.weight[own], points.cross[own])
             self._seen_ns = stamp_ns
         self._hold_within_reach()
         return int(np.count_nonzero(own))
 
-    def _candidates(self, tracked: TrackedCloud) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-        """Points that may be the hand, own or nobody's, within reach: position, absolute radial speed, weight, direction error [m]."""
-        cloud, body = tracked.cloud, self._body
+    def _candidates(self, tracked: TrackedCloud) -> _Candidates:
+        """Points that may be the hand: the person's own and nobody's, within reach."""
+        cloud, body, owner = tracked.cloud, self._body, tracked.tracks.point_track_id
+        assert body is not None
         position = cloud.position.astype(np.float64)
-        usable = np.isfinite(position[:, :2]).all(axis=1)
-        owner = tracked.tracks.point_track_id
-        if body is None:
-            usable &= False
-        else:
-            distance = np.hypot(position[:, 0] - body[0], position[:, 1] - body[1])
-            usable &= ((owner == self._parent) | (owner == -1)) & (distance <= self.config.reach)  # NaN compares False
+        axis = np.hypot(position[:, 0] - body[0], position[:, 1] - body[1])
+        usable = ((owner == self._parent) | (owner == -1)) & (axis <= self.config.reach)  # NaN compares False
         index = np.flatnonzero(usable)[:_MAX_POINTS]
         speed = np.abs(cloud.radial_speed[index].astype(np.float64))
         snr = cloud.snr[index].astype(np.float64)
@@ -200,46 +209,44 @@ class HandTracker:
         angle = cloud.azimuth_std[index].astype(np.float64)
         angle = np.clip(np.where(np.isfinite(angle), angle, self.config.angle_std), 0.0, 1.0)
         distance = cloud.range[index].astype(np.float64)
-        noise = angle * np.where(np.isfinite(distance), distance, np.hypot(position[index, 0], position[index, 1]))
-        return position[index], np.where(np.isfinite(speed), speed, np.inf), weight, noise
+        distance = np.where(np.isfinite(distance), distance, np.hypot(position[index, 0], position[index, 1]))
+        depth = distance - float(np.median(distance)) if len(index) else distance
+        return _Candidates(position[index], np.where(np.isfinite(speed), speed, np.inf), weight, angle * distance, axis[index], depth)
 
-    def _gate(self, position: Float64Array, speed: Float64Array, noise: Float64Array) -> MaskArray:
+    def _gate(self, points: _Candidates) -> MaskArray:
         """Points near the predicted hand that are not body; without z on the floor plane."""
         assert self._mean is not None
-        own = np.zeros(len(position), bool)
-        if not len(position):
+        own = np.zeros(len(points.axis), bool)
+        if not len(own):
             return own
+        position = points.position
         measured = np.isfinite(position[:, 2])
-        spread = self.config.position_std**2 + float(np.median(noise)) ** 2
+        spread = self.config.position_std**2 + float(np.median(points.cross)) ** 2
         for mask, d in ((measured, 3), (~measured, 2)):
             if mask.any():
                 offset = position[mask, :d] - self._mean[:d]
                 far2 = mahalanobis2(self._mean[None, :d], self._covariance[None, :d, :d], position[mask, :d], np.eye(d) * spread)[0]
                 own[mask] = (np.sqrt((offset**2).sum(axis=1)) <= self.config.gate) & (far2 <= self.config.gate_sigmas**2)
-        return np.asarray(own & ~self._is_body(position, speed))
+        offset = position[:, :2] - self._mean[:2]
+        nearer = np.hypot(*offset.T) / self.config.hand_radius <= points.axis / self.config.body_radius
+        return np.asarray(own & nearer & ~self._is_body(points))
 
-    def _is_body(self, position: Float64Array, speed: Float64Array) -> MaskArray:
-        """Slow points near the body's axis: the guard against a hand that falls into the body."""
-        assert self._body is not None
-        axis = np.hypot(position[:, 0] - self._body[0], position[:, 1] - self._body[1])
-        return np.asarray((axis < self.config.body_radius) & (speed < self.config.body_speed))
+    def _is_body(self, points: _Candidates) -> MaskArray:
+        """Slow points near the body's axis or behind it: the guard against a hand that falls into the body."""
+        inside = (points.axis < self.config.body_radius) | (points.depth > 0)
+        return np.asarray(inside & (points.speed < self.config.body_speed))
 
-    def _split(self, position: Float64Array, speed: Float64Array, tracked: TrackedCloud, weight: Float64Array) -> MaskArray:
-        """Split a person's points by 2-means of position and radial speed; the hand is the cluster farther out, faster or smaller."""
+    def _split(self, points: _Candidates) -> MaskArray:
+        """Split a person's points by 2-means of position and radial speed; the hand is farther out, nearer to the radar or faster."""
         assert self._body is not None
-        own = np.zeros(len(position), bool)
-        if len(position) == 0:
-            return own
+        if not len(points.axis):
+            return np.zeros(0, bool)
+        position, speed = points.position, self.config.speed_scale * np.minimum(points.speed, 5.0)
         z = np.where(np.isfinite(position[:, 2]), position[:, 2], self._body[2])
-        feature = np.column_stack([position[:, :2], z, self.config.speed_scale * np.minimum(speed, 5.0)])
-        body = np.append(self._body, 0.0)
-        outward = np.hypot(*(feature[:, :2] - body[:2]).T) + feature[:, 3]
-        labels, centres = kmeans(feature, np.stack([body, feature[int(outward.argmax())]]))
-        own = np.asarray((labels == 1) & ~self._is_body(position, speed))
-        axis = math.hypot(*(centres[1, :2] - self._body[:2]))
-        if axis < self.config.body_radius and centres[1, 3] < self.config.speed_scale * self.config.body_speed:
-            own[:] = False
-        return own
+        feature = np.column_stack([position[:, :2], z, speed])
+        seed = int((points.axis - points.depth + speed).argmax())
+        labels, _ = kmeans(feature, np.stack([np.append(self._body, 0.0), feature[seed]]))
+        return np.asarray((labels == 1) & ~self._is_body(points))
 
     def _restart(self, position: Float64Array, weight: Float64Array) -> None:
         """Set the filter on newly found points, at rest."""
@@ -255,7 +262,9 @@ class HandTracker:
         """Kalman update with the weighted centroid; points farther out count more, for the hand is the arm's end."""
         assert self._mean is not None
         assert self._body is not None
-        share = weight * (0.05 + np.hypot(*(position[:, :2] - self._body[:2]).T))
+        outward = self._mean[:2] - self._body[:2]
+        along = (position[:, :2] - self._body[:2]) @ outward / max(float(np.hypot(*outward)), 1e-3)
+        share = weight * np.exp((along - along.max()) / self.config.hand_length)
         share = share / share.sum()
         effective = 1.0 / float((share**2).sum())
         centroid, variance = np.empty(3), np.empty(3)

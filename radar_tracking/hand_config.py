@@ -22,6 +22,12 @@ class HandConfig:
     gate_sigmas: float = knob(3.5, low=0.5, high=100.0, doc="the same in standard deviations")
     body_radius: float = knob(0.22, unit="m", low=0.01, high=1.0, doc="slow points this near to the body's axis are body, never hand")
     body_speed: float = knob(0.25, unit="m/s", low=0.0, high=5.0, doc="radial speed up to which a point is slow")
+    hand_radius: float = knob(
+        0.2, unit="m", low=0.01, high=1.0, doc="a point is the hand's if it is nearer to it in units of this than to the body"
+    )
+    hand_length: float = knob(
+        0.1, unit="m", low=0.01, high=1.0, doc="points this much farther in than the outermost count 1/e: the forearm"
+    )
     speed_scale: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="k-means: 1 m/s of radial speed counts as much as this many metres")
     process_noise: float = knob(15.0, unit="m^2/s^3", low=1e-3, high=1e5, doc="spectral density of the hand's acceleration")
     position_std: float = knob(0.05, unit="m", low=1e-3, high=1.0, doc="how far the centroid of the hand's points is from the hand")

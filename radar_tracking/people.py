@@ -20,6 +20,7 @@ IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
+_RADIAL_TIME = 0.3  # s: and the torso's range and range rate this long
 _ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
 _ASSUMED_Z_STD = 0.5  # how far off that is; assumed anew with every cloud, so that the height's covariance stays bounded
 
@@ -33,7 +34,8 @@ class _Points:
     speed: Float64Array
     weight: Float64Array
     power: Float64Array
-    distance: Float64Array
+    range: Float64Array
+    cross: Float64Array
 
 
 @dataclass(eq=False)
@@ -50,6 +52,8 @@ class _Live:
     points_sum: int = 0
     clouds: int = 0
     fastest: float = 0.0
+    range: float = 0.0
+    rate: float = 0.0
     spread: Float64Array = field(default_factory=lambda: np.full(3, np.nan))
 
 
@@ -160,7 +164,9 @@ class PeopleTracker:
         distance = np.where(np.isfinite(distance), distance, np.hypot(position[index, 0], position[index, 1]))
         angle = cloud.azimuth_std[index].astype(np.float64)
         angle = np.clip(np.where(np.isfinite(angle), angle, self.config.filter.angle_std), 0.0, 1.0)
-        return _Points(index, position[index], cloud.radial_speed[index].astype(np.float64), weight, 10 ** (snr / 10), distance * angle)
+        return _Points(
+            index, position[index], cloud.radial_speed[index].astype(np.float64), weight, 10 ** (snr / 10), distance, distance * angle
+        )
 
     def _predict(self, dt: float, stamp_ns: int) -> None:
         """Move all tracks on (6.1); those that nobody sees slow down."""
@@ -175,8 +181,11 @@ class PeopleTracker:
         for row, track in enumerate(self._live):
             unseen = (stamp_ns - track.seen_ns) * _NANOSECOND
             if unseen > dt:
-                mean[row, 3:] *= math.exp(-step / self.config.filter.damping)
+                slower = math.exp(-step / self.config.filter.damping)
+                mean[row, 3:] *= slower
+                track.rate *= slower
             track.mean, track.covariance = mean[row], covariance[row]
+            track.range += step * track.rate
 
     def _associate(self, points: _Points) -> tuple[IndexArray, IndexArray]:
         """Owner of each point by main cluster and as a limb: rows of the tracks, confirmed ones choosing first; -1: nobody."""
@@ -192,7 +201,8 @@ class PeopleTracker:
             mean = np.stack([self._live[i].mean for i in rows])
             covariance = np.stack([self._live[i].covariance for i in rows])
             plane = plane_distance(plane_points[free], mean[:, :2])
-            found = assign(plane_points[free], gate(plane_points[free], mean, covariance, config), plane, config)
+            torso = np.stack([self._torso(self._live[i], points, free) for i in rows])
+            found = assign(plane_points[free], gate(plane_points[free], mean, covariance, config), plane, torso, config)
             owner[free] = np.where(found >= 0, rows[found], -1)
             if confirmed:
                 found = add_limbs(plane_points[free], found, plane, config)
@@ -204,7 +214,7 @@ class PeopleTracker:
         share = weight / weight.sum()
         effective = 1.0 / float((share**2).sum())
         position = points.position[own]
-        noise = self.config.filter.position_std**2 + float(share @ points.distance[own] ** 2) / effective
+        noise = self.config.filter.position_std**2 + float(share @ points.cross[own] ** 2) / effective
         centroid, variance = np.empty(3), np.empty(3)
         for axis in range(3):
             known = np.isfinite(position[:, axis])
@@ -221,25 +231,43 @@ class PeopleTracker:
         """Kalman update with the centroid; the farther all points lie from the prediction, the less it is believed."""
         config = self.config
         near = nearness(np.hypot(*(points.position[own, :2] - track.mean[:2]).T), config.association.body_radius)
-        centroid, variance = self._measure(points, own, points.weight[own] * near)
-        variance[:2] /= near.max()
+        torso = self._torso(track, points, own)
+        weight = points.weight[own] * near * torso
+        centroid, variance = self._measure(points, own, weight)
+        variance[:2] /= (near * torso).max()
         track.mean, track.covariance = update(track.mean, track.covariance, centroid, np.diag(variance))
         dt = (stamp_ns - track.seen_ns) * _NANOSECOND
         track.seen_ns = stamp_ns
         track.points_sum += len(whole)
-        self._note(track, points, whole, math.exp(-dt / _EXTENT_TIME))
+        self._note(track, points, own, weight, math.exp(-dt / _RADIAL_TIME))
+        self._note_extent(track, points, whole, math.exp(-dt / _EXTENT_TIME))
 
-    def _note(self, track: _Live, points: _Points, whole: IndexArray, keep: float) -> None:
-        """Remember how large the track is and how fast its fastest point was."""
+    def _torso(self, track: _Live, points: _Points, own: IndexArray) -> Float64Array:
+        """How much each point counts as torso, 0..1: arms reach towards the radar and move faster than the body."""
+        config = self.config.association
+        speed = points.speed[own]
+        excess = np.where(np.isfinite(speed), speed - track.rate, 0.0) / config.arm_speed
+        depth = np.clip(points.range[own] - track.range, -5 * config.arm_depth, 0.0) / config.arm_depth
+        return np.asarray(np.exp(depth) / (1 + np.minimum(excess**2, 100.0)))
+
+    def _note(self, track: _Live, points: _Points, own: IndexArray, weight: Float64Array, keep: float) -> None:
+        """Remember the torso's range and range rate, smoothed, and the fastest point."""
+        speed = points.speed[own]
+        known = np.isfinite(speed)
+        if known.any():
+            track.rate = keep * track.rate + (1 - keep) * float(np.average(speed[known], weights=weight[known]))
+        track.range = keep * track.range + (1 - keep) * float(np.average(points.range[own], weights=weight))
+        # without Doppler nothing can be ruled out
+        track.fastest = max(track.fastest, float(np.where(known, np.abs(speed), self.config.life.confirm_speed).max()))
+
+    def _note_extent(self, track: _Live, points: _Points, whole: IndexArray, keep: float) -> None:
+        """Remember how large the track is, smoothed."""
         square = (points.position[whole] - track.mean[:3]) ** 2
         for axis in range(3):
             known = np.isfinite(square[:, axis])
             if known.any():
                 new, old = float(square[known, axis].mean()), float(track.spread[axis])
                 track.spread[axis] = keep * old + (1 - keep) * new if math.isfinite(old) else new
-        speed = np.abs(points.speed[whole])
-        # without Doppler nothing can be ruled out
-        track.fastest = max(track.fastest, float(np.where(np.isfinite(speed), speed, self.config.life.confirm_speed).max()))
 
     def _births(self, points: _Points, free: NDArray[np.bool_]) -> list[IndexArray]:
         """Clusters of free points that may start tracks: enough points, enough power, far enough from every track."""
@@ -275,7 +303,8 @@ class PeopleTracker:
         self._next_id += 1
         track.n_points = track.points_sum = len(own)
         track.clouds = 1
-        self._note(track, points, own, 0.0)
+        self._note(track, points, own, points.weight[own], 0.0)
+        self._note_extent(track, points, own, 0.0)
         self._live.append(track)
         return track
 

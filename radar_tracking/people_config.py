@@ -16,6 +16,12 @@ class AssociationConfig:
     eps: float = knob(0.4, unit="m", low=0.01, high=10.0, doc="DBSCAN: points this near are neighbours (floor plane)")
     min_points: int = knob(2, low=1, high=1000, doc="DBSCAN: neighbours of a core point, itself included")
     body_radius: float = knob(0.35, unit="m", low=0.05, high=5.0, doc="points count less for the centroid the farther beyond this (arms)")
+    arm_depth: float = knob(
+        0.3, unit="m", low=0.01, high=100.0, doc="points this much nearer to the radar than the farthest count 1/e (arms)"
+    )
+    arm_speed: float = knob(
+        0.4, unit="m/s", low=0.01, high=100.0, doc="points this much faster radially than the body count one half (arms)"
+    )
     reach: float = knob(
         0.9, unit="m", low=0.0, high=10.0, doc="separate clusters up to here stay with the track as limbs, outside its centroid"
     )

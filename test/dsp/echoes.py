@@ -9,7 +9,9 @@ from radar_core import SPEED_OF_LIGHT, RadarFrame, RadarInfo
 
 def noise(info: RadarInfo, rng: np.random.Generator, sigma: float = 1.0) -> np.ndarray:
     """White circular noise of variance sigma^2, shape of the cube."""
-    return (rng.standard_normal((*info.cube_shape, 2), dtype=np.float32) @ np.array([1, 1j], np.complex64)) * np.float32(sigma / math.sqrt(2))
+    return (rng.standard_normal((*info.cube_shape, 2), dtype=np.float32) @ np.array([1, 1j], np.complex64)) * np.float32(
+        sigma / math.sqrt(2)
+    )
 
 
 def echo(info: RadarInfo, distance: float, speed: float, azimuth: float, elevation: float, amplitude: complex = 1.0) -> np.ndarray:

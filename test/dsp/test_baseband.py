@@ -2,6 +2,8 @@
 
 import dataclasses
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +25,7 @@ DATA = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[3] 
 def busy(seed=0, sequence=0):
     """A frame with a crowd of echoes."""
     rng = np.random.default_rng(seed)
-    parts = [
-        echo(INFO, *rng.uniform([0.5, -4, -0.9, -0.4], [6, 4, 0.9, 0.4]), amplitude_for(rng.uniform(15, 45), INFO)) for _ in range(30)
-    ]
+    parts = [echo(INFO, *rng.uniform([0.5, -4, -0.9, -0.4], [6, 4, 0.9, 0.4]), amplitude_for(rng.uniform(15, 45), INFO)) for _ in range(30)]
     return frame(INFO, noise(INFO, rng), *parts, sequence=sequence)
 
 
@@ -46,6 +46,25 @@ def test_same_frame_same_cloud():
     for other in (baseband.process(given), Baseband(BasebandConfig(), INFO).process(given), baseband.process(strided)):
         assert equal(first, other)
     assert len(first) > 25
+
+
+def test_number_of_threads_does_not_matter(tmp_path):
+    """The cloud of a busy frame is the same bit for bit with one and with four threads in every pool."""
+    np.save(tmp_path / "cube.npy", busy().cube)
+    script = (
+        "import sys, hashlib, numpy as np\n"
+        "from radar_core import RadarFrame, RadarInfo\n"
+        "from radar_dsp import Baseband, BasebandConfig\n"
+        "cloud = Baseband(BasebandConfig(grouping='none'), RadarInfo()).process(RadarFrame(np.load(sys.argv[1]), 0, 0, 'radar'))\n"
+        "print(len(cloud), hashlib.sha256(np.stack([cloud.range, cloud.radial_speed, cloud.x, cloud.y, cloud.z, cloud.snr])).hexdigest())\n"
+    )
+    prints = []
+    for threads in ("1", "4"):
+        environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+        command = [sys.executable, "-c", script, str(tmp_path / "cube.npy")]
+        prints.append(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+    assert prints[0] == prints[1]
+    assert int(prints[0].split()[0]) > 50
 
 
 def test_transforms_are_the_formulas():
@@ -148,7 +167,7 @@ def test_configuration_loads_from_plain_data():
 
 
 def test_real_frame():
-    """OpenRadar's Doppler example: a mover in range cell 60 at Doppler cell +7 (known from its documentation), the strongest mover there is.
+    """OpenRadar's Doppler example: a mover in range cell 60 at Doppler cell +7 (known from its docs), the strongest mover there is.
 
     Its samples are stored as unsigned 16-bit wrap. The radar's settings are not recorded; only cells are compared.
     """

@@ -1,4 +1,4 @@
-"""One or two echoes of known truth: signs, errors against reported deviations and the Cramér-Rao bound, wrap-around, motion compensation."""
+"""One or two echoes of known truth: signs, errors against reported deviations and the Cramér-Rao bound, wrap-around, compensation."""
 
 import dataclasses
 import math
@@ -23,7 +23,14 @@ def strongest(cloud):
 
 @pytest.mark.parametrize(
     ("distance", "speed", "azimuth", "elevation"),
-    [(2.03, 1.0, 0.3, 0.1), (2.03, -1.0, 0.3, 0.1), (4.47, 0.0, -0.8, -0.3), (1.0, 3.3, 0.0, 0.4), (0.55, -0.31, 0.9, 0.0), (6.0, 2.0, -0.5, 0.2)],
+    [
+        (2.03, 1.0, 0.3, 0.1),
+        (2.03, -1.0, 0.3, 0.1),
+        (4.47, 0.0, -0.8, -0.3),
+        (1.0, 3.3, 0.0, 0.4),
+        (0.55, -0.31, 0.9, 0.0),
+        (6.0, 2.0, -0.5, 0.2),
+    ],
 )
 def test_conventions(distance, speed, azimuth, elevation):
     """Receding is positive, left is positive, up is positive, range is that of the middle of the acquisition, x-y-z agrees.

@@ -164,3 +164,12 @@ def test_suppressed_cells_neither_train_nor_detect():
     mask = baseband._detector.detect(power)
     assert mask[0, 5]
     assert mask.sum() == 1
+
+
+def test_ordered_statistic_is_sturdy_beside_a_strong_echo():
+    """An echo 40 dB stronger three cells away hides the weak one from the average but not from the order statistic."""
+    power = np.ones((64, 64), np.float32)
+    power[10, 20] = 20.0
+    power[10, 23] = 1e4
+    assert detector_for("hann", CfarConfig(algorithm="os")).detect(power)[10, 20]
+    assert not detector_for("hann", CfarConfig(algorithm="ca")).detect(power)[10, 20]

@@ -134,8 +134,9 @@ def test_tiny_frames(n_chirp, n_sample):
     try:
         baseband = Baseband(BasebandConfig(coupling=CouplingConfig(range_extent=0.0)), info)
     except ConfigError as error:
-        assert "training cells" in str(error)
-        return
+        if "training cells" in str(error):
+            return
+        raise
     rng = np.random.default_rng(7)
     for _ in range(20):
         cloud = baseband.process(frame(info, noise(info, rng), 3 * echo(info, 0.1 * n_sample / 2, 0.0, 0.0, 0.0)))

@@ -1,7 +1,6 @@
 """Hard numerical cases of radar_tracking: empty, degenerate, huge, long, NaN, strange stamps."""
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -64,7 +63,7 @@ def test_identical_points():
     last = run(np.tile([3.0, 0.0, 1.0], (10, 1)))[-1]
     assert last.people_count == 1
     np.testing.assert_allclose(last.tracks[0].position, [3.0, 0.0, 1.0], atol=1e-9)
-    assert np.array_equal(last.tracks[0].extent, np.zeros(3))
+    np.testing.assert_allclose(last.tracks[0].extent, 0.0, atol=1e-9)
 
 
 def test_collinear_points_and_points_at_the_origin():
@@ -217,9 +216,3 @@ def test_float32_points_cluster_like_float64():
     exact, rounded = dbscan(points, 0.1, 3), dbscan(points.astype(np.float32).astype(np.float64), 0.1, 3)
     assert np.array_equal(exact, rounded)
     assert set(exact) == {0, 1}
-
-
-if __name__ == "__main__":
-    begin = time.perf_counter()
-    many_steps(10_000)
-    print(time.perf_counter() - begin)

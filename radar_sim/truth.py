@@ -1,0 +1,58 @@
+"""What the simulator knows to be true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import RadarFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """State of every person when a frame's acquisition is half done, in ``room``; arrays have one entry (row) per person.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Middle of the acquisition, equal to the cloud's [ns].
+    sequence : int
+        Of the frame.
+    frame_id : str
+        Always ``room``.
+    person_id : ndarray of uint32, shape (n_people,)
+        Who.
+    position, velocity : ndarray of float64, shape (n_people, 3)
+        Centre of the body [m] and its motion [m/s].
+    hand_position, hand_velocity : ndarray of float64, shape (n_people, 3)
+        The acting hand [m], [m/s].
+    gesture : ndarray of uint8, shape (n_people,)
+        Index into ``GESTURES`` while one is performed, else ``NO_GESTURE``.
+    gesture_index : ndarray of uint32, shape (n_people,)
+        Counts this person's scripted gestures.
+    walking, drawing : ndarray of bool, shape (n_people,)
+        What else the person does.
+    """
+
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+    person_id: NDArray[np.uint32]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    hand_position: NDArray[np.float64]
+    hand_velocity: NDArray[np.float64]
+    gesture: NDArray[np.uint8]
+    gesture_index: NDArray[np.uint32]
+    walking: NDArray[np.bool_]
+    drawing: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFrame:
+    """A raw frame and what is true in its middle."""
+
+    frame: RadarFrame
+    truth: Truth
