@@ -18,19 +18,20 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from benchmarks.report import choice, measure_together
-from radar_core import SPEED_OF_LIGHT, RadarFrame, RadarInfo
+from radar_core import NO_GESTURE, SPEED_OF_LIGHT, RadarFrame, RadarInfo
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig
 from radar_dsp.cfar import make_detector
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.spectrum import Spectrum, integrate
 from radar_dsp.windows import noise_correlation
+from radar_sim import Action, Coupling, Effects, Noise, Person, Scene, Simulator
 
 INFO = RadarInfo()
 WAVE = INFO.waveform
 SNR_DB = 20.0
 AMPLITUDE = math.sqrt(10 ** (SNR_DB / 10) / (WAVE.n_chirp * WAVE.n_sample))
 HEAVY = "doa grid=121x61 steps=0"
-WINDOWS = ("boxcar", "hann", "hamming", "chebwin:60", "blackmanharris")
+WINDOWS = ("boxcar", "hann", "hamming", "chebwin:60", "nuttall", "blackmanharris")
 LIMITS = np.array([[1.0, -4.0, -0.9, -0.4], [5.5, 4.0, 0.9, 0.4]])
 
 
@@ -81,13 +82,13 @@ def errors(config: BasebandConfig, n: int) -> NDArray[np.float64]:
 
 
 def false_alarms(config: BasebandConfig, n: int) -> tuple[float, float]:
-    """Count false alarms on pure noise over the design's, in the middle and in the four cells at each end of the range axis."""
+    """Count false alarms on pure noise over the design's, in the middle and in the six cells at each end of the range axis."""
     spectrum = Spectrum(config.spectrum, INFO)
     correlation = (noise_correlation(spectrum.speed_window), noise_correlation(spectrum.range_window))
     detector = make_detector(config.cfar, np.ones((WAVE.n_chirp, WAVE.n_sample), np.bool_), correlation, WAVE.n_tx * INFO.array.n_rx)
     rng = np.random.default_rng(2)
     rate = sum(detector.detect(integrate(spectrum.process(noise(rng)))).mean(axis=0) for _ in range(n)) / n / config.cfar.false_alarm
-    return float(rate[4:-4].mean()), float(np.append(rate[:4], rate[-4:]).mean())
+    return float(rate[6:-6].mean()), float(np.append(rate[:6], rate[-6:]).mean())
 
 
 def detection_rate(config: BasebandConfig, snr_db: float, n: int) -> float:
@@ -104,6 +105,28 @@ def detection_rate(config: BasebandConfig, snr_db: float, n: int) -> float:
         )
         hits += bool(near.any())
     return hits / n
+
+
+@functools.cache
+def person_frames(step: int) -> list[tuple[NDArray[np.float64], RadarFrame]]:
+    """Place and frame of a person who gestures at 2.2 m, beside coupling 60 dB below the transmitted power."""
+    script = tuple(Action(gesture=name) for name in ("push", "pull", "swipe_right", "swipe_up", "rotate", "wave", "push_pull"))
+    effects = Effects(noise=Noise(), coupling=Coupling(level=-60.0))
+    simulator = Simulator(Scene(duration=12.0, people=(Person(position=(2.2, 0.4), script=script),), effects=effects))
+    made = [simulator.process(sequence) for sequence in range(0, simulator.n_frames, step)]
+    return [(s.truth.position[0], s.frame) for s in made if s.truth.gesture[0] != NO_GESTURE]
+
+
+def person_points(config: BasebandConfig, quick: bool) -> tuple[float, float, float]:
+    """Count points, moving points and points elsewhere (more than 0.9 m away) per frame of the gesturing person."""
+    baseband = Baseband(config, INFO)
+    counts = []
+    for place, frame in person_frames(30 if quick else 5):
+        cloud = baseband.process(frame)
+        near = np.hypot(*(cloud.to_room(INFO.mount).position - place).T[:2]) < 0.9
+        counts.append((near.sum(), (near & (np.abs(cloud.radial_speed) > 0.3)).sum(), (~near).sum()))
+    points, moving, elsewhere = np.mean(counts, axis=0)
+    return float(points), float(moving), float(elsewhere)
 
 
 def angle_gap(config: DoaConfig, n: int) -> float:
@@ -130,10 +153,28 @@ def variants() -> dict[str, BasebandConfig]:
     """Every choice that is measured; the first is the default."""
     table = {"default": BasebandConfig()}
     for name in WINDOWS:
-        table[f"window={name}"] = BasebandConfig(spectrum=SpectrumConfig(range_window=name, speed_window=name))
-    for algorithm, guard, training in (("os", 1, 3), ("os", 2, 3), ("os", 1, 2), ("ca", 1, 3), ("ca", 2, 3)):
-        cfar = CfarConfig(algorithm=algorithm, guard_range=guard, guard_speed=guard, training_range=training, training_speed=training)
-        table[f"cfar={algorithm} guard={guard} training={training}"] = BasebandConfig(cfar=cfar)
+        table[f"range window={name}"] = BasebandConfig(spectrum=SpectrumConfig(range_window=name))
+    for algorithm, guard, training, rank in (
+        ("os", (2, 1), (4, 2), 0.5),
+        ("os", (2, 1), (4, 2), 0.75),
+        ("os", (1, 1), (3, 3), 0.5),
+        ("os", (2, 1), (2, 2), 0.5),
+        ("ca", (2, 1), (4, 2), 0.5),
+    ):
+        cfar = CfarConfig(
+            algorithm=algorithm,
+            rank=rank,
+            guard_range=guard[0],
+            guard_speed=guard[1],
+            training_range=training[0],
+            training_speed=training[1],
+        )
+        of = f" rank={rank}" if algorithm == "os" else ""
+        table[f"cfar={algorithm} guard={guard[0]}x{guard[1]} training={training[0]}x{training[1]}{of}"] = BasebandConfig(cfar=cfar)
+    for rank in (0.3, 0.5, 0.75):
+        table[f"rank={rank}"] = BasebandConfig(cfar=CfarConfig(rank=rank))
+    for name in ("hann", "nuttall"):
+        table[f"coupling, range window={name}"] = BasebandConfig(spectrum=SpectrumConfig(range_window=name))
     for azimuth, elevation, steps in ((17, 5, 0), (17, 5, 1), (17, 5, 2), (17, 5, 3), (33, 9, 2)):
         doa = DoaConfig(grid_azimuth=azimuth, grid_elevation=elevation, newton_steps=steps)
         table[f"doa grid={azimuth}x{elevation} steps={steps}"] = BasebandConfig(doa=doa)
@@ -152,6 +193,10 @@ def accuracy(name: str, config: BasebandConfig, quick: bool) -> tuple[str, float
         # At ten times the default rate, so that the count means something.
         often = dataclasses.replace(config, cfar=dataclasses.replace(config.cfar, false_alarm=1e-3))
         return "false alarms over design", false_alarms(often, 30 if quick else 400)[0], ""
+    if kind == "rank":
+        return "moving points on a gesturing person", person_points(config, quick)[1], ""
+    if kind == "coupling, range window":
+        return "points where nobody is", person_points(config, quick)[2], ""
     if kind == "doa grid":
         return "largest gap to the likelihood's maximum", angle_gap(config.doa, 20 if quick else 200), "deg"
     if kind == "doa mode":
@@ -159,7 +204,7 @@ def accuracy(name: str, config: BasebandConfig, quick: bool) -> tuple[str, float
         # Elevated echoes look nearer to the boresight when elevation is taken for zero, which is most of the azimuth-only error.
         return ("share of echoes found", found, "") if config.doa.mode == "void" else ("azimuth error", math.degrees(azimuth), "deg")
     if kind == "grouping":
-        return "points in the busy frame", float(len(Baseband(config, INFO).process(busy_frame()))), ""
+        return "points on a gesturing person", person_points(config, quick)[0], ""
     return "range error", errors(config, 40 if quick else 400)[0] * 1e3, "mm"
 
 
@@ -196,6 +241,7 @@ def run(quick: bool) -> dict[str, Any]:
     rms = errors(default, 40 if quick else 400)
     often = dataclasses.replace(default, cfar=CfarConfig(false_alarm=1e-3))
     middle, edge = false_alarms(often, 30 if quick else 400)
+    points, moving, elsewhere = person_points(default, quick)
     total = WAVE.n_tx * INFO.array.n_rx * 10 ** (SNR_DB / 10)
     bound = math.sqrt(6 / (4 * math.pi**2 * total))
     return {
@@ -214,6 +260,9 @@ def run(quick: bool) -> dict[str, Any]:
         "detection_rate_at_10_db": detection_rate(default, 10.0, 40 if quick else 400),
         "false_alarms_over_design": middle,
         "false_alarms_over_design_at_range_ends": edge,
+        "points_per_person": points,
+        "moving_points_per_person": moving,
+        "points_elsewhere_per_frame": elsewhere,
         "choices": [
             choice("baseband", "bare scipy.fft of the cube", accuracy=("points", 0.0, ""), times_ms=bare),
             *(

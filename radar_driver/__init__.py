@@ -1,0 +1,1 @@
+"""Devices to raw frames: simulated radar and recordings; the driver node."""

@@ -14,7 +14,9 @@ DOA_MODES = ("auto", "azimuth_elevation", "azimuth", "void")
 class SpectrumConfig:
     """Windows of the two Fourier transforms, by scipy's names; a parameter follows a colon, e.g. ``chebwin:60`` or ``kaiser:8.6``."""
 
-    range_window: str = knob("hann", doc="window over the samples of a chirp (scipy name, parameters after colons)")
+    range_window: str = knob(
+        "nuttall", doc="window over the samples of a chirp (scipy name, parameters after colons); low side lobes keep the coupling down"
+    )
     speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name, parameters after colons)")
 
     def validate(self) -> None:
@@ -37,11 +39,16 @@ class CfarConfig:
 
     algorithm: str = knob("os", choices=("os", "ca"), doc="os: ordered statistic, sturdy beside other echoes; ca: cell average")
     false_alarm: float = knob(1e-4, low=1e-12, high=0.1, doc="wanted probability of a false alarm per cell on noise")
-    guard_range: int = knob(1, low=0, high=32, doc="cells left out on each side of the cell under test, in range")
+    guard_range: int = knob(2, low=0, high=32, doc="cells left out on each side of the cell under test, in range")
     guard_speed: int = knob(1, low=0, high=32, doc="cells left out on each side of the cell under test, in speed")
-    training_range: int = knob(3, low=0, high=32, doc="training cells beyond the guard on each side, in range")
-    training_speed: int = knob(3, low=0, high=32, doc="training cells beyond the guard on each side, in speed")
-    rank: float = knob(0.75, low=0.05, high=0.95, doc="os only: rank of the order statistic as a fraction of the training cells")
+    training_range: int = knob(4, low=0, high=32, doc="training cells beyond the guard on each side, in range")
+    training_speed: int = knob(2, low=0, high=32, doc="training cells beyond the guard on each side, in speed")
+    rank: float = knob(
+        0.5,
+        low=0.05,
+        high=0.95,
+        doc="os only: order statistic over number of training cells; high ranks let a body hide its own limbs",
+    )
 
     def validate(self) -> None:
         """Raise `ConfigError` when the window has no training cell."""

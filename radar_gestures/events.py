@@ -12,15 +12,18 @@ from radar_core.config import config, knob
 class EventConfig:
     """When a motion is an event. All durations are in seconds, so a lower frame rate or lost frames change nothing."""
 
-    threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which an arm is in motion")
+    threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion starts")
+    release: float = knob(0.55, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion that lasts min_duration goes on")
     min_duration: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="an event starts when the motion has lasted that long")
-    quiet: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="an event ends when there was no motion for that long")
+    quiet: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="an event ends when there was no motion for that long")
     bridge: float = knob(0.07, unit="s", low=0.0, high=10.0, doc="longest pause that does not interrupt a motion that is still starting")
     max_duration: float = knob(1.4, unit="s", low=0.1, high=10.0, doc="a longer event is closed; the next one needs a quiet time first")
     max_gap: float = knob(0.5, unit="s", low=0.01, high=10.0, doc="after a longer silence of the sensor everything starts anew")
 
     def validate(self) -> None:
-        """Raise `ConfigError` when an event could never be long enough."""
+        """Raise `ConfigError` when an event could never be long enough, or ends at a higher speed than it starts."""
+        if self.release > self.threshold:
+            raise ConfigError(f"EventConfig: release ({self.release:g} m/s) must not be above threshold ({self.threshold:g} m/s)")
         if self.min_duration >= self.max_duration:
             raise ConfigError(
                 f"EventConfig: min_duration ({self.min_duration:g} s) must be shorter than max_duration ({self.max_duration:g} s)"
@@ -39,7 +42,8 @@ class EventDetector:
     """Cuts the speed signal of one track into events.
 
     A motion starts with the first speed above ``threshold``. It is dropped when a pause longer than ``bridge`` comes before it has lasted
-    ``min_duration``; after that only ``quiet`` seconds of rest end it. At ``max_duration`` it ends at once, and nothing new starts before
+    ``min_duration``; after that only ``quiet`` seconds below ``release`` end it (the thesis has one threshold and 0.2 s; a hand that turns
+    round, as in push-pull, is that slow for longer). At ``max_duration`` it ends at once, and nothing new starts before
     ``quiet`` seconds of rest: somebody who walks gives one event, not one every ``max_duration``.
 
     Parameters
@@ -70,7 +74,7 @@ class EventDetector:
         if self._last_stamp is not None and not 0 < stamp_ns - self._last_stamp <= self._gap_ns:
             self._start, self._wait_for_rest = None, False
         self._last_stamp = stamp_ns
-        above = abs(speed) > self._settings.threshold
+        above = abs(speed) > (self._settings.release if self.active else self._settings.threshold)
         if self._wait_for_rest:
             self._wait_for_rest = above or stamp_ns - self._last_above < self._quiet_ns
             if above:

@@ -1,0 +1,1 @@
+"""The plumbing that every node shares, and the handwave command."""

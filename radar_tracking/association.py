@@ -52,13 +52,13 @@ def gate(points: Float64Array, mean: Float64Array, covariance: Float64Array, con
 
 
 def main_cluster(points: Float64Array, weights: Float64Array, config: AssociationConfig) -> NDArray[np.bool_]:
-    """Points of the cluster with the largest sum of weights, shape (n_points,); none when there is no dense region."""
+    """Points of the cluster with the largest sum of weights, shape (n_points,); none when there is no dense region of any weight."""
     labels = cluster(points, config.eps, config.min_points, config.max_points)
     clustered = labels >= 0
     if not clustered.any():
         return clustered
     size = np.bincount(labels[clustered], weights[clustered])
-    return np.asarray(labels == int(size.argmax()))
+    return np.asarray(labels == int(size.argmax())) if size.max() > 0 else np.zeros(len(points), bool)
 
 
 def assign(
@@ -66,8 +66,9 @@ def assign(
 ) -> IndexArray:
     """Give each point to the nearest track in whose largest cluster it lies.
 
-    A point that is not in the main cluster of its nearest track is free for the next one. "Largest" counts points by their `nearness`
-    and by how much they look like a torso, so that the body's cluster wins over the hand's even where it has fewer points.
+    A point that is not in the main cluster of its nearest track is free for the next one, which takes it if it is dense with points that
+    were nearest to it from the start: somebody else's arm alone is no body. "Largest" counts points by their `nearness` and by how much
+    they look like a torso, so that the body's cluster wins over the hand's even where it has fewer points.
 
     Parameters
     ----------
@@ -92,13 +93,15 @@ def assign(
     if n_tracks == 0 or n_points == 0:
         return owner
     open_distance = distance.copy()
+    first = distance.argmin(axis=0)
     for _ in range(n_tracks + 1):
         nearest = open_distance.argmin(axis=0)
         owner = np.where(np.isfinite(open_distance[nearest, np.arange(n_points)]), nearest, -1)
         freed = False
         for track in np.unique(owner[owner >= 0]):
             own = np.flatnonzero(owner == track)
-            kept = main_cluster(points[own], nearness(plane[track, own], 2 * config.body_radius) * torso[track, own], config)
+            weight = nearness(plane[track, own], 2 * config.body_radius) * torso[track, own] * (first[own] == track)
+            kept = main_cluster(points[own], weight, config)
             open_distance[track, own[~kept]] = np.inf
             owner[own[~kept]] = -1
             freed |= not kept.all()

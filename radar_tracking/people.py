@@ -19,6 +19,7 @@ Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
+BP=1
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
 _RADIAL_TIME = 0.3  # s: and the torso's range and range rate this long
 _ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
@@ -234,7 +235,7 @@ class PeopleTracker:
         torso = self._torso(track, points, own)
         weight = points.weight[own] * near * torso
         centroid, variance = self._measure(points, own, weight)
-        variance[:2] /= (near * torso).max()
+        variance[:2] /= (near * torso).max() ** BP
         track.mean, track.covariance = update(track.mean, track.covariance, centroid, np.diag(variance))
         dt = (stamp_ns - track.seen_ns) * _NANOSECOND
         track.seen_ns = stamp_ns
@@ -247,7 +248,11 @@ class PeopleTracker:
         config = self.config.association
         speed = points.speed[own]
         excess = np.where(np.isfinite(speed), speed - track.rate, 0.0) / config.arm_speed
-        depth = np.clip(points.range[own] - track.range, -5 * config.arm_depth, 0.0) / config.arm_depth
+        distance = points.range[own]
+        # the torso is the far end of what belongs to a person, or where it was; what lies far behind is somebody else
+        behind = distance[distance < track.range + config.reach / 2]
+        torso = max(track.range, float(behind.max())) if len(behind) else track.range
+        depth = np.clip(distance - torso, -5 * config.arm_depth, 0.0) / config.arm_depth
         return np.asarray(np.exp(depth) / (1 + np.minimum(excess**2, 100.0)))
 
     def _note(self, track: _Live, points: _Points, own: IndexArray, weight: Float64Array, keep: float) -> None:

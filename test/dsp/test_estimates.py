@@ -61,7 +61,7 @@ def test_stamp_is_the_middle_of_the_acquisition():
 
 @pytest.fixture(scope="module")
 def many():
-    """Errors and reported deviations of 300 random echoes at 20 dB per channel (16.5 dB behind the window)."""
+    """Errors and reported deviations of 300 random echoes at 20 dB per channel (15.3 dB behind the windows)."""
     rng = np.random.default_rng(1)
     baseband = Baseband(PEAKS, INFO)
     names = ("range", "radial_speed", "azimuth", "elevation")
@@ -85,21 +85,21 @@ def test_reported_deviations_are_honest(many):
 
 
 def test_errors_against_the_bound(many):
-    """Single-tone Cramér-Rao bound over all samples of all channels: 3 dB of windows and a three-cell estimate cost a factor of 2 to 3."""
+    """Single-tone Cramér-Rao bound over all samples of all channels: 5 dB of windows and three cells cost a factor of 2.5 to 3.5."""
     errors, _, _ = many
     total = WAVE.n_tx * INFO.array.n_rx * 10 ** (20 / 10)
     bound = math.sqrt(6 / (4 * math.pi**2 * total))  # in cells
     rms = np.sqrt(np.mean(errors[:, :2] ** 2, axis=0)) / [WAVE.range_resolution, WAVE.speed_resolution]
     assert (rms > bound).all()
-    assert (rms < 3 * bound).all()
+    assert (rms < 3.5 * bound).all()
 
 
 def test_signal_to_noise_ratio(many):
-    """20 dB less the loss of two Hann windows (2 x 1.76 dB) and up to 2 x 1.42 dB between cells; noise estimate +-0.5 dB."""
+    """20 dB less the loss of the windows (2.96 and 1.76 dB) and up to 1.1 + 1.4 dB between cells; +-0.45 dB at one sigma."""
     _, _, snr = many
     mean = float(np.mean(snr))
-    assert 20 - 3.52 - 2.84 < mean < 20 - 3.52
-    assert snr.max() < 20 - 3.52 + 1.5
+    assert 20 - 4.72 - 2.5 < mean < 20 - 4.72
+    assert snr.max() < 20 - 4.72 + 2.0
 
 
 def test_noise_floor_in_the_unit_of_the_samples():

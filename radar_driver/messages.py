@@ -1,0 +1,71 @@
+"""Recorded raw frames as a source: reads the messages of a rosbag2 recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+
+from radar_core import DataError, RadarFrame, RadarInfo
+from radar_ros.convert import frame_from_msg, info_from_msg
+from radar_sim import Truth
+
+
+class BagSource:
+    """The raw frames of a bag, in order, paced by the driver.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag.
+
+    Raises
+    ------
+    DataError
+        When there is no bag, or it lacks radar/info or radar/frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._reader = AnyReader([path])
+            self._reader.open()
+        except (AnyReaderError, OSError) as error:
+            raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
+        frames = self._connections("radar/frame")
+        infos = self._connections("radar/info")
+        if not frames or not infos:
+            topics = ", ".join(sorted({c.topic for c in self._reader.connections})) or "none"
+            self.close()
+            raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
+        self._frames = frames
+        connection, _, raw = next(self._reader.messages(connections=infos))
+        self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
+        self.n_frames: int | None = sum(c.msgcount for c in frames)
+        self._next = 0
+        self._messages: Iterator[Any] = iter(())
+
+    def _connections(self, topic: str) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic.endswith(topic)]
+
+    def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
+        """Read the frame at a place; going back starts from the front.
+
+        Raises
+        ------
+        DataError
+            When the bag has fewer frames.
+        """
+        if sequence < self._next or self._next == 0:
+            self._messages, self._next = self._reader.messages(connections=self._frames), 0
+        for connection, _, raw in self._messages:
+            self._next += 1
+            if self._next > sequence:
+                return frame_from_msg(self._reader.deserialize(raw, connection.msgtype)), None
+        raise DataError(f"the bag ends before frame {sequence}")
+
+    def close(self) -> None:
+        """Close the bag."""
+        if self._reader.isopen:
+            self._reader.close()

@@ -1,0 +1,198 @@
+"""Driver node (lifecycle): a source of raw frames, paced and stamped with the node's clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Quaternion as QuaternionMsg
+from handwave.msg import RadarFrame as RadarFrameMsg
+from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import Truth as TruthMsg
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from tf2_msgs.msg import TFMessage
+
+from radar_core import ConfigError, HandwaveError, RadarFrame
+from radar_driver.messages import BagSource
+from radar_driver.sources import FrameSource, SimSource
+from radar_ros import qos
+from radar_ros.convert import frame_to_msg, header, info_to_msg
+from radar_ros.params import declare
+from radar_ros.stage import StageMixin, run
+from radar_sim import Truth
+from radar_sim.messages import truth_to_msg
+
+AT_END = ("stop", "loop", "exit")
+
+
+class DriverNode(StageMixin, LifecycleNode):
+    """Configure = power up, activate = resume, deactivate = suspend, cleanup = power down."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("driver", **kwargs)
+        self.start_stage("driver")
+        self._source_kind = str(declare(self, "source", "sim", "where frames come from: sim or bag"))
+        self._scene = str(declare(self, "scene", "demo", "source sim: scene file, or one of ours by name"))
+        self._bag = str(declare(self, "bag", "", "source bag: folder of the recording"))
+        self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}"))
+        self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
+        self._speed = float(declare(self, "rate", 1.0, "pace relative to the radar's own", low=0.01, high=100.0))
+        autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
+        if self._at_end not in AT_END:
+            raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
+        if self._source_kind not in ("sim", "bag"):
+            raise ConfigError(f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim or bag")
+        self._source: FrameSource | None = None
+        self._timer: Any = None
+        self._again: Any = None
+        self._failure = ""
+        self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.sensor(reliable=self.reliable))
+        self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
+        self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
+        self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        if autostart:
+            self._autostart()
+
+    def _autostart(self) -> None:
+        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            raise ConfigError(self._failure)
+        self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Power up: open the source and tell what the radar is."""
+        try:
+            self._source = SimSource(self._scene) if self._source_kind == "sim" else BagSource(Path(self._bag))
+        except HandwaveError as error:
+            self._failure = str(error)
+            self.get_logger().error(self._failure)
+            return TransitionCallbackReturn.FAILURE
+        self._info = replace(self._source.info, frame_id=f"{self.get_namespace().strip('/')}/{self._source.info.frame_id}".lstrip("/"))
+        self._position = 0  # in the source
+        self._count = 0  # frames made or skipped since power-up: the sequence
+        self._announce()
+        # Latched messages sometimes reach a late joiner only with the middleware's next heartbeat, 3 s later; saying it again is cheap.
+        self._again = self.create_timer(0.5, self._announce)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Resume: frames come from now on."""
+        assert self._source is not None
+        self._interval_ns = round(self._info.waveform.frame_interval * 1e9 / self._speed)
+        self._start_ns = self.get_clock().now().nanoseconds
+        self._done = 0  # frames due since activation that were made or skipped
+        self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
+        self._timer = self.create_timer(self._interval_ns * 1e-9, self._tick)
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Suspend: no more frames; the source keeps its place."""
+        self._stop_timer()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Power down: let go of the source."""
+        self._power_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Power down for good."""
+        self._power_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def close(self) -> None:
+        """Power down when the node ends."""
+        self._power_down()
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+
+    def _power_down(self) -> None:
+        self._stop_timer()
+        if self._again is not None:
+            self.destroy_timer(self._again)
+            self._again = None
+        if self._source is not None:
+            self._source.close()
+            self._source = None
+
+    def _announce(self) -> None:
+        info = self._info
+        now = self.get_clock().now().nanoseconds
+        self._infos.publish(info_to_msg(info, now))
+        x, y, z, w = info.mount.quaternion
+        transform = TransformStamped(header=header(now, "room"), child_frame_id=info.frame_id)
+        transform.transform = Transform(
+            translation=Vector3(x=info.mount.x, y=info.mount.y, z=info.mount.z), rotation=QuaternionMsg(x=x, y=y, z=z, w=w)
+        )
+        self._tf.publish(TFMessage(transforms=[transform]))
+
+    def _tick(self) -> None:
+        """Publish the frame whose acquisition has just ended; what is late is skipped and counted, never queued."""
+        if self._source is None or self._timer is None:
+            return
+        started = time.monotonic_ns()
+        elapsed = self.get_clock().now().nanoseconds - self._start_ns
+        due = elapsed // self._interval_ns  # acquisitions that have ended
+        skipped = due - self._done - 1
+        if skipped < 0:
+            return
+        self.dropped += skipped
+        self._done = due
+        self._count += skipped
+        self._position += skipped
+        if self._ended():
+            return
+        frame, truth = self._fetch(self._position)
+        stamp = self._start_ns + (due - 1) * self._interval_ns
+        frame = replace(frame, stamp_ns=stamp, sequence=self._count, frame_id=self._info.frame_id)
+        self._frames.publish(frame_to_msg(frame))
+        self.finish(stamp, self._count, started)
+        if truth is not None:
+            middle = stamp + self._info.waveform.acquisition_ns // 2
+            self._truths.publish(truth_to_msg(replace(truth, stamp_ns=middle, sequence=self._count)))
+        self._count += 1
+        self._position += 1
+        if not self._ended():
+            self._prefetched = (self._position, *self._source.read(self._position))
+
+    def _fetch(self, position: int) -> tuple[RadarFrame, Truth | None]:
+        """Frame at a place of the source; the next one was made while nothing else was to do."""
+        assert self._source is not None
+        if self._prefetched is not None and self._prefetched[0] == position:
+            return self._prefetched[1], self._prefetched[2]
+        return self._source.read(position)
+
+    def _ended(self) -> bool:
+        """Whether the source or the wanted duration is over; loop, stop or exit as told."""
+        assert self._source is not None
+        timed = self._duration > 0 and self._done * self._interval_ns * 1e-9 > self._duration
+        over = self._source.n_frames is not None and self._position >= self._source.n_frames
+        if over and self._at_end == "loop" and not timed:
+            self._position = 0
+            return False
+        if over or timed:
+            self.get_logger().info(f"the source ends after {self._count} frames")
+            self._stop_timer()
+            if self._at_end == "exit":
+                raise SystemExit(0)
+        return over or timed
+
+
+def make_node(**kwargs: Any) -> DriverNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return DriverNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,258 @@
+"""Simulated, labelled samples: random people gesture in random places, and the run-time chain cuts and measures what they do (section 5.3).
+
+Samples come from whole scenes with one or two people, through the same baseband, tracking, event detection and features as at run time, so
+that training sees what the recogniser will see: events cut too early, points lost to the neighbour, walking, fidgeting.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, RadarInfo
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_gestures.samples import chunk_path, open_folder, write_chunk
+from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
+from radar_sim import Action, Effects, Noise, Person, Scene, Simulator
+from radar_sim.scene import GESTURE_DURATION
+from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+
+_PEOPLE_APART = 1.1  # m: nearer than this two people's arms touch
+
+
+def generate(
+    folder: str | Path,
+    n_scenes: int = 100,
+    *,
+    seed: int = 1,
+    n_jobs: int = 1,
+    settings: GestureConfig | None = None,
+    info: RadarInfo | None = None,
+    progress: bool = True,
+) -> int:
+    """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped.
+
+    A scene takes about 10 s of one core and gives about 25 samples.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where the samples go, one file per scene.
+    n_scenes : int
+        Scenes that the folder shall hold in the end.
+    seed : int
+        Scene ``i`` depends on ``seed`` and ``i`` only: the number of jobs or a restart change nothing.
+    n_jobs : int
+        Scenes simulated at the same time, each on a core of its own.
+    settings : GestureConfig or None
+        Knobs of events and features; None: the defaults.
+    info : RadarInfo or None
+        The radar; None: the default radar.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    int
+        Scenes simulated by this call.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples made with another seed, radar or other settings.
+    """
+    from joblib import Parallel, delayed
+
+    settings = settings if settings is not None else GestureConfig()
+    info = info if info is not None else RadarInfo()
+    manifest = {"seed": seed, "settings": feature_settings(settings), "radar": dataclasses.asdict(info)}
+    place = open_folder(folder, manifest)
+    todo = [number for number in range(n_scenes) if not chunk_path(place, number).exists()]
+    jobs = (delayed(_make_chunk)(place, seed, number, settings, info) for number in todo)
+    done = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(jobs)
+    for _ in _tracked(done, len(todo), n_scenes, progress):
+        pass
+    return len(todo)
+
+
+def _tracked(done: Iterable[None], n_todo: int, n_scenes: int, progress: bool) -> Iterable[None]:
+    """Pass on what is done, with a progress bar that also counts what an earlier run had done."""
+    if not progress or not n_todo:
+        yield from done
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    with Progress("simulating scenes", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+        task = bar.add_task("", total=n_scenes, completed=n_scenes - n_todo)
+        for item in done:
+            bar.advance(task)
+            yield item
+
+
+def _make_chunk(folder: Path, seed: int, number: int, settings: GestureConfig, info: RadarInfo) -> None:
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):  # the cores are taken by scenes
+        scene = random_scene(np.random.default_rng([seed, number]), info)
+        events, segments = simulate(scene, settings)
+    columns = label_events(events, segments)
+    columns["person"] = columns["person"] + 10 * number  # people of different scenes are different people
+    write_chunk(chunk_path(folder, number), columns)
+
+
+def random_scene(rng: np.random.Generator, info: RadarInfo) -> Scene:
+    """Draw a scene: one or two people, 1.5 to 3.5 m away and up to 35 degrees to the side, who do every gesture once in random order.
+
+    Height, arm, the direction they face, speed and size of every stroke, and what they do in between (stand, walk, fidget) are random.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of randomness.
+    info : RadarInfo
+        The radar.
+    """
+    places: list[NDArray[np.float64]] = []
+    wanted = 1 if rng.random() < 0.15 else 2
+    while len(places) < wanted:
+        place = _random_place(rng)
+        if all(np.hypot(*(place - other)) >= _PEOPLE_APART for other in places):
+            places.append(place)
+    people = tuple(_random_person(rng, i + 1, place) for i, place in enumerate(places))
+    return Scene(
+        duration=1.0 + max(_script_end(person) for person in people),
+        seed=int(rng.integers(1 << 31)),
+        radar=info,
+        people=people,
+        effects=Effects(noise=Noise()),
+    )
+
+
+def _random_place(rng: np.random.Generator) -> NDArray[np.float64]:
+    distance, side = rng.uniform(1.5, 3.5), math.radians(rng.uniform(-35.0, 35.0))
+    return distance * np.array([math.cos(side), math.sin(side)])
+
+
+def _random_person(rng: np.random.Generator, number: int, place: NDArray[np.float64]) -> Person:
+    x, y = float(place[0]), float(place[1])
+    gestures = [name for name in GESTURES if name != "random"] + ["random"] * 2
+    script = [_random_stroke(rng, str(name)) for name in rng.permutation(gestures)]
+    step = (x + float(rng.uniform(-0.4, 0.4)), y + float(rng.uniform(-0.2, 0.2)))
+    walk = Action(walk=(step[0] + 0.8 if step[0] < 2.0 else step[0] - 0.8, step[1]), speed=float(rng.uniform(0.6, 1.3)))
+    script.insert(int(rng.integers(len(script))), Action(stand=float(rng.uniform(0.2, 1.0))))
+    if rng.random() < 0.4:  # walk in, then gesture
+        script.insert(0, Action(walk=(x, y), speed=float(rng.uniform(0.6, 1.3))))
+        x, y = min(x + 1.5, 5.0), y * 1.4
+    if rng.random() < 0.4:
+        script.append(walk)
+    return Person(
+        id=number,
+        height=float(rng.uniform(1.5, 1.95)),
+        position=(x, y),
+        heading=float(math.atan2(-place[1], -place[0]) + math.radians(np.clip(rng.normal(0.0, 10.0), -25.0, 25.0))),
+        arm="right" if rng.random() < 0.75 else "left",
+        jitter=float(rng.uniform(0.01, 0.06)),
+        script=(Action(stand=float(rng.uniform(0.3, 1.5))), *script),
+    )
+
+
+def _random_stroke(rng: np.random.Generator, name: str) -> Action:
+    slower = float(np.exp(rng.uniform(math.log(0.75), math.log(1.3))))
+    return Action(gesture=name, duration=GESTURE_DURATION[name] * slower, size=float(rng.uniform(0.85, 1.1)))
+
+
+def _script_end(person: Person) -> float:
+    from radar_sim.script import Timeline
+
+    return Timeline(person, 0).end
+
+
+def simulate(scene: Scene, settings: GestureConfig) -> tuple[list[tuple[int, TrackEvent]], tuple[TruthSegment, ...]]:
+    """Run a scene through baseband, tracking and event detection.
+
+    Parameters
+    ----------
+    scene : Scene
+        What happens.
+    settings : GestureConfig
+        Knobs of events and features.
+
+    Returns
+    -------
+    list of (int, TrackEvent)
+        Events with the person whose they are (-1: nobody near).
+    tuple of TruthSegment
+        What was performed.
+    """
+    simulator = Simulator(scene)
+    baseband, tracker = Baseband(BasebandConfig(), simulator.info), PeopleTracker(TrackerConfig())
+    stage = EventStage(settings, simulator.info.mount)
+    truths, events = [], []
+    for number in range(simulator.n_frames):
+        simulated = simulator.process(number)
+        cloud = baseband.process(simulated.frame).to_room(simulator.info.mount)
+        tracks = tracker.process(cloud)
+        truths.append(simulated.truth)
+        for event in stage.process(TrackedCloud(cloud, tracks)):
+            track = tracks.find(event.track_id)
+            person = None if track is None else nearest_person(simulated.truth, track.position)
+            events.append((-1 if person is None else person, event))
+    return events, truth_segments(truths)
+
+
+def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
+    """Name every event by what its person was doing.
+
+    An event that lies mostly within a gesture and covers half of it gets that label; one that touches no gesture is random (walking, slow
+    arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
+
+    Parameters
+    ----------
+    events : iterable of (int, TrackEvent)
+        Events and whose they are.
+    segments : iterable of TruthSegment
+        What was performed.
+
+    Returns
+    -------
+    dict of ndarray
+        The columns of `SampleSet`.
+    """
+    segments = list(segments)
+    rows: list[tuple[NDArray[np.float64], int, int, float]] = []
+    seen: set[TruthSegment] = set()
+    for person, found in events:
+        own = [(s, _overlap(found, s)) for s in segments if s.person_id == person]
+        best, overlap = max(own, key=lambda pair: pair[1], default=(None, -math.inf))
+        label = 0
+        if best is not None and overlap > -0.2:
+            length = (found.event.end_ns - found.event.start_ns) * 1e-9
+            if overlap < 0.5 * max(length, (best.end_ns - best.start_ns) * 1e-9):
+                continue
+            label = best.label
+            seen.add(best)
+        if found.features is not None:
+            rows.append((found.features, label, max(person, 0), found.walked))
+    missed = np.zeros(len(GESTURES), np.int64)
+    for segment in segments:
+        missed[segment.label] += segment not in seen
+    return {
+        "features": np.array([r[0] for r in rows], np.float64).reshape(-1, len(FEATURE_NAMES)),
+        "label": np.array([r[1] for r in rows], np.int64),
+        "person": np.array([r[2] for r in rows], np.int64),
+        "walked": np.array([r[3] for r in rows], np.float64),
+        "missed": missed,
+    }
+
+
+def _overlap(found: TrackEvent, segment: TruthSegment) -> float:
+    """Common time of an event and a gesture [s]; negative: the time between them."""
+    return (min(found.event.end_ns, segment.end_ns) - max(found.event.start_ns, segment.start_ns)) * 1e-9

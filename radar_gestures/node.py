@@ -1,0 +1,77 @@
+"""Gesture node: radar/points and tracks to gestures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from handwave.msg import Gesture as GestureMsg
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import TrackArray as TrackArrayMsg
+
+from radar_core import HandwaveError, RadarInfo
+from radar_gestures import GestureConfig, GestureRecognizer, load_model
+from radar_gestures.messages import gesture_to_msg
+from radar_ros import qos
+from radar_ros.convert import cloud_from_msg
+from radar_ros.params import declare, declare_config
+from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.sync import Subscriber, TimeSynchronizer
+from radar_tracking import TrackedCloud
+from radar_tracking.messages import tracks_from_msg
+
+
+class GesturesNode(StageNode):
+    """Recognises the arm gestures of every tracked person."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("gestures", **kwargs)
+        self._config = declare_config(self, GestureConfig)
+        self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
+        self._recognizer: GestureRecognizer | None = None
+        self._gestures = self.create_publisher(GestureMsg, "gestures", qos.RESULT)
+        self._info = InfoKeeper(self, self._configure)
+        inputs = [
+            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
+            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),
+        ]
+        self._sync = TimeSynchronizer(inputs, 10)
+        self._sync.registerCallback(self._take)
+
+    def _configure(self, info: RadarInfo) -> None:
+        self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
+
+    def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
+        started = time.monotonic_ns()
+        self.count_gap(cloud_msg.sequence)
+        info = self._info.info
+        if not self._info.usable() or info is None or self._recognizer is None:
+            self.dropped += 1
+            return
+        try:
+            tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
+            if self.went_back(tracked.cloud.stamp_ns):
+                self._configure(info)
+            gestures = self._recognizer.process(tracked)
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
+            return
+        for gesture in gestures:
+            self._gestures.publish(gesture_to_msg(gesture))
+        self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
+
+
+def make_node(**kwargs: Any) -> GesturesNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return GesturesNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,219 @@
+"""Between the library's dataclasses and ROS messages, without loss and without Python loops over points.
+
+Here are the types of `radar_core`; each stage has a ``messages.py`` for its own results, so that plumbing never imports stages.
+"""
+
+from __future__ import annotations
+
+import array
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import RadarFrame as RadarFrameMsg
+from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import StageStatus as StageStatusMsg
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from radar_core import AntennaArray, DataError, PointCloud, Pose, RadarFrame, RadarInfo, Waveform
+from radar_core.cloud import ARRAY_FIELDS
+
+_NANOSECONDS: Final = 1_000_000_000
+CLOUD2_FIELDS: Final = ("x", "y", "z", "range", "radial_speed", "azimuth", "elevation", "snr")
+"""Fields of the PointCloud2 on radar/points2."""
+
+
+def to_time(stamp_ns: int) -> Time:
+    """Nanoseconds to a ROS time."""
+    return Time(sec=stamp_ns // _NANOSECONDS, nanosec=stamp_ns % _NANOSECONDS)
+
+
+def from_time(time: Any) -> int:
+    """Convert a ROS time to nanoseconds."""
+    return int(time.sec) * _NANOSECONDS + int(time.nanosec)
+
+
+def header(stamp_ns: int, frame_id: str) -> Header:
+    """Make a message header."""
+    return Header(stamp=to_time(stamp_ns), frame_id=frame_id)
+
+
+def pack(values: NDArray[Any], code: str) -> array.array[Any]:
+    """Copy an array into the buffer type that messages take fastest.
+
+    Parameters
+    ----------
+    values : ndarray, shape (...)
+        Flattened in C order.
+    code : str
+        Type code of `array.array`: f, d, i, I, B.
+    """
+    return array.array(code, np.ascontiguousarray(values, np.dtype(code)).tobytes())
+
+
+def unpack(field: Any, dtype: Any) -> NDArray[Any]:
+    """Copy a message's array into a numpy array, shape (n,), that may be written to."""
+    return np.frombuffer(field, dtype).copy() if len(field) else np.empty(0, dtype)
+
+
+def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
+    """Describe a radar in a message."""
+    w, a, m = info.waveform, info.array, info.mount
+    tx, rx = np.asarray(a.tx, np.float64), np.asarray(a.rx, np.float64)
+    return RadarInfoMsg(
+        header=header(stamp_ns, info.frame_id),
+        carrier_hz=w.carrier,
+        bandwidth_hz=w.bandwidth,
+        chirp_s=w.chirp_duration,
+        pause_s=w.chirp_pause,
+        frame_interval_s=w.frame_interval,
+        n_chirp=w.n_chirp,
+        n_sample=w.n_sample,
+        tx_y_m=pack(tx[:, 0], "d"),
+        tx_z_m=pack(tx[:, 1], "d"),
+        rx_y_m=pack(rx[:, 0], "d"),
+        rx_z_m=pack(rx[:, 1], "d"),
+        gain_dbi=a.gain,
+        tx_power_dbm=a.tx_power,
+        fov_azimuth_rad=a.fov_azimuth,
+        fov_elevation_rad=a.fov_elevation,
+        mount_x_m=m.x,
+        mount_y_m=m.y,
+        mount_z_m=m.z,
+        mount_yaw_rad=m.yaw,
+        mount_tilt_rad=m.tilt,
+    )
+
+
+def info_from_msg(msg: Any) -> RadarInfo:
+    """Read a radar's description.
+
+    Raises
+    ------
+    ConfigError
+        When the description makes no sense.
+    """
+    return RadarInfo(
+        frame_id=msg.header.frame_id,
+        waveform=Waveform(
+            carrier=msg.carrier_hz,
+            bandwidth=msg.bandwidth_hz,
+            chirp_duration=msg.chirp_s,
+            chirp_pause=msg.pause_s,
+            frame_interval=msg.frame_interval_s,
+            n_tx=len(msg.tx_y_m),
+            n_chirp=msg.n_chirp,
+            n_sample=msg.n_sample,
+        ),
+        array=AntennaArray(
+            tx=tuple((float(y), float(z)) for y, z in zip(msg.tx_y_m, msg.tx_z_m, strict=True)),
+            rx=tuple((float(y), float(z)) for y, z in zip(msg.rx_y_m, msg.rx_z_m, strict=True)),
+            gain=msg.gain_dbi,
+            tx_power=msg.tx_power_dbm,
+            fov_azimuth=msg.fov_azimuth_rad,
+            fov_elevation=msg.fov_elevation_rad,
+        ),
+        mount=Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad),
+    )
+
+
+def frame_to_msg(frame: RadarFrame) -> RadarFrameMsg:
+    """Put a raw frame into a message."""
+    n_tx, n_chirp, n_rx, n_sample = frame.cube.shape
+    return RadarFrameMsg(
+        header=header(frame.stamp_ns, frame.frame_id),
+        sequence=frame.sequence,
+        n_tx=n_tx,
+        n_chirp=n_chirp,
+        n_rx=n_rx,
+        n_sample=n_sample,
+        data=array.array("f", np.ascontiguousarray(frame.cube).tobytes()),
+    )
+
+
+def frame_from_msg(msg: Any) -> RadarFrame:
+    """Take a raw frame out of a message; the cube is a view of the message's buffer, read only.
+
+    Raises
+    ------
+    DataError
+        When the data's length contradicts the shape.
+    """
+    shape = (msg.n_tx, msg.n_chirp, msg.n_rx, msg.n_sample)
+    samples = np.frombuffer(msg.data, np.complex64) if len(msg.data) % 2 == 0 and len(msg.data) else np.empty(0, np.complex64)
+    if samples.size != np.prod(shape, dtype=np.int64) or len(msg.data) % 2:
+        raise DataError(
+            f"frame {msg.sequence} of {msg.header.frame_id!r} says {shape} (tx, chirp, rx, sample) but carries {len(msg.data)} floats, "
+            f"not {2 * int(np.prod(shape, dtype=np.int64))}; its driver is broken or of another version"
+        )
+    return RadarFrame(cube=samples.reshape(shape), stamp_ns=from_time(msg.header.stamp), sequence=msg.sequence, frame_id=msg.header.frame_id)
+
+
+def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:
+    """Put a point cloud into a message."""
+    arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
+    return PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, **arrays)
+
+
+def cloud_from_msg(msg: Any) -> PointCloud:
+    """Take a point cloud out of a message.
+
+    Raises
+    ------
+    DataError
+        When its arrays differ in length.
+    """
+    arrays = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
+    return PointCloud(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, **arrays)
+
+
+def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:
+    """Make a PointCloud2 for rviz and everything else that knows nothing of radar."""
+    points = np.stack([getattr(cloud, name) for name in CLOUD2_FIELDS], axis=-1)
+    return PointCloud2(
+        header=header(cloud.stamp_ns, cloud.frame_id),
+        height=1,
+        width=len(cloud),
+        fields=[PointField(name=n, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, n in enumerate(CLOUD2_FIELDS)],
+        is_bigendian=False,
+        point_step=4 * len(CLOUD2_FIELDS),
+        row_step=4 * len(CLOUD2_FIELDS) * len(cloud),
+        data=array.array("B", points.tobytes()),
+        is_dense=not bool(np.isnan(points[:, :3]).any()),
+    )
+
+
+@dataclass(frozen=True)
+class StageStatus:
+    """That a stage has finished with a message; the fields of ``msg/StageStatus.msg``."""
+
+    stamp_ns: int
+    stage: str
+    sequence: int
+    processed: int
+    dropped: int
+    compute: float
+    monotonic_ns: int
+
+
+def status_to_msg(status: StageStatus) -> StageStatusMsg:
+    """Put a stage's status into a message."""
+    return StageStatusMsg(
+        header=header(status.stamp_ns, ""),
+        stage=status.stage,
+        sequence=status.sequence,
+        processed=status.processed,
+        dropped=status.dropped,
+        compute_s=status.compute,
+        monotonic_ns=status.monotonic_ns,
+    )
+
+
+def status_from_msg(msg: Any) -> StageStatus:
+    """Take a stage's status out of a message."""
+    stamp = from_time(msg.header.stamp)
+    return StageStatus(stamp, msg.stage, msg.sequence, msg.processed, msg.dropped, msg.compute_s, msg.monotonic_ns)

@@ -1,0 +1,177 @@
+"""Time synchronisation with the interface of ROS's message_filters, for where that package is not installed."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from radar_ros.convert import from_time
+
+
+class SimpleFilter:
+    """Something that passes messages on to callbacks."""
+
+    def __init__(self) -> None:
+        self.callbacks: dict[int, tuple[Callable[..., Any], tuple[Any, ...]]] = {}
+
+    def registerCallback(self, cb: Callable[..., Any], *args: Any) -> int:  # noqa: N802  (message_filters' name)
+        """Call ``cb(message, *args)`` for every message; returns a number for the connection."""
+        connection = len(self.callbacks)
+        self.callbacks[connection] = (cb, args)
+        return connection
+
+    def signalMessage(self, *msg: Any) -> None:  # noqa: N802  (message_filters' name)
+        """Pass a message on."""
+        for callback, args in self.callbacks.values():
+            callback(*(msg + args))
+
+
+class Subscriber(SimpleFilter):
+    """A ROS subscription as a source; same arguments as ``node.create_subscription`` without the callback."""
+
+    def __init__(self, node: Any, msg_type: Any, topic: str, qos_profile: Any = 10, **kwargs: Any) -> None:
+        super().__init__()
+        self.node, self.topic = node, topic
+        self.sub = node.create_subscription(msg_type, topic, self.callback, qos_profile, **kwargs)
+
+    def callback(self, msg: Any) -> None:
+        """Take a message in."""
+        self.signalMessage(msg)
+
+    def getTopic(self) -> str:  # noqa: N802  (message_filters' name)
+        """Topic it subscribes to."""
+        return self.topic
+
+
+def _stamp(msg: Any, node: Any, allow_headerless: bool) -> int | None:
+    """Stamp of a message [ns]; without a header, the node's time if that is allowed, else None."""
+    if hasattr(msg, "header"):
+        return from_time(msg.header.stamp)
+    return int(node.get_clock().now().nanoseconds) if allow_headerless and node is not None else None
+
+
+class Cache(SimpleFilter):
+    """The last ``cache_size`` messages, in the order of their stamps, to ask for by time."""
+
+    def __init__(self, f: SimpleFilter | None, cache_size: int = 1, allow_headerless: bool = False) -> None:
+        super().__init__()
+        self.cache_size, self.allow_headerless = cache_size, allow_headerless
+        self.cache_msgs: list[Any] = []
+        self.cache_times: list[int] = []
+        self.node = getattr(f, "node", None)
+        if f is not None:
+            self.connectInput(f)
+
+    def connectInput(self, f: SimpleFilter) -> None:  # noqa: N802  (message_filters' name)
+        """Take messages from another filter."""
+        self.incoming_connection = f.registerCallback(self.add)
+
+    def add(self, msg: Any) -> None:
+        """Keep a message; the oldest falls out."""
+        stamp = _stamp(msg, self.node, self.allow_headerless)
+        if stamp is None:
+            return
+        place = next((i for i in range(len(self.cache_times), 0, -1) if self.cache_times[i - 1] <= stamp), 0)
+        self.cache_times.insert(place, stamp)
+        self.cache_msgs.insert(place, msg)
+        if len(self.cache_msgs) > self.cache_size:
+            del self.cache_times[0], self.cache_msgs[0]
+        self.signalMessage(msg)
+
+    def getInterval(self, from_stamp: Any, to_stamp: Any) -> list[Any]:  # noqa: N802  (message_filters' name)
+        """Messages with stamps in [from_stamp, to_stamp]."""
+        low, high = from_stamp.nanoseconds, to_stamp.nanoseconds
+        return [m for m, t in zip(self.cache_msgs, self.cache_times, strict=True) if low <= t <= high]
+
+    def getElemAfterTime(self, stamp: Any) -> Any:  # noqa: N802  (message_filters' name)
+        """Oldest message at or after a time, or None."""
+        return next((m for m, t in zip(self.cache_msgs, self.cache_times, strict=True) if t >= stamp.nanoseconds), None)
+
+    def getElemBeforeTime(self, stamp: Any) -> Any:  # noqa: N802  (message_filters' name)
+        """Newest message at or before a time, or None."""
+        older = [m for m, t in zip(self.cache_msgs, self.cache_times, strict=True) if t <= stamp.nanoseconds]
+        return older[-1] if older else None
+
+    def getLast(self) -> Any:  # noqa: N802  (message_filters' name)
+        """Newest message, or None."""
+        return self.cache_msgs[-1] if self.cache_msgs else None
+
+
+class TimeSynchronizer(SimpleFilter):
+    """Call back with one message of each input when their stamps are equal.
+
+    Parameters
+    ----------
+    fs : sequence of SimpleFilter
+        Inputs.
+    queue_size : int
+        Messages of each input that wait for their partners; the oldest stamp falls out.
+    """
+
+    def __init__(self, fs: Sequence[SimpleFilter], queue_size: int) -> None:
+        super().__init__()
+        self.queue_size = queue_size
+        self.lock = threading.Lock()
+        self.connectInput(fs)
+
+    def connectInput(self, fs: Sequence[SimpleFilter]) -> None:  # noqa: N802  (message_filters' name)
+        """Take messages from other filters."""
+        self.queues: list[dict[int, Any]] = [{} for _ in fs]
+        self.node = next((f.node for f in fs if hasattr(f, "node")), None)
+        self.input_connections = [f.registerCallback(self.add, q, i) for i, (f, q) in enumerate(zip(fs, self.queues, strict=True))]
+
+    def add(self, msg: Any, my_queue: dict[int, Any], my_queue_index: int | None = None) -> None:
+        """Take one message in; fires when its partners are there."""
+        with self.lock:
+            stamp = from_time(msg.header.stamp)
+            my_queue[stamp] = msg
+            while len(my_queue) > self.queue_size:
+                del my_queue[min(my_queue)]
+            if all(stamp in queue for queue in self.queues):
+                messages = [queue.pop(stamp) for queue in self.queues]
+            else:
+                return
+        self.signalMessage(*messages)
+
+
+class ApproximateTimeSynchronizer(TimeSynchronizer):
+    """Call back with one message of each input when their stamps differ by no more than ``slop`` seconds.
+
+    Parameters
+    ----------
+    fs : sequence of SimpleFilter
+        Inputs.
+    queue_size : int
+        Messages of each input that wait.
+    slop : float
+        Largest difference of stamps within one set [s].
+    allow_headerless : bool
+        Messages without a header get the time of their arrival.
+    """
+
+    def __init__(self, fs: Sequence[SimpleFilter], queue_size: int, slop: float, allow_headerless: bool = False, **_: Any) -> None:
+        super().__init__(fs, queue_size)
+        self.slop = round(slop * 1e9)
+        self.allow_headerless = allow_headerless
+
+    def add(self, msg: Any, my_queue: dict[int, Any], my_queue_index: int | None = None) -> None:
+        """Take one message in; fires with the nearest set of partners."""
+        stamp = _stamp(msg, self.node, self.allow_headerless)
+        if stamp is None:
+            return
+        with self.lock:
+            my_queue[stamp] = msg
+            while len(my_queue) > self.queue_size:
+                del my_queue[min(my_queue)]
+            near = []
+            for queue in self.queues:
+                stamps = [stamp] if queue is my_queue else [s for s in queue if abs(s - stamp) <= self.slop]
+                near.append(sorted(stamps, key=lambda s: abs(s - stamp)))
+            sets = (c for c in itertools.product(*near) if max(c) - min(c) <= self.slop)
+            best = min(sets, key=lambda c: sum(abs(s - stamp) for s in c), default=None)
+            if best is None:
+                return
+            messages = [queue.pop(s) for queue, s in zip(self.queues, best, strict=True)]
+        self.signalMessage(*messages)

@@ -1,0 +1,144 @@
+"""The graph of nodes, described once: launch files, `handwave up`, the demo and `ros2 run` are all made from it."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from radar_core import ConfigError
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of the graph.
+
+    Attributes
+    ----------
+    name : str
+        Of the node, and of its executable ``<name>_node``.
+    module : str
+        Python module with ``make_node`` and ``main``.
+    parameters : mapping
+        Parameters that differ from the defaults.
+    remappings : mapping
+        Topic names from the node's own to the graph's.
+    namespace : str
+        ROS namespace, "" for none.
+    """
+
+    name: str
+    module: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
+    namespace: str = ""
+
+
+NODES: Mapping[str, NodeSpec] = {
+    spec.name: spec
+    for spec in (
+        NodeSpec("driver", "radar_driver.node"),
+        NodeSpec("baseband", "radar_dsp.node"),
+        NodeSpec("tracking", "radar_tracking.nodes.tracking"),
+        NodeSpec("gestures", "radar_gestures.node"),
+        NodeSpec("hand", "radar_tracking.nodes.hand"),
+        NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
+        NodeSpec("evaluation", "radar_ros.nodes.evaluation"),
+        NodeSpec("recorder", "radar_ros.nodes.recorder"),
+    )
+}
+"""Every node there is."""
+
+STAGES = ("baseband", "tracking", "gestures", "hand")
+"""The stages between raw frames and results, in the order data flows."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Which nodes run together, and why.
+
+    Attributes
+    ----------
+    doc : str
+        One sentence for users.
+    nodes : tuple of str
+        Names.
+    """
+
+    doc: str
+    nodes: tuple[str, ...]
+
+
+VARIANTS: Mapping[str, Variant] = {
+    "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
+    "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
+    "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
+    "stages": Variant("the bare stages, for lockstep and measurements", STAGES),
+}
+"""The graphs that launch files and `handwave up` offer."""
+
+
+def graph(
+    variant: str, *, namespace: str = "", parameters: Mapping[str, Mapping[str, Any]] | None = None, without: Sequence[str] = ()
+) -> tuple[NodeSpec, ...]:
+    """List the nodes of a variant with their settings.
+
+    Parameters
+    ----------
+    variant : str
+        Key of `VARIANTS`.
+    namespace : str
+        Namespace of all nodes, one per radar.
+    parameters : mapping
+        Per node name (or ``"*"`` for all), parameters to set.
+    without : sequence of str
+        Nodes to leave out.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such variant or node.
+    """
+    if variant not in VARIANTS:
+        raise ConfigError(f"there is no graph {variant!r}; choose one of {', '.join(VARIANTS)}")
+    given = dict(parameters or {})
+    common = given.pop("*", {})
+    for name in (*given, *without):
+        if name not in NODES:
+            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
+    return tuple(
+        replace(NODES[name], namespace=namespace, parameters={**common, **given.get(name, {})})
+        for name in VARIANTS[variant].nodes
+        if name not in without
+    )
+
+
+def arguments(spec: NodeSpec) -> list[str]:
+    """Command-line arguments after ``python -m module`` that start a node as described."""
+    result = ["--ros-args", "-r", f"__node:={spec.name}"]
+    if spec.namespace:
+        result += ["-r", f"__ns:=/{spec.namespace.strip('/')}"]
+    for old, new in spec.remappings.items():
+        result += ["-r", f"{old}:={new}"]
+    for name, value in spec.parameters.items():
+        result += ["-p", f"{name}:={_yaml(value)}"]
+    return result
+
+
+def _yaml(value: Any) -> str:
+    """Write a parameter value as YAML on one line; a string that looks like a number stays a string."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    return repr(value)
+
+
+def run_node(name: str) -> int:
+    """Run the node of that name in this process; for the executables of a ROS installation."""
+    if name not in NODES:
+        raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
+    return int(importlib.import_module(NODES[name].module).main())

@@ -1,0 +1,1 @@
+"""Nodes that belong to no stage: visualisation, evaluation, recorder."""

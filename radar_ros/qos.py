@@ -1,0 +1,26 @@
+"""Quality of service per topic; docs/graph.md repeats the table for users."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def sensor(*, reliable: bool = False, depth: int = 5) -> QoSProfile:
+    """Streams (frames, clouds, status): best effort, the newest few; reliable where nothing may be lost (lockstep replay)."""
+    return QoSProfile(
+        depth=100 if reliable else depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+    )
+
+
+def frames_in(*, reliable: bool = False) -> QoSProfile:
+    """Incoming raw frames: only the latest waits, so that under overload the newest frame wins."""
+    return sensor(reliable=reliable, depth=1)
+
+
+RESULT = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
+"""Results (tracks, gestures, hand, truth): reliable; 50 is a second at 50 Hz, for readers that stall for a moment."""
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""What a late joiner must get too: radar/info, /tf_static."""

@@ -1,0 +1,196 @@
+"""What every node shares: status per message, drops, diagnostics, one log line per problem, and a clean life and end."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+for _pool in ("OMP", "OPENBLAS", "MKL"):  # before numpy's libraries start their pools: second threads only fight at these sizes
+    os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import StageStatus as StageStatusMsg
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from radar_core import HandwaveError, RadarInfo
+from radar_ros import qos
+from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
+from radar_ros.params import declare, refuse_unknown
+
+_REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
+
+
+class StageMixin:
+    """Plumbing of one stage; mixed into `Node` or `LifecycleNode`."""
+
+    def start_stage(self: Any, stage: str) -> None:
+        """Declare the shared parameters and make the shared publishers; call first."""
+        self.stage = stage
+        self.processed = 0
+        self.dropped = 0
+        self._sequence: int | None = None
+        self._stamp_ns = -1
+        self._problems: dict[str, float] = {}
+        self._compute = 0.0
+        self._last = (0, 0)
+        self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
+        self._status = self.create_publisher(StageStatusMsg, "stage_status", qos.sensor(reliable=self.reliable, depth=20))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self.create_timer(1.0, self._diagnose)
+
+    def close(self: Any) -> None:
+        """Let go of what must not wait for the garbage collector; overridden where there is such a thing."""
+
+    def finish(self: Any, stamp_ns: int, sequence: int, started_ns: int) -> None:
+        """Tell everyone that the stage is done with a message."""
+        now = time.monotonic_ns()
+        compute = (now - started_ns) * 1e-9
+        self.processed += 1
+        self._compute += compute
+        status = StageStatus(stamp_ns, self.stage, sequence, self.processed, self.dropped, compute, now)
+        self._status.publish(status_to_msg(status))
+
+    def count_gap(self: Any, sequence: int) -> None:
+        """Count the messages lost between the last one and this one; a sequence that starts again is a new source."""
+        if self._sequence is not None and sequence > self._sequence + 1:
+            self.dropped += sequence - self._sequence - 1
+        self._sequence = sequence
+
+    def went_back(self: Any, stamp_ns: int) -> bool:
+        """Whether stamps went back: another recording, or the same one once more; the stage starts afresh."""
+        back = stamp_ns < self._stamp_ns
+        self._stamp_ns = stamp_ns
+        if back:
+            self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
+        return back
+
+    def problem(self: Any, text: str) -> None:
+        """Log a problem once, and again only when it goes on for long."""
+        now = time.monotonic()
+        if now - self._problems.get(text, -1e9) >= _REPEAT_AFTER:
+            self._problems[text] = now
+            self.get_logger().error(text)
+
+    def _diagnose(self: Any) -> None:
+        count, drops = self.processed - self._last[0], self.dropped - self._last[1]
+        self._last = (self.processed, self.dropped)
+        mean = self._compute / count if count else 0.0
+        self._compute = 0.0
+        level, message = (DiagnosticStatus.WARN, f"{drops} dropped") if drops else (DiagnosticStatus.OK, "running" if count else "idle")
+        values = {"rate_hz": count, "dropped_total": self.dropped, "processed_total": self.processed, "compute_ms": f"{mean * 1e3:.3f}"}
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self.get_fully_qualified_name().lstrip('/')}",
+            message=message,
+            hardware_id=self.stage,
+            values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+
+class StageNode(StageMixin, Node):
+    """A node that is one stage of the graph."""
+
+    def __init__(self, stage: str, **kwargs: Any) -> None:
+        super().__init__(stage, **kwargs)
+        self.start_stage(stage)
+
+
+class InfoKeeper:
+    """Holds the one radar info that a node works with.
+
+    A driver that is configured anew sends its info again: the same one is fine, another one ends the old measurement and is refused until the
+    node is started anew, because tracks and thresholds of two radars must not be mixed.
+
+    Parameters
+    ----------
+    node : StageNode
+        Subscribes and logs.
+    ready : callable
+        Called with the first info.
+    """
+
+    def __init__(self, node: Any, ready: Callable[[RadarInfo], None]) -> None:
+        self.info: RadarInfo | None = None
+        self.refused = False
+        self._node, self._ready = node, ready
+        node.create_subscription(RadarInfoMsg, "radar/info", self._take, qos.LATCHED)
+
+    def _take(self, msg: Any) -> None:
+        try:
+            info = info_from_msg(msg)
+        except HandwaveError as error:
+            self._node.problem(f"radar/info makes no sense: {error}")
+            return
+        if self.info is None:
+            self.info = info
+            self._ready(info)
+        elif info != self.info:
+            self.refused = True
+            self._node.problem(
+                "radar/info changed while running: frames are refused from now on; start this node anew to work with the new radar, "
+                "or give the second radar a namespace of its own"
+            )
+        else:
+            self.refused = False
+
+    def usable(self) -> bool:
+        """Whether data can be processed; says once why not."""
+        if self.info is None:
+            self._node.problem("data comes but no radar/info: is the driver (or the replay) of this namespace running, and configured?")
+        return self.info is not None and not self.refused
+
+
+def run(make_node: Callable[..., Any], argv: Sequence[str] | None = None) -> int:
+    """Run one node until it is told to stop.
+
+    Returns
+    -------
+    int
+        Exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense.
+    """
+    return run_many([make_node], argv)
+
+
+def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = None) -> int:
+    """Run nodes on one executor until told to stop; see `run`."""
+    # Our own handlers: with rclpy's there is a moment in which a second SIGINT ends in a traceback.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: rclpy.try_shutdown())
+    rclpy.init(args=list(sys.argv if argv is None else argv), signal_handler_options=SignalHandlerOptions.NO)
+    nodes: list[Any] = []
+    status = 0
+    try:
+        executor = SingleThreadedExecutor()
+        for make_node in makers:
+            nodes.append(make_node())
+            refuse_unknown(nodes[-1])
+            executor.add_node(nodes[-1])
+        gc.collect()
+        gc.freeze()  # what lives as long as the nodes need not be walked through in the middle of a frame
+        executor.spin()
+    except (ExternalShutdownException, KeyboardInterrupt):
+        pass
+    except HandwaveError as error:
+        print(f"handwave: {error}", file=sys.stderr, flush=True)
+        status = 2
+    except Exception:
+        if rclpy.ok():
+            raise
+    finally:
+        for node in nodes:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return status

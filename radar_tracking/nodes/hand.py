@@ -1,0 +1,94 @@
+"""Hand node: radar/points, tracks and gestures to hand and hand/value."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from handwave.msg import Gesture as GestureMsg
+from handwave.msg import HandTrack as HandTrackMsg
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import TrackArray as TrackArrayMsg
+from handwave.srv import TrackHand
+from std_msgs.msg import Float32
+
+from radar_core import HandwaveError
+from radar_ros import qos
+from radar_ros.convert import cloud_from_msg, from_time
+from radar_ros.params import declare_config
+from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.sync import Subscriber, TimeSynchronizer
+from radar_tracking import HandConfig, HandTracker, TrackedCloud
+from radar_tracking.messages import hand_to_msg, tracks_from_msg
+
+
+class HandNode(StageNode):
+    """Follows a hand as an analogue input."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("hand", **kwargs)
+        self._tracker = HandTracker(declare_config(self, HandConfig))
+        self._people: set[int] = set()
+        self._hand = self.create_publisher(HandTrackMsg, "hand", qos.RESULT)
+        self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
+        self._info = InfoKeeper(self, lambda info: None)
+        inputs = [
+            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
+            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),
+        ]
+        self._sync = TimeSynchronizer(inputs, 10)
+        self._sync.registerCallback(self._take)
+        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
+        self.create_service(TrackHand, "hand/track", self._serve)
+
+    def _gesture(self, msg: Any) -> None:
+        self._tracker.gesture(msg.name, msg.track_id, from_time(msg.header.stamp))
+
+    def _serve(self, request: Any, response: Any) -> Any:
+        if not request.enable:
+            self._tracker.stop()
+            response.success, response.message = True, "the hand track ends with the next cloud"
+        elif request.track_id >= 0 and request.track_id not in self._people:
+            known = ", ".join(map(str, sorted(self._people))) or "none"
+            response.success, response.message = False, f"there is no track {request.track_id}; tracks now: {known}"
+        else:
+            self._tracker.start(None if request.track_id < 0 else request.track_id, self._stamp_ns)
+            response.success, response.message = True, "the hand is looked for"
+        return response
+
+    def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
+        started = time.monotonic_ns()
+        self.count_gap(cloud_msg.sequence)
+        info = self._info.info
+        if not self._info.usable() or info is None:
+            self.dropped += 1
+            return
+        try:
+            tracks = tracks_from_msg(tracks_msg)
+            if self.went_back(tracks.stamp_ns):
+                self._tracker.reset()
+            hand = self._tracker.process(TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks))
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
+            return
+        self._people = {track.id for track in tracks.tracks}
+        if hand is not None:
+            self._hand.publish(hand_to_msg(hand))
+            self._value.publish(Float32(data=hand.value))
+        self.finish(tracks.stamp_ns, tracks.sequence, started)
+
+
+def make_node(**kwargs: Any) -> HandNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return HandNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
