@@ -21,8 +21,9 @@ from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_gestures.samples import chunk_path, open_folder, write_chunk
 from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
-from radar_sim import Action, Effects, Noise, Person, Scene, Simulator
-from radar_sim.scene import GESTURE_DURATION
+from radar_sim import GESTURE_DURATION, Action, Coupling, Draw, Effects, Losses, Noise, Person, Scene, Simulator, Walk
+from radar_sim.scene import SHAPES
+from radar_sim.script import Timeline
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
 _PEOPLE_APART = 1.1  # m: nearer than this two people's arms touch
@@ -69,7 +70,7 @@ def generate(
     ConfigError
         When the folder holds samples made with another seed, radar or other settings.
     """
-    from joblib import Parallel, delayed
+    from joblib import Parallel, delayed, parallel_config
 
     settings = settings if settings is not None else GestureConfig()
     info = info if info is not None else RadarInfo()
@@ -77,9 +78,10 @@ def generate(
     place = open_folder(folder, manifest)
     todo = [number for number in range(n_scenes) if not chunk_path(place, number).exists()]
     jobs = (delayed(_make_chunk)(place, seed, number, settings, info) for number in todo)
-    done = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(jobs)
-    for _ in _tracked(done, len(todo), n_scenes, progress):
-        pass
+    with parallel_config("loky", inner_max_num_threads=1):  # the cores are taken by scenes
+        done = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
+        for _ in _tracked(done, len(todo), n_scenes, progress):
+            pass
     return len(todo)
 
 
@@ -98,11 +100,8 @@ def _tracked(done: Iterable[None], n_todo: int, n_scenes: int, progress: bool) -
 
 
 def _make_chunk(folder: Path, seed: int, number: int, settings: GestureConfig, info: RadarInfo) -> None:
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):  # the cores are taken by scenes
-        scene = random_scene(np.random.default_rng([seed, number]), info)
-        events, segments = simulate(scene, settings)
+    scene = random_scene(np.random.default_rng([seed, number]), info)
+    events, segments = simulate(scene, settings)
     columns = label_events(events, segments)
     columns["person"] = columns["person"] + 10 * number  # people of different scenes are different people
     write_chunk(chunk_path(folder, number), columns)
@@ -128,11 +127,11 @@ def random_scene(rng: np.random.Generator, info: RadarInfo) -> Scene:
             places.append(place)
     people = tuple(_random_person(rng, i + 1, place) for i, place in enumerate(places))
     return Scene(
-        duration=1.0 + max(_script_end(person) for person in people),
+        duration=1.0 + max(Timeline(person, 0).segments[-1].end for person in people),
         seed=int(rng.integers(1 << 31)),
         radar=info,
         people=people,
-        effects=Effects(noise=Noise()),
+        effects=_random_effects(rng),
     )
 
 
@@ -145,34 +144,48 @@ def _random_person(rng: np.random.Generator, number: int, place: NDArray[np.floa
     x, y = float(place[0]), float(place[1])
     gestures = [name for name in GESTURES if name != "random"] + ["random"] * 2
     script = [_random_stroke(rng, str(name)) for name in rng.permutation(gestures)]
-    step = (x + float(rng.uniform(-0.4, 0.4)), y + float(rng.uniform(-0.2, 0.2)))
-    walk = Action(walk=(step[0] + 0.8 if step[0] < 2.0 else step[0] - 0.8, step[1]), speed=float(rng.uniform(0.6, 1.3)))
     script.insert(int(rng.integers(len(script))), Action(stand=float(rng.uniform(0.2, 1.0))))
-    if rng.random() < 0.4:  # walk in, then gesture
-        script.insert(0, Action(walk=(x, y), speed=float(rng.uniform(0.6, 1.3))))
-        x, y = min(x + 1.5, 5.0), y * 1.4
+    if rng.random() < 0.4:  # a drawing hand is no gesture
+        shape = SHAPES[int(rng.integers(len(SHAPES)))]
+        script.append(Action(draw=Draw(shape=shape, duration=2.5, size=float(rng.uniform(0.2, 0.35)), speed=float(rng.uniform(0.5, 1.0)))))
+    start = (x, y)
     if rng.random() < 0.4:
-        script.append(walk)
+        script.insert(0, _walk_to(rng, x, y))
+        start = (min(x + 1.5, 5.0), y * 1.4)
+    if rng.random() < 0.4:
+        script.append(_walk_to(rng, x + (0.8 if x < 2.0 else -0.8), y + float(rng.uniform(-0.2, 0.2))))
     return Person(
         id=number,
         height=float(rng.uniform(1.5, 1.95)),
-        position=(x, y),
-        heading=float(math.atan2(-place[1], -place[0]) + math.radians(np.clip(rng.normal(0.0, 10.0), -25.0, 25.0))),
+        position=start,
+        heading=float(math.atan2(-y, -x) + math.radians(np.clip(rng.normal(0.0, 10.0), -25.0, 25.0))),
         arm="right" if rng.random() < 0.75 else "left",
-        jitter=float(rng.uniform(0.01, 0.06)),
+        jitter=float(rng.uniform(0.01, 0.05)),
         script=(Action(stand=float(rng.uniform(0.3, 1.5))), *script),
     )
 
 
 def _random_stroke(rng: np.random.Generator, name: str) -> Action:
     slower = float(np.exp(rng.uniform(math.log(0.75), math.log(1.3))))
-    return Action(gesture=name, duration=GESTURE_DURATION[name] * slower, size=float(rng.uniform(0.85, 1.1)))
+    return Action(
+        gesture=name,
+        duration=GESTURE_DURATION[name] * slower,
+        size=float(rng.uniform(0.85, 1.1)),
+        tilt=float(np.clip(rng.normal(0.0, 0.12), -0.3, 0.3)),
+    )
 
 
-def _script_end(person: Person) -> float:
-    from radar_sim.script import Timeline
+def _walk_to(rng: np.random.Generator, x: float, y: float) -> Action:
+    return Action(walk=Walk(to=(x, y), speed=float(rng.uniform(0.6, 1.3))))
 
-    return Timeline(person, 0).end
+
+def _random_effects(rng: np.random.Generator) -> Effects:
+    """Receivers and losses about those of the demo scene."""
+    return Effects(
+        noise=Noise(noise_figure=float(rng.uniform(12.0, 16.0))),
+        losses=Losses(level=float(rng.uniform(22.0, 26.0))),
+        coupling=Coupling(level=-60.0),
+    )
 
 
 def simulate(scene: Scene, settings: GestureConfig) -> tuple[list[tuple[int, TrackEvent]], tuple[TruthSegment, ...]]:
@@ -211,7 +224,7 @@ def simulate(scene: Scene, settings: GestureConfig) -> tuple[list[tuple[int, Tra
 def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
     """Name every event by what its person was doing.
 
-    An event that lies mostly within a gesture and covers half of it gets that label; one that touches no gesture is random (walking, slow
+    An event that overlaps a gesture by 40 % of the longer of the two gets its label; one that touches no gesture is random (walking, slow
     arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
 
     Parameters
@@ -235,7 +248,7 @@ def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[Tr
         label = 0
         if best is not None and overlap > -0.2:
             length = (found.event.end_ns - found.event.start_ns) * 1e-9
-            if overlap < 0.5 * max(length, (best.end_ns - best.start_ns) * 1e-9):
+            if overlap < 0.4 * max(length, (best.end_ns - best.start_ns) * 1e-9):
                 continue
             label = best.label
             seen.add(best)
@@ -254,5 +267,5 @@ def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[Tr
 
 
 def _overlap(found: TrackEvent, segment: TruthSegment) -> float:
-    """Common time of an event and a gesture [s]; negative: the time between them."""
+    """Return the common time of an event and a gesture [s]; negative: the time between them."""
     return (min(found.event.end_ns, segment.end_ns) - max(found.event.start_ns, segment.start_ns)) * 1e-9

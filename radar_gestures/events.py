@@ -13,10 +13,10 @@ class EventConfig:
     """When a motion is an event. All durations are in seconds, so a lower frame rate or lost frames change nothing."""
 
     threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion starts")
-    release: float = knob(0.55, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion that lasts min_duration goes on")
-    min_duration: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="an event starts when the motion has lasted that long")
+    release: float = knob(0.45, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion that lasts min_duration goes on")
+    min_duration: float = knob(0.16, unit="s", low=0.0, high=10.0, doc="an event starts when the motion has lasted that long")
     quiet: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="an event ends when there was no motion for that long")
-    bridge: float = knob(0.07, unit="s", low=0.0, high=10.0, doc="longest pause that does not interrupt a motion that is still starting")
+    bridge: float = knob(0.15, unit="s", low=0.0, high=10.0, doc="longest pause that does not interrupt a motion that is still starting")
     max_duration: float = knob(1.4, unit="s", low=0.1, high=10.0, doc="a longer event is closed; the next one needs a quiet time first")
     max_gap: float = knob(0.5, unit="s", low=0.01, high=10.0, doc="after a longer silence of the sensor everything starts anew")
 

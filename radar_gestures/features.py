@@ -32,6 +32,9 @@ FEATURE_NAMES: Final[tuple[str, ...]] = (
 """The thirteen features of section 4.2, in the order of `extract` and of ``Gesture.features``."""
 
 
+_SIDELOBE_RANGE: Final[float] = 0.3  # m: the body's echo and its side lobes spread over a few range bins
+
+
 @config
 class FeatureConfig:
     """How a track's points become features."""
@@ -39,8 +42,10 @@ class FeatureConfig:
     gate: float = knob(0.13, unit="m/s", low=1e-3, high=10.0, doc="width of one Doppler gate; the strongest detection of a gate counts")
     body_speed: float = knob(0.4, unit="m/s", low=0.0, high=10.0, doc="slower detections belong to the body, not to the arm")
     weak: float = knob(20.0, unit="dB", low=0.0, high=100.0, doc="moving detections that much below the strongest moving one are ignored")
+    min_snr: float = knob(7.0, unit="dB", low=-100.0, high=100.0, doc="weaker moving detections are ignored")
+    sidelobe: float = knob(36.0, unit="dB", low=0.0, high=200.0, doc="moving detections that far below a slow one at their range are leaks")
     angles: str = knob(
-        "offset",
+        "relative",
         choices=("offset", "relative", "sensor"),
         doc="what the azimuth and elevation features hold: offsets from the track in metres, angles from it in rad, or sensor angles",
     )
@@ -128,13 +133,12 @@ def summarise(cloud: PointCloud, body: tuple[float, float, float], settings: Fea
     settings : FeatureConfig
         The knobs.
     """
+    snr = np.clip(np.nan_to_num(cloud.snr, nan=settings.min_snr, posinf=200.0, neginf=-200.0).astype(np.float64), -200.0, 200.0)
     picked = doppler_gates(cloud.radial_speed, cloud.snr, settings.gate)
-    speed = cloud.radial_speed[picked].astype(np.float64)
-    picked, speed = picked[np.abs(speed) >= settings.body_speed], speed[np.abs(speed) >= settings.body_speed]
-    snr = np.clip(np.nan_to_num(cloud.snr[picked], nan=0.0, posinf=200.0, neginf=-200.0).astype(np.float64), -200.0, 200.0)
+    picked = picked[_is_arm(cloud, snr, settings)[picked]]
     if len(picked):
-        strong = snr >= snr.max() - settings.weak
-        picked, speed, snr = picked[strong], speed[strong], snr[strong]
+        picked = picked[snr[picked] >= snr[picked].max() - settings.weak]
+    speed, snr = cloud.radial_speed[picked].astype(np.float64), snr[picked]
     if not len(picked):
         return MotionSample(cloud.stamp_ns, 0.0, 0.0, math.nan, math.nan, math.nan, body)
     amplitude = 10.0 ** (snr / 20)
@@ -150,6 +154,18 @@ def summarise(cloud: PointCloud, body: tuple[float, float, float], settings: Fea
         weighted_median(cloud.elevation[picked], weights),
         body,
     )
+
+
+def _is_arm(cloud: PointCloud, snr: NDArray[np.float64], settings: FeatureConfig) -> NDArray[np.bool_]:
+    """Mask of the detections that move and are no leakage of a strong slow one (the body) through the side lobes of the Doppler window."""
+    speed = np.abs(cloud.radial_speed)
+    moving = (speed >= settings.body_speed) & (snr >= settings.min_snr)
+    slow = np.flatnonzero(speed < settings.body_speed)
+    if not len(slow) or not moving.any():
+        return np.asarray(moving)
+    near = np.abs(cloud.range[:, None] - cloud.range[None, slow]) <= _SIDELOBE_RANGE
+    strongest = np.where(near, snr[None, slow], -np.inf).max(axis=1)
+    return np.asarray(moving & (snr >= strongest - settings.sidelobe))
 
 
 class MotionRing:

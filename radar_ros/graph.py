@@ -44,7 +44,7 @@ NODES: Mapping[str, NodeSpec] = {
         NodeSpec("gestures", "radar_gestures.node"),
         NodeSpec("hand", "radar_tracking.nodes.hand"),
         NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
-        NodeSpec("evaluation", "radar_ros.nodes.evaluation"),
+        NodeSpec("evaluation", "radar_gestures.nodes.evaluation"),
         NodeSpec("recorder", "radar_ros.nodes.recorder"),
     )
 }
@@ -142,3 +142,8 @@ def run_node(name: str) -> int:
     if name not in NODES:
         raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
     return int(importlib.import_module(NODES[name].module).main())
+
+
+def replace_parameters(spec: NodeSpec, namespace: str, parameters: Mapping[str, Any]) -> NodeSpec:
+    """Return a node's description with another namespace and other parameters."""
+    return replace(spec, namespace=namespace, parameters=dict(parameters))

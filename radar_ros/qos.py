@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import Any
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 
@@ -24,3 +27,18 @@ RESULT = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, /tf_static."""
+
+
+def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfile:
+    """Profile for a reader or a replayer of a topic, by its name within the namespace."""
+    if name in ("radar/info", "tf_static"):
+        return LATCHED
+    if name in ("radar/frame", "radar/points", "radar/points2", "stage_status"):
+        return sensor(reliable=reliable, depth=depth)
+    return RESULT
+
+
+def message_class(msgtype: str) -> Any:
+    """Class of a message type such as ``handwave/msg/Track``."""
+    package, _, name = msgtype.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)

@@ -59,6 +59,10 @@ class StageMixin:
         status = StageStatus(stamp_ns, self.stage, sequence, self.processed, self.dropped, compute, now)
         self._status.publish(status_to_msg(status))
 
+    def ready(self: Any) -> None:
+        """Tell that the node knows its radar and can work: a status with stamp 0, for replay in lockstep."""
+        self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
+
     def count_gap(self: Any, sequence: int) -> None:
         """Count the messages lost between the last one and this one; a sequence that starts again is a new source."""
         if self._sequence is not None and sequence > self._sequence + 1:
@@ -144,6 +148,8 @@ class InfoKeeper:
             )
         else:
             self.refused = False
+        if self.info is not None and not self.refused:
+            self._node.ready()
 
     def usable(self) -> bool:
         """Whether data can be processed; says once why not."""

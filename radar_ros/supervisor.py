@@ -96,10 +96,11 @@ class Supervisor:
     def __exit__(self, *_: Any) -> None:
         self.stop()
 
-    def start(self) -> None:
-        """Start all nodes."""
+    def start(self, *, without: Sequence[str] = ()) -> None:
+        """Start all nodes that do not run yet, except ``without``: a source may start when its readers wait."""
         for spec in self.specs:
-            self._children[spec.name] = self._start(spec)
+            if spec.name not in self._children and spec.name not in without:
+                self._children[spec.name] = self._start(spec)
 
     def _start(self, spec: NodeSpec) -> _Child:
         process = subprocess.Popen(

@@ -1,93 +1,149 @@
-"""Paths of the acting hand, in units of the arm's length around the shoulder (thesis, appendix A.1).
+"""Paths of the acting hand (thesis, appendix A.1), of a right arm.
 
-Coordinates are the person's own: forward, left, up. Left-arm paths mirror those of the right arm except for swipes, whose direction is
-the user's own.
+Positions are (forward, left, up) from the shoulder in units of the arm's reach (shoulder to the middle of the hand). A path maps u = 0..1 to a
+position; it starts and ends at rest. Forward and back are what a radar in front of the person sees best, so swipes and waves are arcs about the
+shoulder or the elbow, as arms make them, not straight lines: their range changes by a quarter of a metre or more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Path = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-READY = np.array([0.42, 0.0, -0.38])
-"""Where the hand waits between gestures: before the chest, elbow bent."""
-REST = np.array([0.05, 0.0, -0.95])
+Vector = tuple[float, float, float]
+Path = Callable[[float], Vector]
+
+CENTRE: Vector = (0.62, 0.0, -0.05)
+"""What the size of a gesture is measured from, and the pivot of its tilt."""
+REST: Vector = (0.06, 0.0, -0.93)
 """The hanging arm."""
 
 
-def minimum_jerk(u: NDArray[np.float64]) -> NDArray[np.float64]:
+def minimum_jerk(u: float) -> float:
     """Smooth 0..1 ramp with zero speed and acceleration at both ends (Flash and Hogan 1985)."""
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10 - 15 * u + 6 * u**2)
+    u = min(max(u, 0.0), 1.0)
+    return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
-def _line(a: tuple[float, float, float], b: tuple[float, float, float]) -> Path:
-    start, end = np.array(a), np.array(b)
-    return lambda u: start + (end - start) * minimum_jerk(u)[:, None]
+def cruise(u: float, edge: float) -> tuple[float, float]:
+    """Way done, 0..1, and speed over the cruising speed, when starting and stopping each take the share ``edge`` of the time."""
+    edge, u = min(max(edge, 1e-6), 0.5), min(max(u, 0.0), 1.0)
+    top = 1.0 / (1.0 - edge)
+
+    def ramp(v: float) -> tuple[float, float]:  # the speed rises as 3 v^2 - 2 v^3
+        return top * edge * (v**3 - v**4 / 2), v * v * (3 - 2 * v)
+
+    if u < edge:
+        return ramp(u / edge)
+    if u > 1 - edge:
+        way, speed = ramp((1 - u) / edge)
+        return 1.0 - way, speed
+    return top * (u - edge / 2), 1.0
 
 
-def _lateral(a: float, b: float, radius: float) -> Path:
-    def path(u: NDArray[np.float64]) -> NDArray[np.float64]:
-        angle = a + (b - a) * minimum_jerk(u)
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(u, -0.05)], -1)
+def line(start: Vector, end: Vector, ramp: Callable[[float], float] = minimum_jerk) -> Path:
+    """Straight move; ``ramp`` maps time 0..1 to way 0..1."""
+
+    def path(u: float) -> Vector:
+        s = ramp(u)
+        return (start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1]), start[2] + s * (end[2] - start[2]))
 
     return path
 
 
-def _vertical(a: float, b: float, radius: float) -> Path:
-    def path(u: NDArray[np.float64]) -> NDArray[np.float64]:
-        angle = a + (b - a) * minimum_jerk(u)
-        return np.stack([radius * np.cos(angle), np.zeros_like(u), radius * np.sin(angle)], -1)
+def through(places: Sequence[Vector]) -> Path:
+    """Smooth closed-form curve (Catmull-Rom) through places, started and stopped softly."""
+    points = [places[0], *places, places[-1]]
+    n = len(places) - 1
+
+    def path(u: float) -> Vector:
+        # Half constant speed, half minimum jerk: the speed stays up at the inner places.
+        s = n * min(max(0.5 * u + 0.5 * minimum_jerk(u), 0.0), 1.0) if 0.0 < u < 1.0 else n * min(max(u, 0.0), 1.0)
+        i = min(int(s), n - 1)
+        f = s - i
+        a, b, c, d = points[i : i + 4]
+        x, y, z = (
+            0.5 * (2 * q + f * (r - p + f * (2 * p - 5 * q + 4 * r - t + f * (3 * (q - r) + t - p))))
+            for p, q, r, t in zip(a, b, c, d, strict=True)
+        )
+        return (x, y, z)
 
     return path
 
 
-def _push_pull(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    out = minimum_jerk(2 * u) - minimum_jerk(2 * u - 1)
-    return np.array([0.35, 0.0, -0.15]) + out[:, None] * np.array([0.62, 0.0, 0.1])
+def _arc_sideways(start: float, end: float, radius: float) -> Path:
+    def path(u: float) -> Vector:
+        angle = start + (end - start) * minimum_jerk(u)
+        return (radius * math.cos(angle), radius * math.sin(angle), -0.05)
+
+    return path
 
 
-def _rotate(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    # Upwards on the near side, forward at the top: a circle in the plane of the radar and the vertical.
-    angle = -np.pi / 2 - 2 * np.pi * (0.35 * u + 0.65 * minimum_jerk(u))
-    return np.stack([0.6 + 0.34 * np.cos(angle), np.zeros_like(u), -0.05 + 0.34 * np.sin(angle)], -1)
+def _arc_upwards(start: float, end: float, radius: float) -> Path:
+    def path(u: float) -> Vector:
+        angle = start + (end - start) * minimum_jerk(u)
+        return (radius * math.cos(angle), 0.0, radius * math.sin(angle))
+
+    return path
 
 
-def _wave(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    # About the elbow: forearm up, swinging from side to side; the hand comes nearer whenever it passes the middle.
-    angle = 0.9 * np.sin(2 * np.pi * 2.5 * u) * np.minimum(1.0, 8 * np.minimum(u, 1 - u))
-    return np.stack([0.25 + 0.55 * np.cos(angle), 0.5 * np.sin(angle), np.full_like(u, 0.25)], -1)
+def _push_pull(u: float) -> Vector:
+    # Out and back overlap, so that the turn is shorter than the 0.2 s of rest that would end the event.
+    out = minimum_jerk(u / 0.6) - minimum_jerk((u - 0.4) / 0.6)
+    return (0.32 + 0.63 * out, 0.0, -0.15 + 0.1 * out)
 
 
-def _random(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    rise = minimum_jerk(u)
-    return READY + np.stack([0.3 * np.sin(2 * np.pi * rise), 0.25 * np.sin(3 * np.pi * rise), 0.4 * np.sin(np.pi * rise)], -1)
+def _rotate(u: float) -> Vector:
+    # A vertical circle in the plane through shoulder and radar: back and up, forward over the top, down in front.
+    angle = -math.pi / 2 - 2 * math.pi * cruise(u, 0.25)[0]
+    return (0.6 + 0.33 * math.cos(angle), 0.0, -0.05 + 0.33 * math.sin(angle))
 
 
-PATHS: dict[str, Path] = {
-    "random": _random,
-    "pull": _line((0.97, 0.0, -0.05), (0.35, 0.0, -0.15)),
-    "push": _line((0.35, 0.0, -0.15), (0.97, 0.0, -0.05)),
-    "swipe_up": _vertical(-1.15, 0.85, 0.92),
-    "swipe_down": _vertical(0.85, -1.15, 0.92),
-    "swipe_right": _lateral(0.85, -1.1, 0.9),
-    "swipe_left": _lateral(-1.1, 0.85, 0.9),
+def _wave(u: float) -> Vector:
+    # Two and a half swings to and fro about the elbow, forearm up and forward; the hand is nearest whenever it passes the middle.
+    fade = minimum_jerk(6 * min(u, 1 - u))
+    angle = 0.85 * fade * math.sin(2 * math.pi * 2.5 * u)
+    return (0.22 + 0.55 * math.cos(angle), 0.5 * math.sin(angle), 0.2)
+
+
+_PUSH, _PULL = line((0.32, 0.0, -0.15), (0.95, 0.0, -0.05)), line((0.95, 0.0, -0.05), (0.32, 0.0, -0.15))
+STROKES: dict[str, Path] = {
+    "pull": _PULL,
+    "push": _PUSH,
+    "swipe_up": _arc_upwards(-1.05, 0.8, 0.9),
+    "swipe_down": _arc_upwards(0.8, -1.05, 0.9),
+    "swipe_right": _arc_sideways(0.8, -1.05, 0.9),
+    "swipe_left": _arc_sideways(-1.05, 0.8, 0.9),
     "rotate": _rotate,
     "wave": _wave,
     "push_pull": _push_pull,
 }
-"""Hand position for u = 0..1, shape (n,) -> (n, 3), in arm lengths from the shoulder."""
+"""The strokes that are always alike; "random" is made by `random_stroke`."""
 
 
-def draw_path(shape: str, phase: NDArray[np.float64], size: float) -> NDArray[np.float64]:
-    """Hand position while drawing, shape (n, 3) in arm lengths; ``phase`` counts rounds [rad]."""
+def random_stroke(rng: np.random.Generator) -> Path:
+    """Make an arm movement that is no gesture: through four random places before the body, each well apart from the one before."""
+    low, high = np.array([0.3, -0.6, -0.7]), np.array([0.8, 0.45, 0.35])
+    places = [rng.uniform(low, high)]
+    while len(places) < 4:
+        place = rng.uniform(low, high)
+        if np.linalg.norm(place - places[-1]) > 0.45 and abs(place[0] - places[-1][0]) > 0.15:
+            places.append(place)
+    return through([(float(p[0]), float(p[1]), float(p[2])) for p in places])
+
+
+def draw_position(shape: str, phase: float, size: float) -> Vector:
+    """Hand while drawing; ``phase`` counts rounds [rad], ``size`` in units of the reach."""
     side, up = {
-        "circle": (np.sin(phase), -np.cos(phase)),
-        "line_up": (np.zeros_like(phase), -np.cos(phase)),
-        "line_side": (np.sin(phase), np.zeros_like(phase)),
-        "eight": (np.sin(2 * phase) / 2, -np.cos(phase)),
+        "circle": (math.sin(phase), -math.cos(phase)),
+        "line_up": (0.0, -math.cos(phase)),
+        "line_side": (-math.cos(phase), 0.0),
+        "eight": (math.sin(2 * phase) / 2, -math.cos(phase)),
     }[shape]
-    return np.stack([0.75 + 0 * phase, 0.4 * size * side, -0.05 + 0.4 * size * up], -1)
+    return (0.7, size * side, -0.05 + size * up)
+
+
+DRAW_LENGTH = {"circle": 2 * math.pi, "line_up": 4.0, "line_side": 4.0, "eight": 6.10}
+"""Length of one round of a shape over its size."""

@@ -61,9 +61,7 @@ def main_cluster(points: Float64Array, weights: Float64Array, config: Associatio
     return np.asarray(labels == int(size.argmax())) if size.max() > 0 else np.zeros(len(points), bool)
 
 
-def assign(
-    points: Float64Array, distance: Float64Array, plane: Float64Array, torso: Float64Array, config: AssociationConfig
-) -> IndexArray:
+def assign(points: Float64Array, distance: Float64Array, plane: Float64Array, torso: Float64Array, config: AssociationConfig) -> IndexArray:
     """Give each point to the nearest track in whose largest cluster it lies.
 
     A point that is not in the main cluster of its nearest track is free for the next one, which takes it if it is dense with points that

@@ -281,15 +281,15 @@ class HandTracker:
         self._mean, self._covariance = update(self._mean, self._covariance, centroid, np.diag(variance))
 
     def _hold_within_reach(self) -> None:
-        """Keep the estimate within an arm's length of the body: beyond, it loses its outward speed."""
+        """Keep the estimate within an arm's length of the body's axis: beyond, it loses its outward speed."""
         if self._mean is None or self._body is None:
             return
-        offset = self._mean[:3] - self._body
-        distance = float(np.sqrt(offset @ offset))
+        offset = self._mean[:2] - self._body[:2]
+        distance = math.hypot(*offset)
         if distance > self.config.reach:
             out = offset / distance
-            self._mean[:3] = self._body + out * self.config.reach
-            self._mean[3:] -= out * max(0.0, float(out @ self._mean[3:]))
+            self._mean[:2] = self._body[:2] + out * self.config.reach
+            self._mean[3:5] -= out * max(0.0, float(out @ self._mean[3:5]))
 
     def _publish(self, tracked: TrackedCloud, n_points: int, *, active: bool) -> HandTrack:
         """Make the result."""

@@ -16,11 +16,11 @@ class HandConfig:
     )
     toggle: bool = knob(False, doc="the trigger gesture also ends the hand track; off, because circles drawn by the hand look like it")
     lost_after: float = knob(1.0, unit="s", low=0.05, high=60.0, doc="the hand track ends when the hand is unseen for longer")
-    reacquire_after: float = knob(0.15, unit="s", low=0.0, high=60.0, doc="unseen for longer, the hand is looked for anywhere within reach")
-    reach: float = knob(0.9, unit="m", low=0.1, high=3.0, doc="largest distance of the hand from the body")
+    reacquire_after: float = knob(0.1, unit="s", low=0.0, high=60.0, doc="unseen for longer, the hand is looked for anywhere within reach")
+    reach: float = knob(0.9, unit="m", low=0.1, high=3.0, doc="largest horizontal distance of the hand from the body")
     gate: float = knob(0.4, unit="m", low=0.02, high=3.0, doc="points farther from the predicted hand than this are not its own")
-    gate_sigmas: float = knob(3.5, low=0.5, high=100.0, doc="the same in standard deviations")
-    body_radius: float = knob(0.22, unit="m", low=0.01, high=1.0, doc="slow points this near to the body's axis are body, never hand")
+    gate_sigmas: float = knob(5.0, low=0.5, high=100.0, doc="the same in standard deviations")
+    body_radius: float = knob(0.12, unit="m", low=0.01, high=1.0, doc="slow points this near to the body's axis are body, never hand")
     body_speed: float = knob(0.25, unit="m/s", low=0.0, high=5.0, doc="radial speed up to which a point is slow")
     hand_radius: float = knob(
         0.2, unit="m", low=0.01, high=1.0, doc="a point is the hand's if it is nearer to it in units of this than to the body"
@@ -29,10 +29,10 @@ class HandConfig:
         0.1, unit="m", low=0.01, high=1.0, doc="points this much farther in than the outermost count 1/e: the forearm"
     )
     speed_scale: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="k-means: 1 m/s of radial speed counts as much as this many metres")
-    process_noise: float = knob(15.0, unit="m^2/s^3", low=1e-3, high=1e5, doc="spectral density of the hand's acceleration")
-    position_std: float = knob(0.05, unit="m", low=1e-3, high=1.0, doc="how far the centroid of the hand's points is from the hand")
+    process_noise: float = knob(8.0, unit="m^2/s^3", low=1e-3, high=1e5, doc="spectral density of the hand's acceleration")
+    position_std: float = knob(0.08, unit="m", low=1e-3, high=1.0, doc="how far the centroid of the hand's points is from the hand")
     angle_std: float = knob(0.03, unit="rad", low=0.0, high=1.0, doc="direction error of one point, for clouds that carry no own estimate")
-    damping: float = knob(0.25, unit="s", low=0.01, high=1e3, doc="time in which an unseen hand loses 63 % of its speed")
+    damping: float = knob(0.05, unit="s", low=0.01, high=1e3, doc="time in which an unseen hand loses 63 % of its speed")
     value_axis: str = knob(
         "height", choices=("height", "lateral", "reach"), doc="what the control value follows: z, y or horizontal distance"
     )

@@ -10,7 +10,7 @@ from radar_core.linalg import solve_spd, symmetrise
 Float64Array = NDArray[np.float64]
 
 
-def predict(mean: Float64Array, covariance: Float64Array, dt: float, noise: float) -> tuple[Float64Array, Float64Array]:
+def predict(mean: Float64Array, covariance: Float64Array, dt: float, noise: float | Float64Array) -> tuple[Float64Array, Float64Array]:
     """Move states on by ``dt`` (6.1) with white acceleration of a spectral density, so that nothing depends on the frame rate.
 
     Parameters
@@ -21,8 +21,8 @@ def predict(mean: Float64Array, covariance: Float64Array, dt: float, noise: floa
         Of the same.
     dt : float
         Not negative [s].
-    noise : float
-        Spectral density of the acceleration [m^2/s^3].
+    noise : float or ndarray of float64, shape (3,)
+        Spectral density of the acceleration, of every axis or of each [m^2/s^3].
 
     Returns
     -------
@@ -32,9 +32,10 @@ def predict(mean: Float64Array, covariance: Float64Array, dt: float, noise: floa
     F = np.eye(6)
     F[[0, 1, 2], [3, 4, 5]] = dt
     Q = np.zeros((6, 6))
-    for i in range(3):
-        Q[i, i], Q[i, i + 3], Q[i + 3, i], Q[i + 3, i + 3] = dt**3 / 3, dt**2 / 2, dt**2 / 2, dt
-    return mean @ F.T, symmetrise(F @ covariance @ F.T + noise * Q)
+    for i, density in enumerate(np.broadcast_to(noise, 3)):
+        Q[i, i], Q[i + 3, i + 3] = density * dt**3 / 3, density * dt
+        Q[i, i + 3] = Q[i + 3, i] = density * dt**2 / 2
+    return mean @ F.T, symmetrise(F @ covariance @ F.T + Q)
 
 
 def update(

@@ -19,11 +19,12 @@ Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
-BP=1
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
 _RADIAL_TIME = 0.3  # s: and the torso's range and range rate this long
 _ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
-_ASSUMED_Z_STD = 0.5  # how far off that is; assumed anew with every cloud, so that the height's covariance stays bounded
+_ASSUMED_Z_STD = 0.5  # how far off that is (assumed with every cloud, so that the height's covariance stays bounded); no centroid of
+# the few points that a person gives is nearer to the middle between head and feet than this
+_UPRIGHT = 1e-4  # process noise of the height relative to that on the floor plane: people hardly move up and down
 
 
 @dataclass(frozen=True)
@@ -176,9 +177,8 @@ class PeopleTracker:
         # beyond the longest life nothing survives, and bounded steps keep the covariance far from overflow
         life = self.config.life
         step = min(dt, 1.0 + max(life.delete_after, life.delete_static_after))
-        mean, covariance = predict(
-            np.stack([t.mean for t in self._live]), np.stack([t.covariance for t in self._live]), step, self.config.filter.process_noise
-        )
+        noise = self.config.filter.process_noise * np.array([1.0, 1.0, _UPRIGHT])
+        mean, covariance = predict(np.stack([t.mean for t in self._live]), np.stack([t.covariance for t in self._live]), step, noise)
         for row, track in enumerate(self._live):
             unseen = (stamp_ns - track.seen_ns) * _NANOSECOND
             if unseen > dt:
@@ -226,6 +226,7 @@ class PeopleTracker:
             part, value = share[known] / total, position[known, axis]
             centroid[axis] = part @ value
             variance[axis] = noise + float(part @ (value - centroid[axis]) ** 2) / effective
+        variance[2] = max(variance[2], _ASSUMED_Z_STD**2)
         return centroid, variance
 
     def _update(self, track: _Live, points: _Points, own: IndexArray, whole: IndexArray, stamp_ns: int) -> None:
@@ -235,7 +236,7 @@ class PeopleTracker:
         torso = self._torso(track, points, own)
         weight = points.weight[own] * near * torso
         centroid, variance = self._measure(points, own, weight)
-        variance[:2] /= (near * torso).max() ** BP
+        variance[:2] /= (near * torso).max()
         track.mean, track.covariance = update(track.mean, track.covariance, centroid, np.diag(variance))
         dt = (stamp_ns - track.seen_ns) * _NANOSECOND
         track.seen_ns = stamp_ns

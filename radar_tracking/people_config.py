@@ -47,15 +47,15 @@ class FilterConfig:
 class LifeConfig:
     """Track management (thesis, 6.2.3): birth, confirmation, death."""
 
-    birth_points: int = knob(4, low=1, high=1000, doc="points of a cluster that starts a track")
+    birth_points: int = knob(3, low=1, high=1000, doc="points of a cluster that starts a track")
     birth_snr: float = knob(15.0, unit="dB", low=-100.0, high=200.0, doc="summed SNR of a cluster that starts a track")
     birth_distance: float = knob(
         0.8, unit="m", low=0.0, high=10.0, doc="a new track starts at least this far from every other (else: an arm)"
     )
     confirm_after: float = knob(0.2, unit="s", low=0.0, high=60.0, doc="a tentative track that is seen this long is confirmed")
-    confirm_points: float = knob(3.0, low=0.0, high=1000.0, doc="points per cloud that a track must have had on average to be confirmed")
+    confirm_points: float = knob(2.0, low=0.0, high=1000.0, doc="points per cloud that a track must have had on average to be confirmed")
     confirm_speed: float = knob(0.1, unit="m/s", low=0.0, high=10.0, doc="some point must have been this fast radially: furniture never is")
-    tentative_after: float = knob(0.12, unit="s", low=0.0, high=60.0, doc="a tentative track unseen for longer is deleted")
+    tentative_after: float = knob(0.15, unit="s", low=0.0, high=60.0, doc="a tentative track unseen for longer is deleted")
     delete_after: float = knob(1.0, unit="s", low=0.0, high=600.0, doc="a confirmed track unseen for longer is deleted")
     delete_static_after: float = knob(
         3.0, unit="s", low=0.0, high=600.0, doc="the same for one that stood still: a person who stands gives few points"

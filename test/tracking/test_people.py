@@ -117,14 +117,14 @@ def test_life_is_counted_in_seconds(frame_ns):
 
 
 def test_a_tentative_track_dies_early():
-    """Two looks, then nothing: gone after 0.12 s, and never counted."""
+    """Two looks, then nothing: gone after 0.15 s, and never counted."""
     tracker = PeopleTracker()
     for k in range(2):
         assert len(tracker.process(blob(3, 0, k)).tracks) == 1
     for k in range(2, 20):
         tracks = tracker.process(empty(k))
         assert tracks.people_count == 0
-        assert bool(tracks.tracks) == (k <= 1 + 6)
+        assert bool(tracks.tracks) == (k <= 1 + 7)
 
 
 def test_who_stands_still_is_kept_longer():

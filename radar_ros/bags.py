@@ -1,0 +1,253 @@
+"""rosbag2 recordings (MCAP) through the rosbags library: writing, reading, repairing."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from radar_core import DataError
+from radar_core.paths import share_dir
+
+TYPES: Mapping[str, str] = {
+    "radar/info": "handwave/msg/RadarInfo",
+    "radar/frame": "handwave/msg/RadarFrame",
+    "radar/points": "handwave/msg/PointCloud",
+    "tracks": "handwave/msg/TrackArray",
+    "people_count": "std_msgs/msg/UInt32",
+    "gestures": "handwave/msg/Gesture",
+    "hand": "handwave/msg/HandTrack",
+    "hand/value": "std_msgs/msg/Float32",
+    "truth": "handwave/msg/Truth",
+    "stage_status": "handwave/msg/StageStatus",
+    "tf_static": "tf2_msgs/msg/TFMessage",
+}
+"""Type of every topic that recordings hold."""
+
+
+@cache
+def typestore() -> Typestore:
+    """Message types of ROS 2 Jazzy and of this package."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types: dict[str, Any] = {}
+    for path in sorted((share_dir() / "msg").glob("*.msg")):
+        types.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"handwave/msg/{path.stem}"))
+    store.register(types)
+    return store
+
+
+class BagWriter:
+    """Writes serialised messages into a new bag; what is written survives a crash up to the last `flush`.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag; must not exist.
+
+    Raises
+    ------
+    DataError
+        When the folder exists or cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self.counts: dict[str, int] = {}
+        self._connections: dict[str, Any] = {}
+        self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        try:
+            self._writer.open()
+        except (WriterError, OSError) as error:
+            raise DataError(f"{path}: cannot record there ({error}); choose a folder that does not exist yet") from None
+        # rosbag2's own name for the first file, so that its reindex finds it after a crash.
+        self._storage: Any = self._writer.storage
+        named = self.path / f"{self.path.name}_0.mcap"
+        self._storage.path.rename(named)
+        self._storage.path = named
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def write(self, topic: str, msgtype: str, stamp_ns: int, data: bytes) -> None:
+        """Append one message.
+
+        Parameters
+        ----------
+        topic : str
+            Full name, with the leading slash.
+        msgtype : str
+            E.g. ``handwave/msg/RadarFrame``.
+        stamp_ns : int
+            Time of recording [ns].
+        data : bytes
+            The message in CDR, as ROS sends it.
+        """
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=typestore())
+            self.counts[topic] = 0
+        self._writer.write(self._connections[topic], stamp_ns, data)
+        self.counts[topic] += 1
+
+    def flush(self) -> None:
+        """Bring everything to the file; a crash from now on does not lose it."""
+        if self._storage.chunk.msgs:
+            self._storage.close_chunk()
+        self._storage.bio.flush()
+
+    def close(self) -> None:
+        """Finish the bag; may be called twice."""
+        if self._writer.storage is not None:
+            self._writer.close()
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recorded message: topic, type, time [ns], CDR bytes."""
+
+    topic: str
+    msgtype: str
+    stamp_ns: int
+    data: bytes
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[AnyReader]:
+    """Open a bag for reading.
+
+    Raises
+    ------
+    DataError
+        When there is no bag, or a crash cut it off and it needs `repair`.
+    """
+    path = Path(path)
+    if path.is_dir() and not (path / "metadata.yaml").exists() and list(path.glob("*.mcap")):
+        raise DataError(f"{path}: the recording was cut off (no metadata.yaml); recover it with: handwave repair {path}")
+    try:
+        reader = AnyReader([path], default_typestore=typestore())
+        reader.open()
+    except (AnyReaderError, OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def read(path: Path, topics: Iterable[str] | None = None) -> Iterator[Recorded]:
+    """Messages of a bag in the order of their times.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag.
+    topics : iterable of str or None
+        Names without namespace, e.g. ``radar/frame``; None: all.
+    """
+    wanted = None if topics is None else set(topics)
+    with open_bag(path) as reader:
+        connections = [c for c in reader.connections if wanted is None or local(c.topic) in wanted]
+        if connections:
+            for connection, stamp, data in reader.messages(connections=connections):
+                yield Recorded(connection.topic, connection.msgtype, stamp, bytes(data))
+
+
+def local(topic: str) -> str:
+    """Name of a topic within its namespace: ``/left/radar/frame`` is ``radar/frame``."""
+    parts = topic.strip("/").split("/")
+    for start in range(len(parts)):
+        if "/".join(parts[start:]) in TYPES:
+            return "/".join(parts[start:])
+    return topic.strip("/")
+
+
+def contents(path: Path) -> dict[str, int]:
+    """Count the messages of every topic.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read.
+    """
+    with open_bag(path) as reader:
+        return {c.topic: c.msgcount for c in sorted(reader.connections, key=lambda c: c.topic)}
+
+
+def require_topics(path: Path, *alternatives: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the first set of topics that a bag holds completely.
+
+    Raises
+    ------
+    DataError
+        Listing what it holds instead.
+    """
+    held = {local(topic) for topic, count in contents(path).items() if count}
+    for names in alternatives:
+        if set(names) <= held:
+            return names
+    wanted = " or ".join(" + ".join(names) for names in alternatives)
+    raise DataError(f"{path}: needs {wanted}, but holds {', '.join(sorted(held)) or 'nothing'}; record again with these topics")
+
+
+def repair(path: Path) -> dict[str, int]:
+    """Recover a recording that a crash cut off, in place; the damaged file is kept as ``*.damaged``.
+
+    Returns
+    -------
+    dict of str to int
+        Recovered messages per topic.
+
+    Raises
+    ------
+    DataError
+        When there is nothing to recover.
+    """
+    path = Path(path)
+    files = sorted(path.glob("*.mcap")) if path.is_dir() else []
+    if not files:
+        raise DataError(f"{path}: holds no .mcap file; nothing to recover")
+    rescue = path.with_name(f"{path.name}.rescue")
+    shutil.rmtree(rescue, ignore_errors=True)
+    with BagWriter(rescue) as writer:
+        for file in files:
+            for schema, channel, message in _salvage(file):
+                writer.write(channel.topic, schema.name, message.log_time, message.data)
+    for file in files:
+        file.rename(file.with_suffix(".mcap.damaged"))
+    (rescue / f"{rescue.name}_0.mcap").rename(path / f"{path.name}_0.mcap")
+    text = (rescue / "metadata.yaml").read_text(encoding="utf-8").replace(f"{rescue.name}_0.mcap", f"{path.name}_0.mcap")
+    (path / "metadata.yaml").write_text(text, encoding="utf-8")
+    shutil.rmtree(rescue)
+    return writer.counts
+
+
+def _salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:
+    """Every whole message of a file, up to where it is cut off."""
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    with file.open("rb") as stream:
+        try:
+            for record in StreamReader(stream, record_size_limit=None).records:
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    channel = channels[record.channel_id]
+                    yield schemas[channel.schema_id], channel, record
+        except (McapError, EOFError, ValueError, KeyError):
+            return  # the cut

@@ -1,0 +1,286 @@
+"""The `handwave` command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+
+from radar_core import HandwaveError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="Touchless interface from mmWave radar: people, arm gestures and a hand, as ROS 2 nodes.\n\n"
+    "Start with `handwave demo`: a simulated room, everything running, a report at the end.",
+)
+
+Domain = Annotated[Optional[int], typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
+Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per radar, e.g. left")]
+Params = Annotated[
+    Optional[list[str]], typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
+]
+
+
+def main() -> None:
+    """Run the command; what the user got wrong ends in one message and status 2, never in a traceback."""
+    try:
+        app()
+    except HandwaveError as error:
+        print(f"handwave: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+@app.command()
+def demo(
+    scene: Annotated[str, typer.Option(help="scene file, or one of ours by name (see: handwave scenes)")] = "demo",
+    duration: Annotated[Optional[float], typer.Option(help="end after so many seconds", min=1.0)] = None,
+    bag: Annotated[Optional[Path], typer.Option(help="folder of the recording; default: out/demo, with a number if it exists")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="plain lines instead of the live display")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print the report as one JSON object")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="show the nodes' logs")] = False,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Run the whole graph on a simulated room, watch it live, and compare what it recognised with the truth.
+
+    Every node is a process of its own; everything is recorded into an MCAP bag.
+
+    Examples: `handwave demo` · `handwave demo --scene one_user --headless` · `handwave demo --duration 20 --bag my_recording`
+    """
+    from rich.console import Console
+
+    from radar_ros.demo import DemoOptions, run_demo, show_report
+
+    console = Console(stderr=as_json)
+    report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose), console)
+    if as_json:
+        print(json.dumps(report))
+    else:
+        show_report(report, console)
+    if report["crashes"] or not report["frames"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def up(
+    variant: Annotated[str, typer.Argument(help="live, demo, replay or stages (see docs/graph.md)")] = "live",
+    scene: Annotated[str, typer.Option(help="scene of the simulated radar")] = "demo",
+    bag: Annotated[Optional[Path], typer.Option(help="variant demo: folder to record into")] = None,
+    composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
+    respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
+    param: Params = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Start a graph: every node as its own process, logs with names, Ctrl-C stops all.
+
+    Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed`
+    """
+    from radar_ros.graph import graph
+    from radar_ros.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed
+
+    parameters = parse_parameters(param or [])
+    if variant in ("live", "demo"):
+        parameters.setdefault("driver", {}).setdefault("scene", scene)
+    if variant == "demo":
+        from radar_ros.demo import free_folder
+
+        parameters.setdefault("recorder", {}).setdefault("bag", str(bag or free_folder(Path("out") / "recording")))
+    specs = graph(variant, namespace=namespace, parameters=parameters)
+    refuse_busy_domain([spec.name for spec in specs], namespace, domain)
+    if composed:
+        raise typer.Exit(run_composed(specs, domain))
+    supervisor = Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.name) for s in specs)))
+    raise typer.Exit(supervise(supervisor))
+
+
+def supervise(supervisor: Any) -> int:
+    """Run nodes until interrupted, or until one ends that nobody restarts.
+
+    Returns
+    -------
+    int
+        0 after Ctrl-C, 1 when a node died.
+    """
+    import signal
+    import threading
+
+    told = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: told.set())
+    status = 0
+    with supervisor:
+        while not told.wait(0.2):
+            ended = [(name, code) for name, code in supervisor.poll() if name not in supervisor.running]
+            for name, code in ended:
+                print(f"handwave: node {name} ended with status {code}" + ("" if code == 0 else "; restart such nodes with --respawn"))
+                status = status or int(code != 0)
+            if status or not supervisor.running:
+                break
+    return status
+
+
+def parse_parameters(given: list[str]) -> dict[str, dict[str, Any]]:
+    """Read ``node.parameter=value`` settings.
+
+    Raises
+    ------
+    ConfigError
+        When one is not of that form.
+    """
+    import yaml
+
+    from radar_core import ConfigError
+
+    result: dict[str, dict[str, Any]] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        node, dot, parameter = name.partition(".")
+        if not (equals and dot and node and parameter):
+            raise ConfigError(f"--param {text!r}: write node.parameter=value, e.g. tracking.association.gate=1.2")
+        result.setdefault(node, {})[parameter] = yaml.safe_load(value)
+    return result
+
+
+@app.command()
+def record(
+    out: Annotated[Path, typer.Argument(help="folder of the new bag")],
+    topics: Annotated[Optional[str], typer.Option(help="comma-separated names; default: everything of the graph")] = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Record a running graph into a rosbag2 MCAP until Ctrl-C; a crash loses at most the last half second."""
+    from radar_ros.graph import NODES, replace_parameters
+    from radar_ros.supervisor import Supervisor, default_log_sink
+
+    settings: dict[str, Any] = {"bag": str(out)}
+    if topics:
+        settings["topics"] = [topic.strip() for topic in topics.split(",")]
+    spec = replace_parameters(NODES["recorder"], namespace, settings)
+    raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=default_log_sink(8))))
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help="folder of the recording")],
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="send the next frame only after the last result; a drop is an error")] = False,
+    out: Annotated[Optional[Path], typer.Option(help="with --lockstep: folder of a new bag for the results")] = None,
+    rate: Annotated[float, typer.Option(help="pace; 2 is twice as fast", min=0.01, max=100.0)] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="again and again")] = False,
+    graph_too: Annotated[bool, typer.Option("--graph/--no-graph", help="also start the nodes, or use those that run")] = True,
+    param: Params = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Send a recording through the graph: raw frames if it has them, else its point clouds, with /clock.
+
+    Examples: `handwave replay my_demo` · `handwave replay my_demo --lockstep --out results` · `handwave replay walkers --rate 2`
+    """
+    from radar_ros.replaying import ReplayOptions, run_replay
+
+    options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, parse_parameters(param or []), domain, namespace)
+    raise typer.Exit(run_replay(options))
+
+
+@app.command()
+def process(
+    bag: Annotated[Path, typer.Argument(help="folder of the recording")],
+    out: Annotated[Path, typer.Option(help="folder of a new bag for clouds, tracks, gestures and hand")],
+) -> None:
+    """Run the library over a recording without a graph: the same results as `replay --lockstep`, bit for bit."""
+    from rich.progress import track
+
+    from radar_ros.bags import BagWriter, contents, local
+    from radar_ros.offline import open_recording, process_recording, write_results
+
+    recording = open_recording(bag)
+    total = sum(count for topic, count in contents(bag).items() if local(topic) == recording.topic)
+    gestures = 0
+    with BagWriter(out) as writer:
+        for stamp_ns, result in track(process_recording(bag), total=total, description="processing"):
+            write_results(writer, stamp_ns, result)
+            gestures += len(result.gestures)
+    print(f"{total} frames, {gestures} gestures; results in {out}")
+
+
+@app.command()
+def simulate(
+    scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")],
+    out: Annotated[Path, typer.Option(help="folder of the new bag")],
+) -> None:
+    """Simulate a scene into a bag of raw frames with truth, without a graph, as fast as the machine can."""
+    from rich.progress import track
+
+    from radar_ros.offline import simulate as frames
+    from radar_sim import Simulator, load_scene
+
+    total = Simulator(load_scene(scene)).n_frames
+    for _ in track(frames(scene, out), total=total, description=f"simulating {scene}"):
+        pass
+    print(f"{total} frames in {out}")
+
+
+@app.command()
+def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -> None:
+    """Show what a recording holds, and what can be done with it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from radar_ros.bags import contents, open_bag
+    from radar_ros.offline import open_recording
+
+    table = Table("topic", "messages")
+    for topic, count in contents(bag).items():
+        table.add_row(topic, str(count))
+    Console().print(table)
+    with open_bag(bag) as reader:
+        print(f"{reader.duration * 1e-9:.2f} s")
+    try:
+        recording = open_recording(bag)
+    except HandwaveError as error:
+        print(f"cannot be replayed: {error}")
+    else:
+        print(f"can be replayed from {recording.topic}")
+
+
+@app.command()
+def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that a crash cut off")]) -> None:
+    """Recover a recording that was cut off; the damaged file is kept beside it."""
+    from radar_ros.bags import repair as recover
+
+    counts = recover(bag)
+    print(f"recovered {sum(counts.values())} messages: " + ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items())))
+
+
+@app.command("import")
+def import_(
+    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, dca1000 or openradar")],
+    source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
+    out: Annotated[Path, typer.Option(help="folder of the new bag")],
+    option: Annotated[Optional[list[str]], typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
+) -> None:
+    """Turn a public recording into a bag that `handwave replay` understands.
+
+    Examples: `handwave import crossing two_people.npz --out walkers` · `handwave import dca1000 capture.pcap --out raw -o config=profile.cfg`
+    """
+    import yaml
+
+    from radar_ros.importers import import_recording
+
+    options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in option or [])}
+    print(import_recording(kind, source, out, **options))
+
+
+@app.command()
+def scenes() -> None:
+    """List the scenes that come with Handwave."""
+    from radar_core.paths import share_dir
+
+    for path in sorted((share_dir() / "config" / "scenes").glob("*.yaml")):
+        first = path.read_text(encoding="utf-8").splitlines()[0]
+        print(f"{path.stem:16} {first.lstrip('# ') if first.startswith('#') else ''}")

@@ -1,0 +1,214 @@
+"""`handwave demo`: a simulated room through the whole graph, watched live, recorded, and judged against the truth."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from radar_core import ConfigError
+from radar_ros.graph import graph
+from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
+from radar_sim import Scene, load_scene
+
+_START_TIMEOUT = 30.0  # s: for all nodes to be there; a cold disk is slow
+_DRAIN = 1.0  # s: after the last frame, for results to arrive and be written
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What the user asked for."""
+
+    scene: str = "demo"
+    duration: float | None = None
+    bag: Path | None = None
+    headless: bool = False
+    domain: int | None = None
+    namespace: str = ""
+    verbose: bool = False
+
+
+def free_folder(wanted: Path) -> Path:
+    """Return the folder itself, or with the first free number behind it."""
+    path, number = wanted, 2
+    while path.exists():
+        path, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
+    return path
+
+
+def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
+    """Run the demo and return its report.
+
+    Returns
+    -------
+    dict
+        Figures of the run; ``crashes`` lists the nodes that died.
+
+    Raises
+    ------
+    ConfigError
+        When the scene makes no sense, the ROS domain is busy or nodes do not start.
+    """
+    os.environ.update(environment(options.domain))
+    scene = load_scene(options.scene)
+    duration = min(options.duration or scene.duration, scene.duration)
+    bag = options.bag or free_folder(Path("out") / "demo")
+    if bag.exists():
+        raise ConfigError(f"{bag} exists already; choose another folder with --bag")
+    report_file = bag.with_name(f"{bag.name}.json")
+    specs = graph(
+        "demo",
+        namespace=options.namespace,
+        parameters={
+            "driver": {"scene": str(options.scene), "duration": float(duration)},
+            "recorder": {"bag": str(bag)},
+            "evaluation": {"report": str(report_file)},
+        },
+    )
+    refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
+    logs: list[str] = []
+    supervisor = Supervisor(specs, domain=options.domain, log=_log_sink(logs, console, options))
+    live = _watch(supervisor, scene, duration, options, console, logs)
+    report = {**live, "bag": str(bag), "crashes": [f"{name} (status {status})" for name, status in supervisor.crashes]}
+    if report_file.exists():
+        report = {**json.loads(report_file.read_text(encoding="utf-8")), **report}
+        report_file.write_text(json.dumps(report, indent=1), encoding="utf-8")
+    return report
+
+
+def _log_sink(logs: list[str], console: Console, options: DemoOptions) -> Callable[[str, str], None]:
+    def sink(name: str, line: str) -> None:
+        logs.append(f"{name}: {line}")
+        if options.verbose or (options.headless and ("[ERROR]" in line or "Traceback" in line)):
+            console.print(f"{name}: {line}", markup=False, highlight=False)
+
+    return sink
+
+
+def _watch(supervisor: Supervisor, scene: Scene, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> dict[str, Any]:
+    """Run the nodes until the scene is over; show what happens."""
+    import rclpy
+
+    from radar_ros.live import Monitor
+
+    rclpy.init(args=[])
+    monitor = Monitor(options.namespace)
+    started = time.monotonic()
+    try:
+        supervisor.start(without=("driver",))
+        _await_nodes(supervisor, monitor, logs)
+        supervisor.start()
+        title = f"handwave demo: {options.scene}"
+        if options.headless:
+            _watch_plainly(supervisor, monitor, duration, console)
+        else:
+            with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
+                _run(supervisor, monitor, duration, lambda: display.update(monitor.render(title)))
+        cpu = supervisor.cpu_seconds()
+        wall = time.monotonic() - started
+    finally:
+        supervisor.stop()
+        monitor.close()
+        rclpy.try_shutdown()
+    return {**monitor.figures(), "cpu_percent": {name: round(100 * used / wall, 1) for name, used in cpu.items()}}
+
+
+def _await_nodes(supervisor: Supervisor, monitor: Any, logs: list[str]) -> None:
+    """Wait until every node that reads raw frames, truth or results is there."""
+    end = time.monotonic() + _START_TIMEOUT
+    others = {spec.name for spec in supervisor.specs} - {"driver"}
+    while time.monotonic() < end:
+        present = set(monitor.node.get_node_names())
+        if others <= present and monitor.node.count_subscribers("radar/frame") >= 2:
+            return
+        if supervisor.poll():
+            break
+        monitor.spin(0.1)
+    missing = ", ".join(sorted(others - set(monitor.node.get_node_names()))) or "a reader of radar/frame"
+    raise ConfigError(f"the graph did not start: {missing} missing.\n" + "\n".join(logs[-20:]))
+
+
+def _run(supervisor: Supervisor, monitor: Any, duration: float, show: Callable[[], None]) -> None:
+    """Until the driver has been through the scene: listen, look for dead nodes, show."""
+    end = time.monotonic() + duration + _START_TIMEOUT
+    last = (0, time.monotonic())
+    while time.monotonic() < end:
+        monitor.spin(0.12)
+        supervisor.poll()
+        show()
+        if monitor.frames + monitor.skipped > last[0]:
+            last = (monitor.frames + monitor.skipped, time.monotonic())
+        elif last[0] and time.monotonic() - last[1] > _DRAIN:
+            return
+        if "driver" not in supervisor.running:
+            return
+
+
+def _watch_plainly(supervisor: Supervisor, monitor: Any, duration: float, console: Console) -> None:
+    """One line a second, for logs."""
+    next_line = time.monotonic() + 1.0
+
+    def show() -> None:
+        nonlocal next_line
+        if time.monotonic() < next_line:
+            return
+        next_line += 1.0
+        people = len(monitor.tracks.tracks) if monitor.tracks is not None else 0
+        latency = f"{sorted(monitor.latencies[-50:])[len(monitor.latencies[-50:]) // 2] * 1e3:.1f} ms" if monitor.latencies else "-"
+        hand = f", hand {monitor.hand.value:.2f}" if monitor.hand is not None else ""
+        gestures = ", ".join(f"{track}:{name}" for track, name, _ in list(monitor.gestures)[-2:])
+        console.print(f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}", highlight=False)
+
+    _run(supervisor, monitor, duration, show)
+
+
+def show_report(report: dict[str, Any], console: Console) -> None:
+    """Print the table of what was recognised and the figures of the run."""
+    table = Table(title="gestures: performed and recognised")
+    for column in ("time [s]", "person", "performed", "recognised", ""):
+        table.add_column(column)
+    outcomes = report.get("gestures", {}).get("outcomes", [])
+    first = outcomes[0]["time_s"] if outcomes else 0.0
+    for row in outcomes:
+        right = row["performed"] == row["recognised"]
+        table.add_row(
+            f"{row['time_s'] - first:+.1f}", str(row["person"]), row["performed"], row["recognised"] or "-", "[green]right" if right else "[red]wrong"
+        )
+    console.print(table)
+    figures = Table(title="figures", show_header=False)
+    for name, value in _figures(report):
+        figures.add_row(name, value)
+    console.print(figures)
+
+
+def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
+    def number(value: Any, form: str, unit: str = "") -> str:
+        return "-" if value is None else f"{value:{form}}{unit}"
+
+    rows = []
+    for name, person in report.get("people", {}).items():
+        text = f"tracked {number(person['tracked_fraction'], '.0%')} of the time in view, {person['identity_switches']} identity switches, "
+        rows.append((f"person {name}", text + f"position {number(person['position_rms_m'], '.2f', ' m')} rms"))
+    gestures, hand = report.get("gestures", {}), report.get("hand", {})
+    if gestures.get("total"):
+        share = gestures["hits"] / gestures["total"]
+        text = f"{gestures['hits']} of {gestures['total']} right ({share:.0%}), {gestures['wrong']} wrong, {gestures['misses']} missed, "
+        rows.append(("gestures", text + f"{gestures['false_alarms']} false alarms"))
+    rows.append(("hand", f"{number(hand.get('rms_m'), '.2f', ' m')} rms, followed {number(hand.get('tracked_fraction'), '.0%')} of its drawing"))
+    rows.append(("ghost tracks", str(report.get("ghost_tracks", "-"))))
+    latency = f"{number(report.get('latency_ms_median'), '.1f')} ms median, {number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
+    rows.append(("frame to tracks", latency))
+    rows.append(("dropped", f"{number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
+    rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
+    rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
+    rows.append(("recording", str(report.get("bag"))))
+    return rows
+

@@ -1,0 +1,113 @@
+"""The library on recordings and scenes, without a running graph; writes the same messages that the nodes would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import deserialize_message, serialize_message
+
+from radar_core import DataError, PointCloud, RadarFrame, RadarInfo
+from radar_gestures.messages import gesture_to_msg
+from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
+from radar_ros import qos
+from radar_ros.bags import TYPES, BagWriter, local, read, require_topics
+from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_sim import Simulator, load_scene
+from radar_sim.messages import truth_to_msg
+from radar_tracking.messages import hand_to_msg, tracks_to_msg
+
+
+def parse(data: bytes, topic: str) -> Any:
+    """Make a message from its bytes, by the topic's name within the namespace."""
+    return deserialize_message(data, qos.message_class(TYPES[topic]))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a bag holds for processing: the radar and whether raw frames or ready clouds.
+
+    Attributes
+    ----------
+    path : Path
+        Folder of the bag.
+    info : RadarInfo
+        The radar.
+    topic : str
+        ``radar/frame`` or ``radar/points``.
+    """
+
+    path: Path
+    info: RadarInfo
+    topic: str
+
+    def messages(self) -> Iterator[tuple[int, RadarFrame | PointCloud]]:
+        """Recording time [ns] and frame or cloud, in order.
+
+        Raises
+        ------
+        DataError
+            When the radar changes within the bag.
+        """
+        for item in read(self.path, ("radar/info", self.topic)):
+            name = local(item.topic)
+            msg = parse(item.data, name)
+            if name == "radar/info":
+                if info_from_msg(msg) != self.info:
+                    raise DataError(f"{self.path}: radar/info changes within the recording; cut it where the radar was changed")
+            else:
+                yield item.stamp_ns, frame_from_msg(msg) if name == "radar/frame" else cloud_from_msg(msg)
+
+
+def open_recording(path: Path) -> Recording:
+    """Look at a bag.
+
+    Raises
+    ------
+    DataError
+        When it holds neither raw frames nor clouds with their radar's info.
+    """
+    names = require_topics(path, ("radar/info", "radar/frame"), ("radar/info", "radar/points"))
+    first = next(iter(read(path, ("radar/info",))))
+    return Recording(Path(path), info_from_msg(parse(first.data, "radar/info")), names[1])
+
+
+def process_recording(path: Path, settings: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:
+    """Run the library over a bag; recording time [ns] and results of every frame (or cloud)."""
+    recording = open_recording(path)
+    pipeline = Pipeline(recording.info, settings)
+    for stamp_ns, item in recording.messages():
+        yield stamp_ns, pipeline.process(item) if isinstance(item, RadarFrame) else pipeline.process_cloud(item)
+
+
+def write_results(writer: BagWriter, stamp_ns: int, result: PipelineResult) -> None:
+    """Write one frame's results as the nodes would publish them."""
+    messages: list[tuple[str, Any]] = [("radar/points", cloud_to_msg(result.cloud)), ("tracks", tracks_to_msg(result.tracks))]
+    messages += [("gestures", gesture_to_msg(gesture)) for gesture in result.gestures]
+    if result.hand is not None:
+        messages.append(("hand", hand_to_msg(result.hand)))
+    for topic, msg in messages:
+        writer.write(f"/{topic}", TYPES[topic], stamp_ns, serialize_message(msg))
+
+
+def simulate(scene: str, out: Path) -> Iterator[int]:
+    """Simulate a scene into a bag of raw frames, info and truth, as fast as it goes; yields the number of each frame written.
+
+    Raises
+    ------
+    ConfigError
+        When the scene makes no sense.
+    DataError
+        When the bag exists already.
+    """
+    simulator = Simulator(load_scene(scene))
+    with BagWriter(Path(out)) as writer:
+        writer.write("/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(simulator.info, 0)))
+        for sequence in range(simulator.n_frames):
+            simulated = simulator.process(sequence)
+            stamp = simulated.frame.stamp_ns
+            writer.write("/radar/frame", TYPES["radar/frame"], stamp, serialize_message(frame_to_msg(simulated.frame)))
+            writer.write("/truth", TYPES["truth"], simulated.truth.stamp_ns, serialize_message(truth_to_msg(simulated.truth)))
+            yield sequence

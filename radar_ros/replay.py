@@ -1,0 +1,230 @@
+"""Replaying recordings: in their own time with /clock, or in lockstep, where nothing is ever lost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import StageStatus as StageStatusMsg
+from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+
+from radar_core import DataError
+from radar_ros import qos
+from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
+from radar_ros.convert import from_time, to_time
+from radar_ros.offline import open_recording, parse
+
+SOURCES = ("radar/info", "radar/frame", "truth", "tf_static")
+CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static")
+_CLOCK_INTERVAL = 0.01  # s of recording time between two /clock messages
+_READY_TIMEOUT = 30.0  # s for nodes to start and to learn what the radar is
+_ANSWER_TIMEOUT = 10.0  # s for all stages to finish one frame
+
+
+def source_topics(path: Path) -> tuple[str, ...]:
+    """Topics of a bag that go into the graph: raw frames if it has them, else clouds.
+
+    Raises
+    ------
+    DataError
+        When it has neither.
+    """
+    names = require_topics(path, ("radar/info", "radar/frame"), ("radar/info", "radar/points"))
+    return SOURCES if "radar/frame" in names else CLOUD_SOURCES
+
+
+class Player:
+    """Publishes recorded messages as they are.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the graph.
+    reliable : bool
+        Nothing may be lost.
+    """
+
+    def __init__(self, namespace: str = "", *, reliable: bool = False) -> None:
+        self.node = rclpy.create_node("handwave_player", namespace=namespace, start_parameter_services=False)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self._reliable = reliable
+        self._publishers: dict[str, Any] = {}
+        self._clock = self.node.create_publisher(Clock, "/clock", 10)
+
+    def publisher(self, topic: str) -> Any:
+        """Publisher of a topic, by its name within the namespace."""
+        if topic not in self._publishers:
+            name = "/tf_static" if topic == "tf_static" else topic
+            profile = qos.for_topic(topic, reliable=self._reliable, depth=5)
+            self._publishers[topic] = self.node.create_publisher(qos.message_class(TYPES[topic]), name, profile)
+        return self._publishers[topic]
+
+    def publish(self, item: Recorded) -> None:
+        """Publish one recorded message."""
+        self.publisher(local(item.topic)).publish(item.data)
+
+    def tick(self, stamp_ns: int) -> None:
+        """Tell the time of the recording."""
+        self._clock.publish(Clock(clock=to_time(stamp_ns)))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+
+def play(player: Player, path: Path, topics: Sequence[str], *, rate: float = 1.0, spin: Callable[[float], None] = time.sleep) -> int:
+    """Publish a bag in its own time (times ``rate``), with /clock.
+
+    Parameters
+    ----------
+    player : Player
+        Publishes.
+    path : Path
+        Folder of the bag.
+    topics : sequence of str
+        What to publish, names within the namespace.
+    rate : float
+        Pace; 2 is twice as fast.
+    spin : callable
+        Waits for so many seconds.
+
+    Returns
+    -------
+    int
+        Messages published.
+    """
+    count, first, last_tick = 0, 0, -1
+    started = time.monotonic()
+    latched: list[Recorded] = []
+    for item in read(path, topics):
+        if count == 0:
+            first = item.stamp_ns
+        while (wait := (item.stamp_ns - first) * 1e-9 / rate - (time.monotonic() - started)) > 1e-4:
+            spin(min(wait, _CLOCK_INTERVAL))
+            now = first + round((time.monotonic() - started) * rate * 1e9)
+            if now - last_tick > _CLOCK_INTERVAL * 1e9:
+                player.tick(min(now, item.stamp_ns))
+                last_tick = now
+                for old in latched:
+                    player.publish(old)
+                latched = []
+        player.publish(item)
+        if local(item.topic) == "radar/info":
+            latched = [item]
+        count += 1
+    return count
+
+
+class Lockstep:
+    """Sends the next frame only after every stage has finished with the last.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the graph, whose nodes run with the parameter ``reliable``.
+    stages : sequence of str
+        Stages whose answers are waited for.
+    out : BagWriter or None
+        Where the results go.
+    """
+
+    def __init__(self, stages: Sequence[str], namespace: str = "", out: BagWriter | None = None) -> None:
+        self.player = Player(namespace, reliable=True)
+        self._stages, self._out = set(stages), out
+        self._ready: set[str] = set()
+        self._done: set[str] = set()
+        self._awaited_ns = -1
+        self._stamp_ns = 0
+        node = self.player.node
+        node.create_subscription(StageStatusMsg, "stage_status", self._status, qos.sensor(reliable=True))
+        if out is not None:
+            for topic in ("radar/points", "tracks", "gestures", "hand"):
+                taker = self._taker(f"/{topic}", TYPES[topic])
+                node.create_subscription(qos.message_class(TYPES[topic]), topic, taker, qos.for_topic(topic, reliable=True), raw=True)
+
+    def _taker(self, topic: str, msgtype: str) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            assert self._out is not None
+            self._out.write(topic, msgtype, self._stamp_ns, data)
+
+        return take
+
+    def _status(self, msg: Any) -> None:
+        stamp = from_time(msg.header.stamp)
+        if stamp == 0:
+            self._ready.add(msg.stage)
+        elif stamp == self._awaited_ns:
+            self._done.add(msg.stage)
+
+    def _spin_until(self, wanted: Callable[[], bool], timeout: float, again: Callable[[], None] | None = None) -> bool:
+        end = time.monotonic() + timeout
+        repeat = time.monotonic()
+        while not wanted():
+            if time.monotonic() > end:
+                return False
+            if again is not None and time.monotonic() > repeat:
+                again()
+                repeat = time.monotonic() + 0.2
+            self.player.executor.spin_once(timeout_sec=0.05)
+        return True
+
+    def run(self, path: Path, progress: Callable[[int], None] = lambda count: None) -> int:
+        """Replay a bag.
+
+        Parameters
+        ----------
+        path : Path
+            Folder of the bag.
+        progress : callable
+            Called with the number of frames done.
+
+        Returns
+        -------
+        int
+            Frames (or clouds) replayed.
+
+        Raises
+        ------
+        DataError
+            When a stage does not start or loses a frame.
+        """
+        recording = open_recording(path)
+        source = "radar/points" if recording.topic == "radar/points" else "radar/frame"
+        info = next(iter(read(path, ("radar/info",))))
+        if not self._spin_until(lambda: self._stages <= self._ready, _READY_TIMEOUT, lambda: self.player.publish(info)):
+            raise DataError(f"no answer from {', '.join(sorted(self._stages - self._ready))}: do the nodes run, with the parameter reliable?")
+        publisher = self.player.publisher(source)
+        if not self._spin_until(lambda: publisher.get_subscription_count() > 0, _READY_TIMEOUT):
+            raise DataError(f"nobody reads {source}")
+        half = recording.info.waveform.acquisition_ns // 2 if source == "radar/frame" else 0
+        count = 0
+        for item in read(path, (source,)):
+            self._send(item, from_time(parse(item.data, source).header.stamp) + half, count)
+            count += 1
+            progress(count)
+        self._spin_until(lambda: False, 0.5)  # results may travel behind the status that announces them
+        return count
+
+    def _send(self, item: Recorded, awaited_ns: int, number: int) -> None:
+        """Publish one frame and wait for all answers."""
+        self._done, self._awaited_ns, self._stamp_ns = set(), awaited_ns, item.stamp_ns
+        self.player.publish(item)
+        if not self._spin_until(lambda: self._stages <= self._done, _ANSWER_TIMEOUT):
+            missing = ", ".join(sorted(self._stages - self._done))
+            raise DataError(f"frame {number} was lost: no answer from {missing} within {_ANSWER_TIMEOUT:g} s; look at the logs of these nodes")
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.player.close()
+
+
+def expected_stages(names: Iterable[str], source: str) -> list[str]:
+    """Stages that answer when a bag with that source topic is replayed."""
+    return [name for name in names if not (name == "baseband" and source == "radar/points")]

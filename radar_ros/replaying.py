@@ -1,0 +1,138 @@
+"""`handwave replay`: the graph and the player together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rich.console import Console
+from rich.progress import Progress
+
+from radar_core import ConfigError, DataError
+from radar_ros.bags import BagWriter, contents, local
+from radar_ros.graph import STAGES, graph
+from radar_ros.live import Monitor
+from radar_ros.offline import open_recording
+from radar_ros.replay import Lockstep, Player, expected_stages, play, source_topics
+from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What the user asked for."""
+
+    bag: Path
+    lockstep: bool = False
+    out: Path | None = None
+    rate: float = 1.0
+    loop: bool = False
+    graph_too: bool = True
+    parameters: Mapping[str, Mapping[str, Any]] | None = None
+    domain: int | None = None
+    namespace: str = ""
+
+
+def run_replay(options: ReplayOptions) -> int:
+    """Replay a recording.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 when a node died.
+
+    Raises
+    ------
+    DataError
+        When the bag cannot be replayed, or in lockstep a frame was lost.
+    """
+    if options.out is not None and not options.lockstep:
+        raise ConfigError("--out goes with --lockstep; to record a replay in its own time run: handwave record")
+    recording = open_recording(options.bag)
+    os.environ.update(environment(options.domain))
+    common = {"reliable": True} if options.lockstep else {"use_sim_time": True}
+    parameters = {name: dict(values) for name, values in (options.parameters or {}).items()}
+    parameters["*"] = {**common, **parameters.get("*", {})}
+    without = ("baseband",) if recording.topic == "radar/points" else ()
+    specs = graph("stages" if options.lockstep else "replay", namespace=options.namespace, parameters=parameters, without=without)
+    if options.graph_too:
+        refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
+    console = Console()
+    supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=_errors_only(console))
+    rclpy.init(args=[])
+    try:
+        with supervisor:
+            if options.lockstep:
+                _lockstep(options, recording.topic, console)
+            else:
+                _in_time(options, supervisor, console)
+            supervisor.poll()
+    finally:
+        rclpy.try_shutdown()
+    for name, status in supervisor.crashes:
+        console.print(f"[red]node {name} died with status {status}")
+    return 1 if supervisor.crashes else 0
+
+
+def _errors_only(console: Console) -> Any:
+    def sink(name: str, line: str) -> None:
+        if "[INFO]" not in line:
+            console.print(f"{name}: {line}", markup=False, highlight=False)
+
+    return sink
+
+
+def _total(options: ReplayOptions, topic: str) -> int:
+    return sum(count for name, count in contents(options.bag).items() if local(name) == topic)
+
+
+def _lockstep(options: ReplayOptions, topic: str, console: Console) -> None:
+    out = BagWriter(options.out) if options.out is not None else None
+    lockstep = Lockstep(expected_stages(STAGES, topic), options.namespace, out)
+    try:
+        with Progress(console=console) as progress:
+            task = progress.add_task("lockstep", total=_total(options, topic))
+            count = lockstep.run(options.bag, lambda done: progress.update(task, completed=done))
+        console.print(f"{count} frames, none lost" + (f"; results in {options.out}" if options.out else ""))
+    finally:
+        lockstep.close()
+        if out is not None:
+            out.close()
+
+
+def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console) -> None:
+    topics = source_topics(options.bag)
+    player, monitor = Player(options.namespace), Monitor(options.namespace)
+    try:
+        source = player.publisher(topics[1])
+        for _ in range(300):
+            if source.get_subscription_count():
+                break
+            if supervisor.poll():
+                raise DataError("a node did not start; its message stands above")
+            monitor.spin(0.1)
+        else:
+            raise DataError(f"nobody reads {topics[1]}; start the graph (handwave up replay), or let replay start it (--graph)")
+        monitor.spin(0.5)
+        seen: dict[int, str] = {}
+
+        def spin(seconds: float) -> None:
+            monitor.spin(seconds)
+            for number, (track, name, confidence) in enumerate(monitor.gestures):
+                if number not in seen:
+                    seen[number] = name
+                    console.print(f"person {track}: {name} ({confidence:.0%})", highlight=False)
+
+        while True:
+            count = play(player, options.bag, topics, rate=options.rate, spin=spin)
+            monitor.spin(0.5)
+            people = len(monitor.tracks.tracks) if monitor.tracks is not None else 0
+            console.print(f"{count} messages sent, {monitor.received} track arrays came back, {people} tracks at the end", highlight=False)
+            if not options.loop:
+                return
+    finally:
+        monitor.close()
+        player.close()

@@ -1,0 +1,146 @@
+"""Moving scatterers to beat signals: radar equation and chirp-sequence FMCW with TDM (thesis, sections 2.1.3, 2.2 and 2.3).
+
+A sample at time T, ``t`` after its chirp began, has the phase 2 pi (f_min tau(T) + slope tau(T) t). The residual video phase, pi slope tau^2, is left
+out as in (2.11): at 6 m it turns by less than 0.02 rad over one range bin. Three models, chosen by name in `Scene.model`, differ in how they follow
+tau through a frame; docs/simulator.md has what each costs and gives.
+
+* separable: range, range rate and direction are those of the middle of the frame. The sum over the scatterers is then one matrix product.
+* blocks: the same in each of `Scene.blocks` parts of the frame.
+* exact: float64; every chirp with the scatterers where they then are, moving evenly within the chirp, and the true path from each transmitter by way
+  of the scatterer to each receiver, so that range migration, acceleration, array squint and near field are all in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import SPEED_OF_LIGHT, RadarInfo
+
+Float64Array = NDArray[np.float64]
+IMPEDANCE = 50.0
+"""Ohm: what turns watts into volts. A sample z carries the power abs(z)^2 / IMPEDANCE at the receiver's input; the receiver's gain is 1."""
+NEAR = 0.05
+"""The radar equation has no meaning nearer than this [m]: amplitudes stop rising."""
+
+Model = Callable[[RadarInfo, Float64Array, Float64Array], NDArray[np.complex64]]
+"""Of the radar, positions (2 n_blocks + 1, n, 3) in the sensor frame [m] and strengths (n,), a frame of shape (tx, chirp, rx, sample) [V].
+
+The positions are taken at even steps over the acquisition, both ends included."""
+
+
+def strength(info: RadarInfo, rcs: Float64Array) -> Float64Array:
+    """Amplitude of an echo times the square of its range, by the radar equation (2.4) on the boresight.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        Transmit power and gain.
+    rcs : ndarray, shape (n,)
+        Radar cross-sections [m^2].
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Strength [V m^2].
+    """
+    array, wavelength = info.array, info.waveform.wavelength
+    power = 1e-3 * 10 ** ((array.tx_power + 2 * array.gain) / 10) * wavelength**2 / (4 * math.pi) ** 3
+    return np.sqrt(power * IMPEDANCE * rcs)
+
+
+def visible(info: RadarInfo, position: Float64Array) -> NDArray[np.bool_]:
+    """Which positions (n, 3) of the sensor frame echo at all: before the array, and nearer than `Waveform.max_range`.
+
+    The array lies in a plane that shields what is behind it. The receiver has an ideal anti-aliasing filter: a beat frequency above the sample rate
+    is gone, it does not fold back.
+    """
+    limit = info.waveform.max_range
+    seen: NDArray[np.bool_] = (position[:, 0] > 0) & ((position**2).sum(-1) < limit**2)
+    return seen
+
+
+def separable(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:
+    """Echoes with range, range rate and direction constant within each part of the frame, as one matrix product a part.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        The radar.
+    positions : ndarray, shape (2 n_blocks + 1, n, 3)
+        In the sensor frame at even steps over the acquisition [m]: edges and middles of the parts.
+    strengths : ndarray, shape (n,)
+        See `strength` [V m^2].
+
+    Returns
+    -------
+    ndarray of complex64, shape (tx, chirp, rx, sample)
+        Samples [V].
+    """
+    n_blocks = (len(positions) - 1) // 2
+    w = info.waveform
+    cube = np.empty((w.n_tx, w.n_chirp, info.array.n_rx * w.n_sample), np.complex64)
+    edges = np.rint(np.linspace(0, w.n_chirp, n_blocks + 1)).astype(int)
+    for b in range(n_blocks):
+        part = _part(info, positions[2 * b : 2 * b + 3], strengths, (b + 0.5) / n_blocks, n_blocks, slice(*edges[b : b + 2]))
+        cube[:, edges[b] : edges[b + 1]] = part
+    return cube.reshape(info.cube_shape)
+
+
+def _part(
+    info: RadarInfo, positions: Float64Array, strengths: Float64Array, middle: float, n_blocks: int, chirps: slice
+) -> NDArray[np.complex64]:
+    """One matrix product: (tx chirp, n) times (n, rx sample)."""
+    w, array = info.waveform, info.array
+    length = np.sqrt((positions**2).sum(-1))
+    distance = np.maximum(length[1], 1e-9)
+    rate = (length[2] - length[0]) * n_blocks / w.acquisition_time
+    delay = 2 * distance / SPEED_OF_LIGHT
+    doppler = 2 * rate / w.wavelength
+    # Phases count from the middle of a chirp, where the frequency is the carrier: so Doppler and range separate. Doppler within a chirp is a shift
+    # of the beat frequency and costs nothing.
+    t = (np.arange(w.n_sample) / w.n_sample - 0.5) * w.chirp_duration
+    fast = _phasor((w.slope * delay + doppler)[:, None] * t + (w.carrier * delay)[:, None])
+    start = (np.arange(w.n_chirp)[None, chirps] * w.n_tx + np.arange(w.n_tx)[:, None]) * w.chirp_interval
+    since = start + w.chirp_duration / 2 - middle * w.acquisition_time
+    direction = positions[1, :, 1:] / distance[:, None]
+    path_tx, path_rx = (np.asarray(elements, np.float64) @ direction.T / w.wavelength for elements in (array.tx, array.rx))
+    slow = _phasor(since[:, :, None] * doppler - path_tx[:, None, :])
+    amplitude = (strengths / np.maximum(distance, NEAR) ** 2).astype(np.float32)
+    rx = _phasor(-path_rx).T * amplitude[:, None]
+    products = slow.reshape(-1, len(distance)) @ (rx[:, :, None] * fast[:, None, :]).reshape(len(distance), -1)
+    return products.reshape(w.n_tx, -1, products.shape[-1])
+
+
+def exact(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:
+    """Echoes with the true path of every chirp and channel; see `separable` for what goes in and out, with one part per chirp of any transmitter."""
+    w, array = info.waveform, info.array
+    cube = np.zeros((w.n_chirp, w.n_tx, array.n_rx, w.n_sample), np.complex128)
+    t = np.arange(w.n_sample) / w.n_sample * w.chirp_duration
+    tx, rx = (np.insert(np.asarray(elements, np.float64), 0, 0.0, axis=-1) for elements in (array.tx, array.rx))
+    for n, strength_n in enumerate(strengths):
+        start = positions[:-1:2, n].reshape(w.n_chirp, w.n_tx, 3)
+        end = positions[2::2, n].reshape(w.n_chirp, w.n_tx, 3)
+        begins, ends = (_norm(p - tx)[..., None] + _norm(p[:, :, None, :] - rx) for p in (start, end))
+        delay, drift = begins / SPEED_OF_LIGHT, (ends - begins) / (SPEED_OF_LIGHT * w.chirp_interval)
+        tau = delay[..., None] + drift[..., None] * t
+        phase = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * t
+        amplitude = strength_n / np.maximum(begins / 2, NEAR) ** 2
+        cube += amplitude[..., None] * np.exp(2j * np.pi * (phase - np.rint(phase)))
+    return np.ascontiguousarray(cube.transpose(1, 0, 2, 3)).astype(np.complex64)
+
+
+def _norm(vector: Float64Array) -> Float64Array:
+    return np.sqrt((vector**2).sum(-1))
+
+
+def _phasor(turns: Float64Array) -> NDArray[np.complex64]:
+    """exp(j 2 pi turns); whole turns are dropped in float64 before the cheap float32 sine and cosine."""
+    phase = ((turns - np.rint(turns)) * (2 * np.pi)).astype(np.float32)
+    result = np.empty(phase.shape, np.complex64)
+    np.cos(phase, out=result.real)
+    np.sin(phase, out=result.imag)
+    return result
