@@ -33,7 +33,8 @@ def bend(hand: Float64Array, side: float) -> tuple[Float64Array, Float64Array]:
     axis = hand / np.maximum(wanted, 1e-9)[:, None]
     distance = np.clip(wanted, 1.05 * abs(_FORE - _UPPER), 0.998 * (_UPPER + _FORE))
     cosine = (_UPPER**2 + distance**2 - _FORE**2) / (2 * _UPPER * distance)
-    # The elbow goes down, outwards and back: a direction that no gesture points the arm along, nor against, so that it never swings round fast.
+    # The elbow goes down, outwards and back: a direction that no gesture points the arm along, nor against, so that it never swings
+    # round fast.
     aside = np.array([-0.6, 0.8 * side, -0.9])
     across = aside - (axis @ aside)[:, None] * axis
     norm = np.sqrt((across**2).sum(-1))

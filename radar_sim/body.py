@@ -126,7 +126,7 @@ class Body:
         return Pose(room[:, :-1], np.stack([c * nx - s * ny, s * nx + c * ny], -1), centre, room[:, -1])
 
     def _arm(self, hand: Float64Array, side: float, lean: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Scatterers of an arm, (n_times, n, 3), and its hand, (n_times, 3); ``hand``: wanted, from the shoulder [reach]; ``side``: +1 left."""
+        """Scatterers of an arm, (n_times, n, 3), and its hand, (n_times, 3), for a hand wanted there from the shoulder [reach]."""
         height = self.person.height
         shoulder = lean + np.array([0.0, side * 0.115 * height, 0.818 * height])
         end, elbow = (shoulder[:, None, :] + REACH * height * joint[:, None, :] for joint in bend(hand, side))
@@ -144,7 +144,8 @@ class Body:
         hip = np.array([0.0, side * 0.05 * height, 0.53 * height])
         foot = 1.2 * forward + np.array([0.0, side * 0.05 * height, 0.03 * height])
         foot[:, 2] += 0.04 * height * np.maximum(lift, 0.0)
-        return hip + self._along["leg"] * (foot[:, None, :] - hip) + self._scatter["leg", side] * 0.5
+        leg: Float64Array = hip + self._along["leg"] * (foot[:, None, :] - hip) + self._scatter["leg", side] * 0.5
+        return leg
 
 
 def _shell(rng: np.random.Generator, n: int, depth: float, width: float, low: float, high: float) -> tuple[Float64Array, Float64Array]:

@@ -1,8 +1,8 @@
 """Paths of the acting hand (thesis, appendix A.1), of a right arm.
 
-Positions are (forward, left, up) from the shoulder in units of the arm's reach (shoulder to the middle of the hand). A path maps u = 0..1 to a
-position; it starts and ends at rest. Forward and back are what a radar in front of the person sees best, so swipes and waves are arcs about the
-shoulder or the elbow, as arms make them, not straight lines: their range changes by a quarter of a metre or more.
+Positions are (forward, left, up) from the shoulder in units of the arm's reach (shoulder to the middle of the hand). A path maps u = 0..1
+to a position; it starts and ends at rest. Forward and back are what a radar in front of the person sees best, so swipes and waves are arcs
+about the shoulder or the elbow, as arms make them, not straight lines: their range changes by a quarter of a metre or so.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Moving scatterers to beat signals: radar equation and chirp-sequence FMCW with TDM (thesis, sections 2.1.3, 2.2 and 2.3).
 
-A sample at time T, ``t`` after its chirp began, has the phase 2 pi (f_min tau(T) + slope tau(T) t). The residual video phase, pi slope tau^2, is left
-out as in (2.11): at 6 m it turns by less than 0.02 rad over one range bin. Three models, chosen by name in `Scene.model`, differ in how they follow
-tau through a frame; docs/simulator.md has what each costs and gives.
+A sample at time T, ``t`` after its chirp began, has the phase 2 pi (f_min tau(T) + slope tau(T) t). The residual video phase, pi slope
+tau^2, is left out as in (2.11): at 6 m it is 0.11 rad and changes by 0.004 rad from one range bin to the next. Three models, chosen by name
+in `Scene.model`, differ in how they follow tau through a frame; docs/simulator.md has what each costs and gives.
 
 * separable: range, range rate and direction are those of the middle of the frame. The sum over the scatterers is then one matrix product.
 * blocks: the same in each of `Scene.blocks` parts of the frame.
-* exact: float64; every chirp with the scatterers where they then are, moving evenly within the chirp, and the true path from each transmitter by way
-  of the scatterer to each receiver, so that range migration, acceleration, array squint and near field are all in.
+* exact: float64; every chirp with the scatterers where they then are, moving evenly within the chirp, and the true path from each
+  transmitter by way of the scatterer to each receiver: range migration, acceleration, array squint and near field are all in.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def strength(info: RadarInfo, rcs: Float64Array) -> Float64Array:
 def visible(info: RadarInfo, position: Float64Array) -> NDArray[np.bool_]:
     """Which positions (n, 3) of the sensor frame echo at all: before the array, and nearer than `Waveform.max_range`.
 
-    The array lies in a plane that shields what is behind it. The receiver has an ideal anti-aliasing filter: a beat frequency above the sample rate
-    is gone, it does not fold back.
+    The array lies in a plane that shields what is behind it. The receiver has an ideal anti-aliasing filter: a beat frequency above the
+    sample rate is gone, it does not fold back.
     """
     limit = info.waveform.max_range
     seen: NDArray[np.bool_] = (position[:, 0] > 0) & ((position**2).sum(-1) < limit**2)
@@ -100,8 +100,8 @@ def _part(
     rate = (length[2] - length[0]) * n_blocks / w.acquisition_time
     delay = 2 * distance / SPEED_OF_LIGHT
     doppler = 2 * rate / w.wavelength
-    # Phases count from the middle of a chirp, where the frequency is the carrier: so Doppler and range separate. Doppler within a chirp is a shift
-    # of the beat frequency and costs nothing.
+    # Phases count from the middle of a chirp, where the frequency is the carrier: so Doppler and range separate. Doppler within a chirp is
+    # a shift of the beat frequency and costs nothing.
     t = (np.arange(w.n_sample) / w.n_sample - 0.5) * w.chirp_duration
     fast = _phasor((w.slope * delay + doppler)[:, None] * t + (w.carrier * delay)[:, None])
     start = (np.arange(w.n_chirp)[None, chirps] * w.n_tx + np.arange(w.n_tx)[:, None]) * w.chirp_interval
@@ -112,11 +112,27 @@ def _part(
     amplitude = (strengths / np.maximum(distance, NEAR) ** 2).astype(np.float32)
     rx = _phasor(-path_rx).T * amplitude[:, None]
     products = slow.reshape(-1, len(distance)) @ (rx[:, :, None] * fast[:, None, :]).reshape(len(distance), -1)
-    return products.reshape(w.n_tx, -1, products.shape[-1])
+    part: NDArray[np.complex64] = products.reshape(w.n_tx, -1, products.shape[-1])
+    return part
 
 
 def exact(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:
-    """Echoes with the true path of every chirp and channel; see `separable` for what goes in and out, with one part per chirp of any transmitter."""
+    """Echoes with the true path of every chirp and channel.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        The radar.
+    positions : ndarray, shape (2 n_tx n_chirp + 1, n, 3)
+        In the sensor frame [m]: where every chirp begins, in its middle, and where the next one begins.
+    strengths : ndarray, shape (n,)
+        See `strength` [V m^2].
+
+    Returns
+    -------
+    ndarray of complex64, shape (tx, chirp, rx, sample)
+        Samples [V]; computed in float64.
+    """
     w, array = info.waveform, info.array
     cube = np.zeros((w.n_chirp, w.n_tx, array.n_rx, w.n_sample), np.complex128)
     t = np.arange(w.n_sample) / w.n_sample * w.chirp_duration
@@ -134,7 +150,8 @@ def exact(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> 
 
 
 def _norm(vector: Float64Array) -> Float64Array:
-    return np.sqrt((vector**2).sum(-1))
+    norm: Float64Array = np.sqrt((vector**2).sum(-1))
+    return norm
 
 
 def _phasor(turns: Float64Array) -> NDArray[np.complex64]:

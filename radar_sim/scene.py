@@ -125,7 +125,7 @@ class Pattern:
 
 @config
 class Losses:
-    """What a board loses against the radar equation: radome, feed lines, polarisation, clothing, converter and phase noise, in one figure."""
+    """What a board loses against the radar equation, in one figure: radome, feed lines, polarisation, clothing, converter, phase noise."""
 
     level: float = knob(
         25.0, unit="dB", low=0.0, high=100.0, doc="echoes are that much weaker than the radar equation says, both ways together"

@@ -25,9 +25,9 @@ from radar_sim.motion import (
 )
 from radar_sim.scene import GESTURE_DURATION, Action, Draw, Person
 
-MOVE_SPEED = (0.5, 0.85)
-"""Top speeds between gestures [m/s]: of hand and elbow forward or back, and of the hand altogether. A radar that the person faces sees about
-a Doppler bin less than the 0.8 m/s that makes an event (thesis, section 4.2)."""
+MOVE_SPEED = (0.55, 0.9)
+"""Top speeds between gestures [m/s]: of hand and elbow forward or back, and of the hand altogether. A radar that the person faces sees
+less than 0.7 m/s of it: not the 0.8 m/s that make an event (thesis, section 4.2)."""
 MOVE_EDGE = 0.3
 """Share of such a move in which the hand speeds up, and again slows down."""
 PAUSE = 0.35
