@@ -19,13 +19,15 @@ MaskArray = NDArray[np.bool_]
 
 _NANOSECOND = 1e-9
 _MAX_POINTS = 500  # a hand has a handful of points; more than this of one person only cost time
+_MAX_DEPTH = 1.5  # m
+_TORSO_DECAY = 0.3  # m/s: the torso is where the farthest point of the person was lately; it comes nearer no faster than this
 _ASSUMED_Z_STD = 0.3  # m: where no point measures the height, the hand is assumed as high as the body
 _START_STD = (0.15, 1.0)  # of position [m] and velocity [m/s] when the hand is found
 
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Points that may be the hand. `axis`: from the body's axis; `depth`: range beyond the person's median; `cross`: lateral error [m]."""
+    """Points that may be the hand. `axis`: from the body's axis; `depth`: range beyond the torso's; `cross`: lateral error [m]."""
 
     position: Float64Array
     speed: Float64Array
@@ -33,6 +35,7 @@ class _Candidates:
     cross: Float64Array
     axis: Float64Array
     depth: Float64Array
+    owned: MaskArray
 
 
 class HandTracker:
@@ -60,6 +63,7 @@ class HandTracker:
         self._mean: Float64Array | None = None
         self._covariance = np.eye(6)
         self._seen_ns = 0
+        self._torso_range = -math.inf
         self._stamp_ns: int | None = None
 
     @property
@@ -163,6 +167,7 @@ class HandTracker:
         parent = None if track_id is None else tracked.tracks.find(track_id)
         if parent is not None:
             self._parent, self._body, self._seen_ns = parent.id, parent.position, tracked.cloud.stamp_ns
+            self._torso_range = -math.inf
 
     def _end(self, tracked: TrackedCloud) -> HandTrack | None:
         """Become idle; return the closing message if a hand was ever found."""
@@ -174,7 +179,7 @@ class HandTracker:
         """Predict, then update with the points of the hand; return how many there are."""
         config, stamp_ns = self.config, tracked.cloud.stamp_ns
         unseen = (stamp_ns - self._seen_ns) * _NANOSECOND
-        points = self._candidates(tracked)
+        points = self._candidates(tracked, dt)
         if self._mean is not None and dt > 0:
             step = min(dt, 1.0 + config.lost_after)
             self._mean, self._covariance = predict(self._mean, self._covariance, step, config.process_noise)
@@ -193,7 +198,7 @@ class HandTracker:
         self._hold_within_reach()
         return int(np.count_nonzero(own))
 
-    def _candidates(self, tracked: TrackedCloud) -> _Candidates:
+    def _candidates(self, tracked: TrackedCloud, dt: float) -> _Candidates:
         """Points that may be the hand: the person's own and nobody's, within reach."""
         cloud, body, owner = tracked.cloud, self._body, tracked.tracks.point_track_id
         assert body is not None
@@ -210,8 +215,12 @@ class HandTracker:
         angle = np.clip(np.where(np.isfinite(angle), angle, self.config.angle_std), 0.0, 1.0)
         distance = cloud.range[index].astype(np.float64)
         distance = np.where(np.isfinite(distance), distance, np.hypot(position[index, 0], position[index, 1]))
-        depth = distance - float(np.median(distance)) if len(index) else distance
-        return _Candidates(position[index], np.where(np.isfinite(speed), speed, np.inf), weight, angle * distance, axis[index], depth)
+        owned = owner[index] == self._parent
+        self._torso_range = max(self._torso_range - _TORSO_DECAY * dt, float(np.max(distance[owned], initial=-np.inf)))
+        depth = np.maximum(distance - self._torso_range, -_MAX_DEPTH)
+        return _Candidates(
+            position[index], np.where(np.isfinite(speed), speed, np.inf), weight, angle * distance, axis[index], depth, owned
+        )
 
     def _gate(self, points: _Candidates) -> MaskArray:
         """Points near the predicted hand that are not body; without z on the floor plane."""
@@ -233,7 +242,7 @@ class HandTracker:
 
     def _is_body(self, points: _Candidates) -> MaskArray:
         """Slow points near the body's axis or behind it: the guard against a hand that falls into the body."""
-        inside = (points.axis < self.config.body_radius) | (points.depth > 0)
+        inside = (points.axis < self.config.body_radius) | (points.depth > -self.config.torso_depth)
         return np.asarray(inside & (points.speed < self.config.body_speed))
 
     def _split(self, points: _Candidates) -> MaskArray:
@@ -246,7 +255,8 @@ class HandTracker:
         feature = np.column_stack([position[:, :2], z, speed])
         seed = int((points.axis - points.depth + speed).argmax())
         labels, _ = kmeans(feature, np.stack([np.append(self._body, 0.0), feature[seed]]))
-        return np.asarray((labels == 1) & ~self._is_body(points))
+        found = (labels == 1) & points.owned & ~self._is_body(points)
+        return found if np.count_nonzero(found) >= self.config.find_points else np.zeros(len(found), bool)
 
     def _restart(self, position: Float64Array, weight: Float64Array) -> None:
         """Set the filter on newly found points, at rest."""

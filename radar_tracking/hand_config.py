@@ -21,6 +21,10 @@ class HandConfig:
     gate: float = knob(0.4, unit="m", low=0.02, high=3.0, doc="points farther from the predicted hand than this are not its own")
     gate_sigmas: float = knob(5.0, low=0.5, high=100.0, doc="the same in standard deviations")
     body_radius: float = knob(0.12, unit="m", low=0.01, high=1.0, doc="slow points this near to the body's axis are body, never hand")
+    torso_depth: float = knob(
+        0.1, unit="m", low=0.0, high=1.0, doc="slow points no nearer to the radar than the torso by this are body, never hand"
+    )
+    find_points: int = knob(2, low=1, high=100, doc="points that a hand must have to be found (to be followed, one is enough)")
     body_speed: float = knob(0.25, unit="m/s", low=0.0, high=5.0, doc="radial speed up to which a point is slow")
     hand_radius: float = knob(
         0.2, unit="m", low=0.01, high=1.0, doc="a point is the hand's if it is nearer to it in units of this than to the body"

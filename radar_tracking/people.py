@@ -19,8 +19,6 @@ Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
-CAP=1.0
-CAPV=1.0
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
 _RADIAL_TIME = 0.15  # s: and the torso's range and range rate this long
 _ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
@@ -239,9 +237,10 @@ class PeopleTracker:
         weight = points.weight[own] * near * torso
         centroid, variance = self._measure(points, own, weight)
         variance[:2] /= (near * torso).max()
+        # an arm's points are wrong together for half a second, not each for itself: no measurement may pull a body faster than bodies start
         dt = (stamp_ns - track.seen_ns) * _NANOSECOND
-        cap = CAP + CAPV * math.hypot(track.mean[3], track.mean[4])
-        pull = math.hypot(*(centroid[:2] - track.mean[:2])) / (cap * max(dt, 1e-3))
+        fastest = config.filter.pull * (1.0 + math.hypot(track.mean[3], track.mean[4])) * max(dt, 1e-3)
+        pull = math.hypot(*(centroid[:2] - track.mean[:2])) / fastest
         variance[:2] = np.maximum(variance[:2], np.diagonal(track.covariance)[:2] * (pull - 1))
         track.mean, track.covariance = update(track.mean, track.covariance, centroid, np.diag(variance))
         track.seen_ns = stamp_ns

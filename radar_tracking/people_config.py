@@ -38,6 +38,9 @@ class FilterConfig:
     position_std: float = knob(
         0.1, unit="m", low=1e-3, high=10.0, doc="how far the centroid of many points still is from the body's centre"
     )
+    pull: float = knob(
+        0.5, unit="m/s", low=0.01, high=100.0, doc="centroids pull a track off its prediction no faster than this (x 1 + its speed)"
+    )
     angle_std: float = knob(0.03, unit="rad", low=0.0, high=1.0, doc="direction error of one point, for clouds that carry no own estimate")
     initial_speed_std: float = knob(1.0, unit="m/s", low=1e-3, high=100.0, doc="how fast a new track may move")
     damping: float = knob(1.0, unit="s", low=0.01, high=1e3, doc="time in which an unseen track loses 63 % of its speed")

@@ -1,0 +1,51 @@
+"""Point clouds of TI radars (x right, y forward, z up) in our axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import PointCloud
+from radar_core.geometry import cartesian_to_spherical
+
+Float32Array = NDArray[np.float32]
+
+
+def to_our_axes(xyz: NDArray[Any]) -> NDArray[np.float64]:
+    """Turn positions, shape (..., 3) = (right, forward, up), into (forward, left, up)."""
+    p = np.asarray(xyz, np.float64)
+    return np.stack([p[..., 1], -p[..., 0], p[..., 2]], axis=-1)
+
+
+def amplitude_db(intensity: NDArray[Any]) -> Float32Array:
+    """Express the intensities of TI's demos, shape (n,), in dB relative to 1; they fall with range like an amplitude.
+
+    The demos do not say what the noise floor was; an intensity of 0 counts as 1.
+    """
+    return np.asarray(20 * np.log10(np.maximum(intensity, 1)), np.float32)
+
+
+def cloud_from_ti(
+    stamp_ns: int, sequence: int, xyz: NDArray[Any], radial_speed: NDArray[Any], snr: NDArray[Any], *, noise: float = 0.0
+) -> PointCloud:
+    """Make a cloud in the sensor frame; range and angles follow from the positions.
+
+    Parameters
+    ----------
+    stamp_ns, sequence : int
+        Of the cloud.
+    xyz : ndarray, shape (n, 3)
+        Right, forward, up [m].
+    radial_speed : ndarray, shape (n,)
+        Positive = receding, as TI has it too [m/s].
+    snr : ndarray, shape (n,)
+        Strength over ``noise`` [dB].
+    noise : float
+        What the strength is relative to [dB].
+    """
+    position = to_our_axes(xyz)
+    distance, azimuth, elevation = cartesian_to_spherical(position)
+    fields = [np.ascontiguousarray(f, np.float32) for f in (*position.T, distance, azimuth, elevation, radial_speed, snr)]
+    return PointCloud(stamp_ns, sequence, "radar", *fields, noise=np.full(len(fields[0]), noise, np.float32))

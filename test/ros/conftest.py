@@ -1,0 +1,51 @@
+"""Real rclpy for the tests of nodes and plumbing."""
+
+import time
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+
+class Ros:
+    """A context with one node for the test, and one executor for all nodes of it."""
+
+    def __init__(self):
+        rclpy.init(args=[])
+        self.node = rclpy.create_node("tester")
+        self.executor = SingleThreadedExecutor()
+        self.nodes = []
+        self.add(self.node)
+
+    def add(self, node):
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def spin_until(self, wanted, timeout=15.0):
+        end = time.monotonic() + timeout
+        while not wanted():
+            if time.monotonic() > end:
+                return False
+            self.executor.spin_once(timeout_sec=0.05)
+        return True
+
+    def collect(self, msg_type, topic, profile=10):
+        received = []
+        self.node.create_subscription(msg_type, topic, received.append, profile)
+        return received
+
+    def close(self):
+        self.executor.shutdown()
+        for node in self.nodes:
+            getattr(node, "close", lambda: None)()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def ros():
+    """A ROS context of its own, closed afterwards."""
+    context = Ros()
+    yield context
+    context.close()

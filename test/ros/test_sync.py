@@ -1,0 +1,117 @@
+"""Time synchronisation gives the sets that message_filters gives: exact, approximate, with losses, out of order, doubled."""
+
+import random
+
+import pytest
+from std_msgs.msg import Header, String
+
+from radar_ros.convert import to_time
+from radar_ros.filters import ApproximateTimeSynchronizer, Cache, SimpleFilter, TimeSynchronizer
+
+
+class Stamped:
+    """A message as far as synchronisation looks into it."""
+
+    def __init__(self, stamp_ns, name=""):
+        self.header = Header(stamp=to_time(stamp_ns))
+        self.stamp_ns, self.name = stamp_ns, name
+
+    def __repr__(self):
+        return f"{self.name}{self.stamp_ns}"
+
+
+class Time:
+    """A time as rclpy's, as far as Cache asks."""
+
+    def __init__(self, nanoseconds):
+        self.nanoseconds = nanoseconds
+
+
+def connect(kind, *args):
+    inputs = [SimpleFilter(), SimpleFilter()]
+    sync, sets = kind(inputs, *args), []
+    sync.registerCallback(lambda *msgs: sets.append(tuple(m.stamp_ns for m in msgs)))
+    return inputs, sets
+
+
+def test_exact_pairs_whatever_the_order():
+    """Each stamp comes out once, when its last partner has come."""
+    (a, b), sets = connect(TimeSynchronizer, 10)
+    for stamp in (1, 2, 3):
+        a.signalMessage(Stamped(stamp))
+    for stamp in (3, 1, 2):
+        b.signalMessage(Stamped(stamp))
+    assert sets == [(3, 3), (1, 1), (2, 2)]
+
+
+def test_exact_survives_losses_and_doubles():
+    """A lost partner costs its own set only; a doubled message makes no second set."""
+    (a, b), sets = connect(TimeSynchronizer, 5)
+    for stamp in range(100):
+        a.signalMessage(Stamped(stamp))
+        if stamp % 3:
+            b.signalMessage(Stamped(stamp))
+            b.signalMessage(Stamped(stamp))
+    assert sets == [(s, s) for s in range(100) if s % 3]
+
+
+def test_queue_is_bounded():
+    """A dead partner does not fill the memory; the oldest stamps go first."""
+    (a, b), sets = connect(TimeSynchronizer, 4)
+    for stamp in range(10_000):
+        a.signalMessage(Stamped(stamp))
+    for stamp in range(9_990, 10_000):
+        b.signalMessage(Stamped(stamp))
+    assert sets == [(s, s) for s in range(9_996, 10_000)]
+
+
+def test_approximate_takes_the_nearest_within_the_slop():
+    """Two clocks 3 ms apart at 50 Hz pair up one to one, in any order of arrival."""
+    rng = random.Random(4)
+    messages = [(0, Stamped(20_000_000 * i)) for i in range(50)] + [(1, Stamped(20_000_000 * i + 3_000_000)) for i in range(50)]
+    messages.sort(key=lambda m: m[1].stamp_ns + rng.uniform(0, 9_000_000))
+    inputs, sets = connect(ApproximateTimeSynchronizer, 10, 0.005)
+    for which, message in messages:
+        inputs[which].signalMessage(message)
+    assert sorted(sets) == [(20_000_000 * i, 20_000_000 * i + 3_000_000) for i in range(50)]
+
+
+def test_approximate_leaves_what_is_too_far_apart():
+    """Beyond the slop nothing is paired; at the slop it is."""
+    (a, b), sets = connect(ApproximateTimeSynchronizer, 10, 0.005)
+    a.signalMessage(Stamped(0))
+    b.signalMessage(Stamped(5_000_001))
+    assert sets == []
+    b.signalMessage(Stamped(5_000_000))
+    assert sets == [(0, 5_000_000)]
+
+
+def test_headerless_messages_need_permission():
+    """Without a header a message is passed over unless allowed, as message_filters does."""
+    source, got = SimpleFilter(), []
+    Cache(source, 3).registerCallback(got.append)
+    source.signalMessage(String(data="no stamp"))
+    assert got == []
+
+
+def test_cache_answers_by_time():
+    """Out of order in, in order out; the oldest falls out."""
+    source = SimpleFilter()
+    cache = Cache(source, 3)
+    for stamp in (30, 10, 20, 40):
+        source.signalMessage(Stamped(stamp))
+    assert [m.stamp_ns for m in cache.getInterval(Time(0), Time(100))] == [20, 30, 40]
+    assert cache.getElemAfterTime(Time(21)).stamp_ns == 30
+    assert cache.getElemBeforeTime(Time(21)).stamp_ns == 20
+    assert cache.getElemBeforeTime(Time(5)) is None
+    assert cache.getLast().stamp_ns == 40
+
+
+def test_same_interface_as_the_real_package():
+    """Where message_filters is installed it is used, so its names must be ours."""
+    real = pytest.importorskip("message_filters", reason="message_filters is not installed; ours stands in for it")
+    from radar_ros import filters
+
+    for name in ("SimpleFilter", "Subscriber", "Cache", "TimeSynchronizer", "ApproximateTimeSynchronizer"):
+        ours = {n for n in dir(getattr(filters, name)) if not n.startswith("_")}
+        assert ours <= {n for n in dir(getattr(real, name)) if not n.startswith("_")} | {"node", "lock"}
