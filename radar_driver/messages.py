@@ -31,6 +31,7 @@ class BagSource:
         try:
             self._reader = AnyReader([path])
             self._reader.open()
+            self._open = True
         except (AnyReaderError, OSError) as error:
             raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
         frames = self._connections("radar/frame")
@@ -67,5 +68,6 @@ class BagSource:
 
     def close(self) -> None:
         """Close the bag."""
-        if self._reader.isopen:
+        if self._open:
+            self._open = False
             self._reader.close()

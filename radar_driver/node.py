@@ -50,7 +50,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._timer: Any = None
         self._again: Any = None
         self._failure = ""
-        self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.sensor(reliable=self.reliable))
+        self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.stream_out())
         self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
         self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
         self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)

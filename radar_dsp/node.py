@@ -25,8 +25,8 @@ class BasebandNode(StageNode):
         super().__init__("baseband", **kwargs)
         self._config = declare_config(self, BasebandConfig)
         self._baseband: Baseband | None = None
-        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.sensor(reliable=self.reliable))
-        self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.sensor(reliable=self.reliable))
+        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
         self.create_subscription(RadarFrameMsg, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
 

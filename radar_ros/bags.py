@@ -66,8 +66,8 @@ class BagWriter:
         self.path = Path(path)
         self.counts: dict[str, int] = {}
         self._connections: dict[str, Any] = {}
-        self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
         try:
+            self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         except (WriterError, OSError) as error:
             raise DataError(f"{path}: cannot record there ({error}); choose a folder that does not exist yet") from None

@@ -284,3 +284,7 @@ def scenes() -> None:
     for path in sorted((share_dir() / "config" / "scenes").glob("*.yaml")):
         first = path.read_text(encoding="utf-8").splitlines()[0]
         print(f"{path.stem:16} {first.lstrip('# ') if first.startswith('#') else ''}")
+
+
+if __name__ == "__main__":
+    main()

@@ -88,7 +88,7 @@ def _log_sink(logs: list[str], console: Console, options: DemoOptions) -> Callab
     def sink(name: str, line: str) -> None:
         logs.append(f"{name}: {line}")
         if options.verbose or (options.headless and ("[ERROR]" in line or "Traceback" in line)):
-            console.print(f"{name}: {line}", markup=False, highlight=False)
+            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
 
     return sink
 

@@ -70,7 +70,7 @@ class Monitor:
         self.hand: Any = None
         self._published: dict[int, int] = {}
         self._arrived: dict[int, int] = {}
-        self.node.create_subscription(StageStatusMsg, "stage_status", self._status, qos.sensor(depth=100))
+        self.node.create_subscription(StageStatusMsg, "stage_status", self._status, qos.sensor(reliable=True))
         self.node.create_subscription(TrackArrayMsg, "tracks", self._tracks, qos.RESULT)
         self.node.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
         self.node.create_subscription(HandTrackMsg, "hand", self._hand, qos.RESULT)

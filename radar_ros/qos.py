@@ -17,6 +17,11 @@ def sensor(*, reliable: bool = False, depth: int = 5) -> QoSProfile:
     )
 
 
+def stream_out() -> QoSProfile:
+    """Publisher of a stream: offers reliability, so that a recorder can ask for it; readers with sensor QoS get best effort all the same."""
+    return QoSProfile(depth=20, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+
+
 def frames_in(*, reliable: bool = False) -> QoSProfile:
     """Incoming raw frames: only the latest waits, so that under overload the newest frame wins."""
     return sensor(reliable=reliable, depth=1)

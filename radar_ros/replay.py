@@ -45,15 +45,12 @@ class Player:
     ----------
     namespace : str
         Of the graph.
-    reliable : bool
-        Nothing may be lost.
     """
 
-    def __init__(self, namespace: str = "", *, reliable: bool = False) -> None:
+    def __init__(self, namespace: str = "") -> None:
         self.node = rclpy.create_node("handwave_player", namespace=namespace, start_parameter_services=False)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self._reliable = reliable
         self._publishers: dict[str, Any] = {}
         self._clock = self.node.create_publisher(Clock, "/clock", 10)
 
@@ -61,7 +58,8 @@ class Player:
         """Publisher of a topic, by its name within the namespace."""
         if topic not in self._publishers:
             name = "/tf_static" if topic == "tf_static" else topic
-            profile = qos.for_topic(topic, reliable=self._reliable, depth=5)
+            streams = ("radar/frame", "radar/points")
+            profile = qos.stream_out() if topic in streams else qos.for_topic(topic)
             self._publishers[topic] = self.node.create_publisher(qos.message_class(TYPES[topic]), name, profile)
         return self._publishers[topic]
 
@@ -136,7 +134,7 @@ class Lockstep:
     """
 
     def __init__(self, stages: Sequence[str], namespace: str = "", out: BagWriter | None = None) -> None:
-        self.player = Player(namespace, reliable=True)
+        self.player = Player(namespace)
         self._stages, self._out = set(stages), out
         self._ready: set[str] = set()
         self._done: set[str] = set()

@@ -80,7 +80,7 @@ def run_replay(options: ReplayOptions) -> int:
 def _errors_only(console: Console) -> Any:
     def sink(name: str, line: str) -> None:
         if "[INFO]" not in line:
-            console.print(f"{name}: {line}", markup=False, highlight=False)
+            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
 
     return sink
 

@@ -26,6 +26,7 @@ from radar_ros import qos
 from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
 from radar_ros.params import declare, refuse_unknown
 
+_INFO_GRACE = 2.0  # s: at start-up the first data may well overtake the info
 _REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
 
 
@@ -43,7 +44,7 @@ class StageMixin:
         self._compute = 0.0
         self._last = (0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
-        self._status = self.create_publisher(StageStatusMsg, "stage_status", qos.sensor(reliable=self.reliable, depth=20))
+        self._status = self.create_publisher(StageStatusMsg, "stage_status", qos.stream_out())
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self.create_timer(1.0, self._diagnose)
 
@@ -129,6 +130,7 @@ class InfoKeeper:
         self.info: RadarInfo | None = None
         self.refused = False
         self._node, self._ready = node, ready
+        self._waiting_since: float | None = None
         node.create_subscription(RadarInfoMsg, "radar/info", self._take, qos.LATCHED)
 
     def _take(self, msg: Any) -> None:
@@ -153,7 +155,9 @@ class InfoKeeper:
 
     def usable(self) -> bool:
         """Whether data can be processed; says once why not."""
-        if self.info is None:
+        if self.info is None and self._waiting_since is None:
+            self._waiting_since = time.monotonic()
+        if self.info is None and self._waiting_since is not None and time.monotonic() - self._waiting_since > _INFO_GRACE:
             self._node.problem("data comes but no radar/info: is the driver (or the replay) of this namespace running, and configured?")
         return self.info is not None and not self.refused
 

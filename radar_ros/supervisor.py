@@ -203,8 +203,8 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
     if busy:
         number = domain if domain is not None else int(os.environ.get("ROS_DOMAIN_ID", "0"))
         raise ConfigError(
-            f"ROS domain {number} already has {', '.join(busy)} in namespace {space}: another Handwave runs there. Stop it, or choose another "
-            f"domain (--domain {(number + 1) % 100}) or namespace (--namespace left)"
+            f"ROS domain {number} already has {', '.join(busy)} in namespace {space}: another Handwave runs there (or was killed less than 20 s "
+            f"ago). Stop it, or choose another domain (--domain {(number + 1) % 100}) or namespace (--namespace left)"
         )
 
 
@@ -238,7 +238,7 @@ def default_log_sink(width: int) -> LogSink:
 
     def sink(name: str, line: str) -> None:
         colour = known.setdefault(name, colours[len(known) % len(colours)])
-        console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)))
+        console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
 
     return sink
 

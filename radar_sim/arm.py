@@ -30,7 +30,7 @@ def bend(hand: Float64Array, side: float) -> tuple[Float64Array, Float64Array]:
         Hand and elbow.
     """
     wanted = np.sqrt((hand**2).sum(-1))
-    axis = hand / np.maximum(wanted, 1e-9)[:, None]
+    axis = np.where(wanted[:, None] > 1e-9, hand / np.maximum(wanted, 1e-9)[:, None], np.array([0.0, 0.0, -1.0]))
     distance = np.clip(wanted, 1.05 * abs(_FORE - _UPPER), 0.998 * (_UPPER + _FORE))
     cosine = (_UPPER**2 + distance**2 - _FORE**2) / (2 * _UPPER * distance)
     # The elbow goes down, outwards and back: a direction that no gesture points the arm along, nor against, so that it never swings
@@ -38,6 +38,10 @@ def bend(hand: Float64Array, side: float) -> tuple[Float64Array, Float64Array]:
     aside = np.array([-0.6, 0.8 * side, -0.9])
     across = aside - (axis @ aside)[:, None] * axis
     norm = np.sqrt((across**2).sum(-1))
-    across = np.where(norm[:, None] > 1e-6, across / np.maximum(norm, 1e-6)[:, None], np.array([0.0, side, 0.0]))
+    if norm.min(initial=1.0) < 1e-6:  # no gesture does this; any direction across the arm will do
+        other = np.cross(axis, np.array([1.0, 0.0, 0.0]))
+        across = np.where(norm[:, None] < 1e-6, other, across)
+        norm = np.sqrt((across**2).sum(-1))
+    across /= norm[:, None]
     elbow = _UPPER * (cosine[:, None] * axis + np.sqrt(np.maximum(1.0 - cosine**2, 0.0))[:, None] * across)
     return axis * distance[:, None], elbow

@@ -104,7 +104,7 @@ def _rotate(u: float) -> Vector:
 def _wave(u: float) -> Vector:
     # Two and a half swings to and fro about the elbow, forearm up and forward; the hand is nearest whenever it passes the middle.
     fade = minimum_jerk(6 * min(u, 1 - u))
-    angle = 0.85 * fade * math.sin(2 * math.pi * 2.5 * u)
+    angle = 0.8 * fade * math.sin(2 * math.pi * 2.5 * u)
     return (0.22 + 0.55 * math.cos(angle), 0.5 * math.sin(angle), 0.2)
 
 
@@ -125,11 +125,11 @@ STROKES: dict[str, Path] = {
 
 def random_stroke(rng: np.random.Generator) -> Path:
     """Make an arm movement that is no gesture: through four random places before the body, each well apart from the one before."""
-    low, high = np.array([0.3, -0.6, -0.7]), np.array([0.8, 0.45, 0.35])
+    low, high = np.array([0.28, -0.6, -0.6]), np.array([0.85, 0.4, 0.3])
     places = [rng.uniform(low, high)]
     while len(places) < 4:
         place = rng.uniform(low, high)
-        if np.linalg.norm(place - places[-1]) > 0.45 and abs(place[0] - places[-1][0]) > 0.15:
+        if 0.45 < np.linalg.norm(place - places[-1]) < 0.8 and abs(place[0] - places[-1][0]) > 0.3:
             places.append(place)
     return through([(float(p[0]), float(p[1]), float(p[2])) for p in places])
 

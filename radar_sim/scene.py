@@ -44,7 +44,7 @@ class Draw:
 
     shape: str = knob("circle", choices=SHAPES, doc="what the hand draws")
     duration: float = knob(6.0, unit="s", low=0.5, high=1e4, doc="how long")
-    size: float = knob(0.28, unit="m", low=0.05, high=0.4, doc="radius of the circle, half the length of a line")
+    size: float = knob(0.28, unit="m", low=0.05, high=0.35, doc="radius of the circle, half the length of a line")
     speed: float = knob(0.7, unit="m/s", low=0.05, high=3.0, doc="mean speed of the hand along the shape")
 
 

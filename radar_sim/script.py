@@ -30,11 +30,13 @@ MOVE_SPEED = (0.55, 0.9)
 less than 0.7 m/s of it: not the 0.8 m/s that make an event (thesis, section 4.2)."""
 MOVE_EDGE = 0.3
 """Share of such a move in which the hand speeds up, and again slows down."""
+HURRY = 0.15
+"""Share of the time of such a move that can be saved to keep a step's ``at``."""
 PAUSE = 0.35
 """The hand is still that long before and after a stroke [s], so that each stroke is an event of its own."""
 RAMP = 0.4
 """A walk starts and stops within that time [s]."""
-_TURN = 0.6  # s: from standing to walking direction and back
+_TURN = 0.8  # s: from standing to walking direction and back
 _SETTLE = 0.1  # s: stillness before drawing
 _STRIDE = 1.4  # m: two steps
 
@@ -146,7 +148,10 @@ class Timeline:
     def _heading(self, time: float, s: Segment, along: float) -> float:
         """Turn smoothly into the walk and out of it."""
         turn = min(_TURN, (s.end - s.start) / 2)
-        before, after = (_wrap(self._facing(*place) - along) for place in (s.here, s.there))
+        start, end = self._facing(*s.here), self._facing(*s.there)
+        # Nobody turns round fully for a short step.
+        along = start + min(1.0, math.dist(s.here, s.there) / _STRIDE) * _wrap(along - start)
+        before, after = _wrap(start - along), _wrap(end - along)
         return along + before * (1 - minimum_jerk((time - s.start) / turn)) + after * minimum_jerk((time - s.end + turn) / turn)
 
     def _add(self, number: int, action: Action) -> None:
@@ -192,14 +197,17 @@ class Timeline:
         slowest = max(forward / MOVE_SPEED[0], math.dist(self._hand, to) / MOVE_SPEED[1])
         return slowest * self._reach / (1 - MOVE_EDGE)
 
-    def _move(self, to: Vector) -> None:
+    def _move(self, to: Vector, duration: float | None = None) -> None:
         straight = line(self._hand, to, lambda u: cruise(u, MOVE_EDGE)[0])
-        self._push("move", self._move_time(to), straight)
+        self._push("move", self._move_time(to) if duration is None else duration, straight)
 
     def _prepare(self, at: float | None, first: Vector, pause: float, where: str) -> None:
         """Bring the hand slowly to where a stroke begins, in time for ``at``, and hold it still."""
-        self._wait(at, self._move_time(first) + pause, where)
-        self._move(first)
+        needed = self._move_time(first)
+        left = math.inf if at is None else at - self._time - pause
+        hurried = max(min(needed, left), (1 - HURRY) * needed)
+        self._wait(at, hurried + pause, where)
+        self._move(first, hurried)
         self._push("stand", pause, line(first, first))
 
     def _walk(self, action: Action, where: str) -> None:
@@ -224,7 +232,7 @@ class Timeline:
             name = {"swipe_left": "swipe_right", "swipe_right": "swipe_left"}.get(name, name)
         rng, jitter = self._rng, self.person.jitter / self._reach
         (ox, oy, oz), (bx, by, bz) = (rng.normal(size=(2, 3)) * jitter).tolist()
-        warp = float(np.clip(rng.normal() * 8 * jitter, -0.5, 0.5))
+        warp = float(np.clip(rng.normal() * 4 * jitter, -0.3, 0.3))
         path = random_stroke(rng) if name == "random" else STROKES[name]
         cosine, sine = action.size * math.cos(action.tilt), action.size * math.sin(action.tilt)
         cx, cy, cz = CENTRE

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 Float64Array = NDArray[np.float64]
 LabelArray = NDArray[np.int64]
 
-_DENSE_LIMIT: Final[int] = 500
+_DENSE_LIMIT: Final[int] = 250
 """Up to here the full matrix of distances is faster than a tree."""
 
 

@@ -39,7 +39,8 @@ class Kind:
 
     def help(self) -> list[str]:
         """One line per option: name, default, unit and meaning."""
-        return [f"{item.path} = {item.default!r} {item.unit}: {item.doc}" for item in describe(self.options)]
+        knobs = [(name, field.default, field.metadata) for name, field, _ in describe(self.options)]
+        return [f"{name} = {default!r}{' ' if meta['unit'] else ''}{meta['unit']}: {meta['doc']}" for name, default, meta in knobs]
 
 
 KINDS: Mapping[str, Kind] = {

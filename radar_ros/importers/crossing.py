@@ -9,24 +9,25 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError, PointCloud, Pose
+from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_ros.importers.files import check_offsets, load_npz, require_numbers
 from radar_ros.importers.points import cloud_from_ti
-from radar_ros.importers.recording import Recording, Tally, cloud_source_info
+from radar_ros.importers.recording import Recording, SourceOptions, Tally, cloud_source_info
 
+_HEIGHT: Final = 0.7  # m: the recorded z is range * sin(elevation) plus this (to 0.03 mm): the radar's height over its floor
 _FOV: Final = (np.radians(100.0), np.radians(35.0))  # all points lie within +-50 deg and +-17 deg, but for a few
 
 
 @config
-class CrossingOptions:
+class CrossingOptions(SourceOptions):
     """What to take of the recording."""
 
     min_speed: float = knob(0.1, unit="m/s", low=0.0, high=20.0, doc="keep only points whose range rate is faster; 0 keeps the furniture")
     floor: float = knob(
-        90.0, unit="dB", low=-200.0, high=200.0, doc="snr is the recorded power less this; no recorded point is weaker, the true floor is unknown"
+        90.0, unit="dB", low=-200.0, high=200.0, doc="snr is the recorded power less this; no point is weaker, the true floor is unknown"
     )
-    mount: Pose = Pose()
+    height: float = knob(_HEIGHT, unit="m", low=-100.0, high=100.0, doc="of the radar above the floor; the default is the recording's")
 
 
 def read_crossing(path: Path, options: CrossingOptions) -> Recording:
@@ -34,6 +35,7 @@ def read_crossing(path: Path, options: CrossingOptions) -> Recording:
 
     The recorded times are those at which a logger polled the radar every 50 ms: several frames share one, others wait. Frames are numbered
     without gap, so their stamps are the straight line through (frame number, time): regular, strictly rising, the logger's clock.
+    The recorded z counts from the floor 0.7 m below the radar; here it counts from the radar, and the mount says 0.7 m.
 
     Parameters
     ----------
@@ -110,5 +112,11 @@ def _clouds(
         moving = frame[np.abs(frame[:, 6]) > options.min_speed] if options.min_speed > 0 else frame
         tally.dropped["points slower than min_speed"] += len(frame) - len(moving)
         yield cloud_from_ti(
-            int(stamp), int(number[k] - number[0]), moving[:, :3], moving[:, 6], moving[:, 7] - options.floor, noise=options.floor
+            int(stamp),
+            int(number[k] - number[0]),
+            moving[:, :3] - np.array([0.0, 0.0, _HEIGHT]),
+            moving[:, 6],
+            moving[:, 7] - options.floor,
+            noise=options.floor,
+            spherical=moving[:, 3:6],
         )

@@ -28,9 +28,16 @@ def amplitude_db(intensity: NDArray[Any]) -> Float32Array:
 
 
 def cloud_from_ti(
-    stamp_ns: int, sequence: int, xyz: NDArray[Any], radial_speed: NDArray[Any], snr: NDArray[Any], *, noise: float = 0.0
+    stamp_ns: int,
+    sequence: int,
+    xyz: NDArray[Any],
+    radial_speed: NDArray[Any],
+    snr: NDArray[Any],
+    *,
+    noise: float = 0.0,
+    spherical: NDArray[Any] | None = None,
 ) -> PointCloud:
-    """Make a cloud in the sensor frame; range and angles follow from the positions.
+    """Make a cloud in the sensor frame.
 
     Parameters
     ----------
@@ -44,8 +51,14 @@ def cloud_from_ti(
         Strength over ``noise`` [dB].
     noise : float
         What the strength is relative to [dB].
+    spherical : ndarray, shape (n, 3), or None
+        Range [m], azimuth (right positive) and elevation [rad] as recorded; None: they follow from the positions.
     """
     position = to_our_axes(xyz)
-    distance, azimuth, elevation = cartesian_to_spherical(position)
+    if spherical is None:
+        distance, azimuth, elevation = cartesian_to_spherical(position)
+    else:
+        distance, azimuth, elevation = spherical[:, 0], -spherical[:, 1], spherical[:, 2]
     fields = [np.ascontiguousarray(f, np.float32) for f in (*position.T, distance, azimuth, elevation, radial_speed, snr)]
-    return PointCloud(stamp_ns, sequence, "radar", *fields, noise=np.full(len(fields[0]), noise, np.float32))
+    fields.append(np.full(len(snr), noise, np.float32))
+    return PointCloud(stamp_ns, sequence, "radar", *fields)

@@ -13,12 +13,28 @@ from typing import Any, Final
 from rclpy.serialization import serialize_message
 
 from radar_core import AntennaArray, DataError, PointCloud, Pose, RadarFrame, RadarInfo, Waveform
+from radar_core.config import config, knob
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.convert import cloud_to_msg, frame_to_msg, info_to_msg
 from radar_sim.messages import truth_to_msg
 from radar_sim.truth import Truth
 
 Item = PointCloud | RadarFrame | Truth
+
+
+@config
+class SourceOptions:
+    """Where the radar stood; every kind of recording has these options."""
+
+    height: float = knob(1.2, unit="m", low=-100.0, high=100.0, doc="of the radar above the floor")
+    yaw: float = knob(0.0, unit="rad", low=-6.3, high=6.3, doc="boresight from the room's x towards its y, left positive")
+    tilt: float = knob(0.0, unit="rad", low=-1.57, high=1.57, doc="boresight above the horizon, up positive")
+
+    @property
+    def mount(self) -> Pose:
+        """Pose of the radar in the room."""
+        return Pose(z=self.height, yaw=self.yaw, tilt=self.tilt)
+
 
 START_NS: Final[int] = 1_000_000_000
 """Stamp of the first frame of recordings that carry no time; not 0, which ROS reads as "no time"."""

@@ -38,7 +38,7 @@ class RecorderNode(StageNode):
         for topic in topics:
             name = "/tf_static" if topic == "tf_static" else topic
             resolved = self.resolve_topic_name(name)
-            profile = qos.for_topic(topic, reliable=self.reliable)
+            profile = qos.for_topic(topic, reliable=True)  # a recording is for looking closely: nothing may be missing
             self.create_subscription(qos.message_class(TYPES[topic]), name, self._taker(resolved, TYPES[topic]), profile, raw=True)
         self.get_logger().info(f"recording {len(topics)} topics into {path}")
 

@@ -44,8 +44,10 @@ class Ros:
 
 
 @pytest.fixture
-def ros():
+def ros(request):
     """A ROS context of its own, closed afterwards."""
+    if "own_domain" in request.fixturenames:
+        request.getfixturevalue("own_domain")
     context = Ros()
     yield context
     context.close()

@@ -140,7 +140,7 @@ def test_gestures_stay_within_reach():
     """Every stroke and drawing can be reached: the hand is where the path says."""
     grid = np.linspace(0.0, 1.0, 101)
     paths = [np.array([path(u) for u in grid]) for path in STROKES.values()]
-    paths += [np.array([draw_position(shape, 2 * math.pi * u, 0.4 / (REACH * 1.5)) for u in grid]) for shape in ("circle", "eight")]
+    paths += [np.array([draw_position(shape, 2 * math.pi * u, 0.35 / (REACH * 1.5)) for u in grid]) for shape in ("circle", "eight")]
     assert max(np.linalg.norm(path, axis=-1).max() for path in paths) < 1.0
     assert set(STROKES) | {"random"} == set(GESTURES) == set(GESTURE_DURATION)
 
@@ -190,8 +190,18 @@ def test_walking():
 
 def test_motion_has_no_jumps():
     """Whatever follows what, no scatterer jumps: between 5 ms steps nothing moves faster than a swinging foot or a waving hand."""
-    script = [Action(walk=Walk(to=(2.2, 0.4))), *(Action(gesture=name) for name in GESTURES), Action(draw=Draw(shape="eight")), Action(stand=3.0)]
-    script += [Action(walk=Walk(to=(3.0, -0.5))), Action(draw=Draw(shape="line_side")), Action(walk=Walk(to=(3.05, -0.5))), Action(gesture="push")]
+    script = [
+        Action(walk=Walk(to=(2.2, 0.4))),
+        *(Action(gesture=name) for name in GESTURES),
+        Action(draw=Draw(shape="eight")),
+        Action(stand=3.0),
+    ]
+    script += [
+        Action(walk=Walk(to=(3.0, -0.5))),
+        Action(draw=Draw(shape="line_side")),
+        Action(walk=Walk(to=(3.05, -0.5))),
+        Action(gesture="push"),
+    ]
     body = Body(Person(position=(4.0, 0.0), arm="left", script=tuple(script)), 3)
     times = np.arange(0.0, body.timeline.end + 1.0, STEP)
     steps = np.linalg.norm(np.diff(body.pose(times).scatterers, axis=0), axis=-1)

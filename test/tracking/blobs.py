@@ -26,8 +26,9 @@ def walking(start: tuple[float, float], end: tuple[float, float], speed: float) 
     length = float(np.hypot(*(b - a)))
 
     def place(t: float) -> np.ndarray:
-        s = (speed * t / length) % 2.0
-        return np.append(a + (b - a) * (s if s < 1 else 2 - s), 1.0)
+        # a triangle wave with round corners: people turn within about 0.7 s (3 m/s^2), not at once
+        s = 0.5 + np.arcsin(0.97 * np.sin(np.pi * (speed * t / length - 0.5))) / (2 * np.arcsin(0.97))
+        return np.append(a + (b - a) * s, 1.0)
 
     return place
 

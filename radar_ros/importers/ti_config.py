@@ -1,0 +1,177 @@
+"""The configuration file of TI's mmWave demos (.cfg): what the radar transmitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from radar_core import SPEED_OF_LIGHT, AntennaArray, DataError
+
+_ELEMENT: Final = {1: (0.0, 0.0), 2: (2.0, 1.0), 3: (4.0, 0.0)}
+"""(y, z) in half wavelengths of the evaluation boards' transmitters: TX2 sits half a wavelength above the line of TX1 and TX3."""
+_TWO_TX: Final = {1: (0.0, 0.0), 2: (4.0, 0.0)}
+"""The same of the xWR16xx, which has two."""
+_ARGUMENTS: Final = {"profileCfg": 14, "frameCfg": 7, "chirpCfg": 8, "channelCfg": 3, "adcCfg": 2}
+
+
+@dataclass(frozen=True)
+class TiConfig:
+    """What a .cfg says about the frames.
+
+    Attributes
+    ----------
+    platform : str
+        E.g. xWR18xx; empty when the file does not say.
+    start_hz, slope : float
+        Where the ramp begins [Hz] and how it rises [Hz/s].
+    idle, adc_start, ramp_end : float
+        Times within a chirp [s].
+    n_sample : int
+        Samples per chirp.
+    sample_rate : float
+        [Hz].
+    tx : tuple of int
+        Transmitters (from 1) in the order of the chirps.
+    n_rx : int
+        Receivers that are on.
+    n_loop : int
+        Chirps per transmitter.
+    frame_interval : float
+        [s].
+    """
+
+    platform: str
+    start_hz: float
+    slope: float
+    idle: float
+    adc_start: float
+    ramp_end: float
+    n_sample: int
+    sample_rate: float
+    tx: tuple[int, ...]
+    n_rx: int
+    n_loop: int
+    frame_interval: float
+
+    @property
+    def sampled(self) -> float:
+        """Sampled duration of a chirp [s]."""
+        return self.n_sample / self.sample_rate
+
+    @property
+    def carrier(self) -> float:
+        """Frequency in the middle of the samples [Hz]."""
+        return self.start_hz + self.slope * (self.adc_start + self.sampled / 2)
+
+
+def read_ti_config(path: Path) -> TiConfig:
+    """Read a .cfg file.
+
+    Raises
+    ------
+    DataError
+        Naming file and line: a command that is missing or makes no sense, or a mode that is not supported (real samples, several
+        transmitters at once, subframes).
+    """
+    platform, commands = _commands(path)
+    for name in _ARGUMENTS:
+        if name not in commands:
+            raise DataError(f"{path}: lacks the command {name}; give the file that configured the radar")
+    line, channel = commands["channelCfg"][-1]
+    _require(path, line, channel[0] > 0, "channelCfg switches no receiver on")
+    line, adc = commands["adcCfg"][-1]
+    _require(path, line, adc[0] == 2, "adcCfg asks for samples of other than 16 bits; use adcCfg 2 1")
+    _require(path, line, adc[1] in (1, 2), "adcCfg asks for real samples, which are not supported; record with adcCfg 2 1")
+    line, frame = commands["frameCfg"][-1]
+    _require(path, line, 0 <= frame[0] <= frame[1] < 512 and frame[2] >= 1 and frame[4] > 0, "frameCfg makes no sense")
+    tx = tuple(_transmitter(path, commands["chirpCfg"], chirp) for chirp in range(int(frame[0]), int(frame[1]) + 1))
+    _require(path, line, len(set(tx)) == len(tx), "a transmitter has several chirps in a loop, which is not supported")
+    line, profile = commands["profileCfg"][0]
+    _require(path, line, min(profile[1], profile[4], profile[7], profile[9], profile[10]) > 0, "profileCfg needs positive values")
+    config = TiConfig(
+        platform=platform,
+        start_hz=profile[1] * 1e9,
+        slope=profile[7] * 1e12,
+        idle=profile[2] * 1e-6,
+        adc_start=profile[3] * 1e-6,
+        ramp_end=profile[4] * 1e-6,
+        n_sample=int(profile[9]),
+        sample_rate=profile[10] * 1e3,
+        tx=tx,
+        n_rx=int(channel[0]).bit_count(),
+        n_loop=int(frame[2]),
+        frame_interval=frame[4] * 1e-3,
+    )
+    _require(path, line, config.adc_start + config.sampled <= config.ramp_end + 1e-9, "the samples of profileCfg do not fit into its ramp")
+    return config
+
+
+def _require(path: Path, line: int, good: bool, problem: str) -> None:
+    if not good:
+        raise DataError(f"{path}:{line}: {problem}")
+
+
+def _commands(path: Path) -> tuple[str, dict[str, list[tuple[int, list[float]]]]]:
+    """Platform of the heading, and for every command its lines and arguments."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as a configuration ({error})") from None
+    platform = ""
+    commands: dict[str, list[tuple[int, list[float]]]] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("%"):
+            if line.lstrip("% ").startswith("Platform:"):
+                platform = line.partition(":")[2].strip()
+            continue
+        name, *words = line.split() or [""]
+        if name in _ARGUMENTS:
+            try:
+                arguments = [float(word) for word in words]
+            except ValueError:
+                raise DataError(f"{path}:{number}: {name} has an argument that is no number") from None
+            if len(arguments) < _ARGUMENTS[name]:
+                raise DataError(f"{path}:{number}: {name} has {len(arguments)} arguments, expected {_ARGUMENTS[name]}")
+            commands.setdefault(name, []).append((number, arguments))
+    return platform, commands
+
+
+def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: int) -> int:
+    """Which transmitter sends a chirp of the loop, from 1."""
+    for line, arguments in chirps:
+        if arguments[0] <= chirp <= arguments[1]:
+            mask = int(arguments[7])
+            _require(path, line, mask.bit_count() == 1, "chirpCfg must switch on exactly one transmitter at a time")
+            return mask.bit_length()
+    raise DataError(f"{path}: frameCfg uses chirp {chirp}, which no chirpCfg describes")
+
+
+def board_array(platform: str, tx: Sequence[int], n_rx: int, carrier: float) -> AntennaArray:
+    """Antennas of an evaluation board.
+
+    Along the board's line the phase rises for targets on the right (TI's x), so the elements run to the left (our y); TX2 lies higher.
+
+    Parameters
+    ----------
+    platform : str
+        E.g. xWR18xx.
+    tx : sequence of int
+        Transmitters (from 1), in the order of the chirps.
+    n_rx : int
+        Receivers, from the first.
+    carrier : float
+        Frequency whose half wavelength separates the elements [Hz].
+
+    Raises
+    ------
+    DataError
+        When the board has no such transmitter.
+    """
+    half = SPEED_OF_LIGHT / carrier / 2
+    known = _TWO_TX if platform.lower() == "xwr16xx" else _ELEMENT
+    unknown = [t for t in tx if t not in known]
+    if unknown:
+        raise DataError(f"{platform or 'the board'} has no transmitter {unknown[0]}; it has {', '.join(map(str, known))}")
+    return AntennaArray(tx=tuple((known[t][0] * half, known[t][1] * half) for t in tx), rx=tuple((k * half, 0.0) for k in range(n_rx)))

@@ -1,0 +1,78 @@
+"""The command: help for everything, and one clear message for every mistake."""
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from radar_ros.cli import app, main, parse_parameters
+
+COMMANDS = sorted(command.name or command.callback.__name__ for command in app.registered_commands)
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, "-m", "radar_ros.cli", *map(str, arguments)], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name):
+    """What it does, and its options."""
+    done = CliRunner().invoke(app, [name, "--help"])
+    assert done.exit_code == 0
+    assert len(done.output) > 200
+
+
+def test_main_without_arguments_shows_help(monkeypatch, capsys):
+    """A newcomer who types only the name is told what there is."""
+    monkeypatch.setattr(sys, "argv", ["handwave"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "demo" in capsys.readouterr().out
+
+
+def test_scenes_are_listed():
+    """Each with its first comment line."""
+    done = CliRunner().invoke(app, ["scenes"])
+    assert done.exit_code == 0
+    assert "demo" in done.output
+    assert "short" in done.output
+
+
+def mistakes(tmp_path):
+    bad_scene = tmp_path / "bad.yaml"
+    bad_scene.write_text("duration: 3\npeeple: []\n")
+    wrong_unit = tmp_path / "unit.yaml"
+    wrong_unit.write_text("duration: 3\nradar:\n  waveform: {carrier: 76.75}\n")
+    return [
+        (("simulate", bad_scene, "--out", tmp_path / "o"), "bad.yaml:2: unknown key 'peeple'"),
+        (("simulate", wrong_unit, "--out", tmp_path / "o"), "it must be between 1e+09 and 1e+12 Hz"),
+        (("simulate", "nowhere", "--out", tmp_path / "o"), "nowhere: there is no such file, nor one of ours"),
+        (("info", tmp_path / "missing"), "cannot be read as a bag"),
+        (("process", tmp_path / "missing", "--out", tmp_path / "o"), "cannot be read as a bag"),
+        (("replay", tmp_path / "missing"), "cannot be read as a bag"),
+        (("repair", tmp_path), "nothing to recover"),
+        (("demo", "--scene", bad_scene, "--headless"), "unknown key 'peeple'"),
+        (("up", "party"), "no graph 'party'"),
+        (("up", "--param", "gate"), "write node.parameter=value"),
+        (("import", "crossing", tmp_path / "missing.npz", "--out", tmp_path / "o"), "missing.npz"),
+        (("import", "unheard", tmp_path, "--out", tmp_path / "o"), "unheard"),
+    ]
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_mistakes_end_in_one_message_and_status_2(tmp_path, number):
+    """No traceback, nothing written."""
+    arguments, message = mistakes(tmp_path)[number]
+    before = sorted(tmp_path.iterdir())
+    done = run(*arguments)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in done.stderr.replace("\n", " "), done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_parameters_are_yaml():
+    """Numbers, lists and words."""
+    given = parse_parameters(["tracking.association.gate=1.2", "driver.scene=demo", "recorder.topics=[tracks, hand]"])
+    assert given == {"tracking": {"association.gate": 1.2}, "driver": {"scene": "demo"}, "recorder": {"topics": ["tracks", "hand"]}}

@@ -1,0 +1,136 @@
+"""Processes of the graph: clean ends within 3 s, respawn after kill -9, no orphans, clear words for a busy domain."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from handwave.msg import TrackArray as TrackArrayMsg
+
+from radar_core import ConfigError
+from radar_ros import qos
+from radar_ros.graph import STAGES, graph
+from radar_ros.supervisor import Supervisor, refuse_busy_domain
+
+
+_DOMAINS = itertools.count(os.getpid(), 7)
+
+
+@pytest.fixture(autouse=True)
+def own_domain(monkeypatch):
+    """A domain per test: nodes killed with SIGKILL stay visible to others for 20 s."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + next(_DOMAINS) % 130))
+
+
+def specs(*without):
+    return graph("live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", *without))
+
+
+def marked(marker):
+    """Living processes whose environment carries a marker."""
+    found = []
+    for process in psutil.process_iter(["pid", "status"]):
+        try:
+            if process.info["status"] != psutil.STATUS_ZOMBIE and process.environ().get("HANDWAVE_TEST") == marker:
+                found.append(process)
+        except psutil.Error:
+            continue
+    return [p for p in found if p.pid != os.getpid()]
+
+
+def wait_for(wanted, timeout):
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        if wanted():
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_kill_9_of_any_node_and_its_restart_leave_the_graph_working(ros):
+    """Each node in turn dies by SIGKILL; it is started again and tracks go on coming."""
+    tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
+    lines = []
+    supervisor = Supervisor(specs(), respawn=True, log=lambda name, line: lines.append(f"{name}: {line}"))
+    with supervisor:
+        assert ros.spin_until(lambda: len(tracks) > 10, 40.0), lines
+        for name in ("driver", *STAGES):
+            old = supervisor.pid(name)
+            os.kill(old, signal.SIGKILL)
+            assert ros.spin_until(lambda n=name: any(e[0] == n for e in supervisor.poll()), 5.0)
+            assert supervisor.pid(name) != old
+            # What was on its way does not count: from 0.5 s after the death on, ten new arrays have to come.
+            ros.spin_until(lambda: False, 0.5)
+            count = len(tracks)
+            assert ros.spin_until(lambda c=count: len(tracks) > c + 10, 40.0), (name, lines[-10:])
+            assert ros.spin_until(lambda: set(supervisor.running) == {"driver", *STAGES}, 5.0)
+        started = time.monotonic()
+    assert time.monotonic() - started < 3.0
+    assert [name for name, _ in supervisor.crashes] == ["driver", *STAGES]
+
+
+def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
+    """`handwave up`, told to stop by SIGINT: exit status 0, no process left."""
+    marker = f"up-{os.getpid()}"
+    environment = {**os.environ, "HANDWAVE_TEST": marker}
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"]
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
+    time.sleep(2.0)
+    started = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=10.0)
+    assert time.monotonic() - started < 3.0, output
+    assert process.returncode == 0, output
+    assert not marked(marker)
+    assert "Traceback" not in output
+
+
+def test_a_killed_launcher_leaves_no_orphans():
+    """SIGKILL of `handwave up` itself: its nodes end too."""
+    marker = f"orphans-{os.getpid()}"
+    environment = {**os.environ, "HANDWAVE_TEST": marker}
+    process = subprocess.Popen([sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"], env=environment, stdout=subprocess.DEVNULL)
+    assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
+    time.sleep(1.0)
+    process.kill()
+    process.wait()
+    assert wait_for(lambda: not marked(marker), 5.0), marked(marker)
+
+
+def test_a_node_that_cannot_start_says_why(tmp_path):
+    """A scene that does not exist: one line, exit status 2, and the command ends with 1."""
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", str(tmp_path / "nowhere.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "nowhere.yaml: there is no such file" in done.stdout
+    assert "node driver ended with status 2" in done.stdout
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_busy_domain_is_refused(ros):
+    """A second graph with the same names in the same domain is not started."""
+    import rclpy
+
+    ros.add(rclpy.create_node("tracking"))
+    ros.spin_until(lambda: False, 0.2)
+    with pytest.raises(ConfigError, match=r"already has tracking in namespace /.*--domain"):
+        refuse_busy_domain(["driver", "tracking"], "", None)
+    refuse_busy_domain(["driver", "tracking"], "left", None)
+
+
+def test_composed_graph_runs_and_ends_cleanly(ros):
+    """All nodes in one process, on one executor."""
+    tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--composed", "--scene", "single_target"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert ros.spin_until(lambda: len(tracks) > 10, 40.0)
+    finally:
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=5.0)
+    assert process.returncode == 0, output
