@@ -96,7 +96,9 @@ def _separate(seconds: float) -> dict[str, Any]:
 def _composed(seconds: float) -> dict[str, Any]:
     import psutil
 
-    code = "import sys; from benchmarks.graph import _specs; from radar_ros.supervisor import run_composed; sys.exit(run_composed(_specs()))"
+    code = (
+        "import sys; from benchmarks.graph import _specs; from radar_ros.supervisor import run_composed; sys.exit(run_composed(_specs()))"
+    )
     process = subprocess.Popen([sys.executable, "-c", code], env=environment(_DOMAIN), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def cpu() -> dict[str, float]:

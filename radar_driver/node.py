@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from geometry_msgs.msg import Quaternion as QuaternionMsg
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import Truth as TruthMsg

@@ -141,8 +141,8 @@ class Evaluator:
         Returns
         -------
         dict
-            ``people`` (per person: tracked_fraction, identity_switches, position_rms_m), ``ghost_tracks``, ``gestures`` (hits, wrong, misses,
-            false_alarms, total and the list of outcomes), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
+            ``people`` (per person: tracked_fraction, identity_switches, position_rms_m), ``ghost_tracks``, ``gestures`` (hits, wrong,
+            misses, false_alarms, total and the list of outcomes), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
         """
         score = self.score()
         outcomes = [

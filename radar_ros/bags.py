@@ -69,10 +69,11 @@ class BagWriter:
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
+            storage: Any = self._writer.storage  # rosbags' MCAP writer, whose chunks `flush` closes
+            self._storage = storage
         except (WriterError, OSError) as error:
             raise DataError(f"{path}: cannot record there ({error}); choose a folder that does not exist yet") from None
         # rosbag2's own name for the first file, so that its reindex finds it after a crash.
-        self._storage: Any = self._writer.storage
         named = self.path / f"{self.path.name}_0.mcap"
         self._storage.path.rename(named)
         self._storage.path = named

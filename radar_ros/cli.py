@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -19,10 +19,10 @@ app = typer.Typer(
     "Start with `handwave demo`: a simulated room, everything running, a report at the end.",
 )
 
-Domain = Annotated[Optional[int], typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
+Domain = Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
 Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per radar, e.g. left")]
 Params = Annotated[
-    Optional[list[str]], typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
+    list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
 ]
 
 
@@ -38,8 +38,8 @@ def main() -> None:
 @app.command()
 def demo(
     scene: Annotated[str, typer.Option(help="scene file, or one of ours by name (see: handwave scenes)")] = "demo",
-    duration: Annotated[Optional[float], typer.Option(help="end after so many seconds", min=1.0)] = None,
-    bag: Annotated[Optional[Path], typer.Option(help="folder of the recording; default: out/demo, with a number if it exists")] = None,
+    duration: Annotated[float | None, typer.Option(help="end after so many seconds", min=1.0)] = None,
+    bag: Annotated[Path | None, typer.Option(help="folder of the recording; default: out/demo, with a number if it exists")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="plain lines instead of the live display")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the report as one JSON object")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="show the nodes' logs")] = False,
@@ -70,7 +70,7 @@ def demo(
 def up(
     variant: Annotated[str, typer.Argument(help="live, demo, replay or stages (see docs/graph.md)")] = "live",
     scene: Annotated[str, typer.Option(help="scene of the simulated radar")] = "demo",
-    bag: Annotated[Optional[Path], typer.Option(help="variant demo: folder to record into")] = None,
+    bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
     param: Params = None,
@@ -150,7 +150,7 @@ def parse_parameters(given: list[str]) -> dict[str, dict[str, Any]]:
 @app.command()
 def record(
     out: Annotated[Path, typer.Argument(help="folder of the new bag")],
-    topics: Annotated[Optional[str], typer.Option(help="comma-separated names; default: everything of the graph")] = None,
+    topics: Annotated[str | None, typer.Option(help="comma-separated names; default: everything of the graph")] = None,
     domain: Domain = None,
     namespace: Namespace = "",
 ) -> None:
@@ -168,8 +168,10 @@ def record(
 @app.command()
 def replay(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
-    lockstep: Annotated[bool, typer.Option("--lockstep", help="send the next frame only after the last result; a drop is an error")] = False,
-    out: Annotated[Optional[Path], typer.Option(help="with --lockstep: folder of a new bag for the results")] = None,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="send the next frame only after the last result; a drop is an error")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="with --lockstep: folder of a new bag for the results")] = None,
     rate: Annotated[float, typer.Option(help="pace; 2 is twice as fast", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="again and again")] = False,
     graph_too: Annotated[bool, typer.Option("--graph/--no-graph", help="also start the nodes, or use those that run")] = True,
@@ -262,11 +264,11 @@ def import_(
     kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, dca1000 or openradar")],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
-    option: Annotated[Optional[list[str]], typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
+    option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
 ) -> None:
     """Turn a public recording into a bag that `handwave replay` understands.
 
-    Examples: `handwave import crossing two_people.npz --out walkers` · `handwave import dca1000 capture.pcap --out raw -o config=profile.cfg`
+    Examples: `handwave import crossing two_people.npz --out walkers` · `handwave import dca1000 x.pcap --out raw -o config=x.cfg`
     """
     import yaml
 

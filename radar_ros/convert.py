@@ -150,7 +150,9 @@ def frame_from_msg(msg: Any) -> RadarFrame:
             f"frame {msg.sequence} of {msg.header.frame_id!r} says {shape} (tx, chirp, rx, sample) but carries {len(msg.data)} floats, "
             f"not {2 * int(np.prod(shape, dtype=np.int64))}; its driver is broken or of another version"
         )
-    return RadarFrame(cube=samples.reshape(shape), stamp_ns=from_time(msg.header.stamp), sequence=msg.sequence, frame_id=msg.header.frame_id)
+    return RadarFrame(
+        cube=samples.reshape(shape), stamp_ns=from_time(msg.header.stamp), sequence=msg.sequence, frame_id=msg.header.frame_id
+    )
 
 
 def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:

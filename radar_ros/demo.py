@@ -93,7 +93,9 @@ def _log_sink(logs: list[str], console: Console, options: DemoOptions) -> Callab
     return sink
 
 
-def _watch(supervisor: Supervisor, scene: Scene, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> dict[str, Any]:
+def _watch(
+    supervisor: Supervisor, scene: Scene, duration: float, options: DemoOptions, console: Console, logs: list[str]
+) -> dict[str, Any]:
     """Run the nodes until the scene is over; show what happens."""
     import rclpy
 
@@ -165,7 +167,9 @@ def _watch_plainly(supervisor: Supervisor, monitor: Any, duration: float, consol
         latency = f"{sorted(monitor.latencies[-50:])[len(monitor.latencies[-50:]) // 2] * 1e3:.1f} ms" if monitor.latencies else "-"
         hand = f", hand {monitor.hand.value:.2f}" if monitor.hand is not None else ""
         gestures = ", ".join(f"{track}:{name}" for track, name, _ in list(monitor.gestures)[-2:])
-        console.print(f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}", highlight=False)
+        console.print(
+            f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}", highlight=False
+        )
 
     _run(supervisor, monitor, duration, show)
 
@@ -180,7 +184,11 @@ def show_report(report: dict[str, Any], console: Console) -> None:
     for row in outcomes:
         right = row["performed"] == row["recognised"]
         table.add_row(
-            f"{row['time_s'] - first:+.1f}", str(row["person"]), row["performed"], row["recognised"] or "-", "[green]right" if right else "[red]wrong"
+            f"{row['time_s'] - first:+.1f}",
+            str(row["person"]),
+            row["performed"],
+            row["recognised"] or "-",
+            "[green]right" if right else "[red]wrong",
         )
     console.print(table)
     figures = Table(title="figures", show_header=False)
@@ -202,13 +210,16 @@ def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
         share = gestures["hits"] / gestures["total"]
         text = f"{gestures['hits']} of {gestures['total']} right ({share:.0%}), {gestures['wrong']} wrong, {gestures['misses']} missed, "
         rows.append(("gestures", text + f"{gestures['false_alarms']} false alarms"))
-    rows.append(("hand", f"{number(hand.get('rms_m'), '.2f', ' m')} rms, followed {number(hand.get('tracked_fraction'), '.0%')} of its drawing"))
+    rows.append(
+        ("hand", f"{number(hand.get('rms_m'), '.2f', ' m')} rms, followed {number(hand.get('tracked_fraction'), '.0%')} of its drawing")
+    )
     rows.append(("ghost tracks", str(report.get("ghost_tracks", "-"))))
-    latency = f"{number(report.get('latency_ms_median'), '.1f')} ms median, {number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
+    latency = (
+        f"{number(report.get('latency_ms_median'), '.1f')} ms median, {number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
+    )
     rows.append(("frame to tracks", latency))
     rows.append(("dropped", f"{number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
     rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
     rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
     rows.append(("recording", str(report.get("bag"))))
     return rows
-

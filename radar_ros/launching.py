@@ -22,11 +22,12 @@ def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> A
     launch.LaunchDescription
         With one `launch_ros.actions.Node` per node and a ``namespace`` argument.
     """
-    from launch import LaunchDescription
     from launch.actions import DeclareLaunchArgument
     from launch.substitutions import LaunchConfiguration
     from launch_ros.actions import Node
     from launch_ros.parameter_descriptions import ParameterValue
+
+    from launch import LaunchDescription
 
     given: dict[str, dict[str, Any]] = {}
     declared = [DeclareLaunchArgument("namespace", default_value="", description="namespace of the graph, one per radar")]

@@ -156,7 +156,13 @@ class Monitor:
             speed = float(np.hypot(track.velocity[0], track.velocity[1]))
             table.add_row(str(track.id), f"{x:5.2f} {y:5.2f}", f"{speed:.2f}", str(track.n_points), last.get(track.id, ""))
         if self.hand is not None:
-            table.add_row("hand", f"z {self.hand.position[2]:.2f}", "", str(self.hand.n_points), ProgressBar(total=1.0, completed=self.hand.value, width=24))
+            table.add_row(
+                "hand",
+                f"z {self.hand.position[2]:.2f}",
+                "",
+                str(self.hand.n_points),
+                ProgressBar(total=1.0, completed=self.hand.value, width=24),
+            )
         return table
 
     def _rates(self) -> Table:

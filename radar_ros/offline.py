@@ -44,7 +44,7 @@ class Recording:
     topic: str
 
     def messages(self) -> Iterator[tuple[int, RadarFrame | PointCloud]]:
-        """Recording time [ns] and frame or cloud, in order.
+        """Yield recording time [ns] and frame or cloud, in order.
 
         Raises
         ------

@@ -25,9 +25,13 @@ def declare(node: Any, name: str, default: Any, doc: str, *, unit: str = "", low
     """
     descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=True, dynamic_typing=True)
     if isinstance(default, float) and (low is not None or high is not None):
-        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low or -1e308 if low is None else low), to_value=1e308 if high is None else float(high))]
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low or -1e308 if low is None else low), to_value=1e308 if high is None else float(high))
+        ]
     elif isinstance(default, int) and not isinstance(default, bool) and (low is not None or high is not None):
-        descriptor.integer_range = [IntegerRange(from_value=-(2**62) if low is None else int(low), to_value=2**62 if high is None else int(high))]
+        descriptor.integer_range = [
+            IntegerRange(from_value=-(2**62) if low is None else int(low), to_value=2**62 if high is None else int(high))
+        ]
     try:
         return node.declare_parameter(name, default, descriptor).value
     except (InvalidParameterTypeException, InvalidParameterValueException) as error:
@@ -56,10 +60,16 @@ def declare_config(node: Any, cls: type[T], prefix: str = "") -> T:
     values: dict[str, Any] = {}
     for name, field, _ in describe(cls):
         default = list(field.default) if isinstance(field.default, tuple) else field.default
-        if default is None or default is dataclasses.MISSING or (isinstance(default, list) and default and isinstance(default[0], (list, tuple))):
+        if (
+            default is None
+            or default is dataclasses.MISSING
+            or (isinstance(default, list) and default and isinstance(default[0], (list, tuple)))
+        ):
             continue  # ROS parameters are never empty or nested: such knobs are set in files
         meta = field.metadata
-        value = declare(node, prefix + name, default, meta.get("doc", name), unit=meta.get("unit", ""), low=meta.get("low"), high=meta.get("high"))
+        value = declare(
+            node, prefix + name, default, meta.get("doc", name), unit=meta.get("unit", ""), low=meta.get("low"), high=meta.get("high")
+        )
         values[name] = list(value) if isinstance(default, list) else value
     return load(cls, nest(values), f"parameters of node {node.get_name()}")
 

@@ -18,7 +18,7 @@ def sensor(*, reliable: bool = False, depth: int = 5) -> QoSProfile:
 
 
 def stream_out() -> QoSProfile:
-    """Publisher of a stream: offers reliability, so that a recorder can ask for it; readers with sensor QoS get best effort all the same."""
+    """Offer a stream reliably, so that a recorder can ask for that; readers with sensor QoS get best effort all the same."""
     return QoSProfile(depth=20, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import StageStatus as StageStatusMsg
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
@@ -55,7 +54,7 @@ class Player:
         self._clock = self.node.create_publisher(Clock, "/clock", 10)
 
     def publisher(self, topic: str) -> Any:
-        """Publisher of a topic, by its name within the namespace."""
+        """Return the publisher of a topic, by its name within the namespace."""
         if topic not in self._publishers:
             name = "/tf_static" if topic == "tf_static" else topic
             streams = ("radar/frame", "radar/points")
@@ -197,7 +196,9 @@ class Lockstep:
         source = "radar/points" if recording.topic == "radar/points" else "radar/frame"
         info = next(iter(read(path, ("radar/info",))))
         if not self._spin_until(lambda: self._stages <= self._ready, _READY_TIMEOUT, lambda: self.player.publish(info)):
-            raise DataError(f"no answer from {', '.join(sorted(self._stages - self._ready))}: do the nodes run, with the parameter reliable?")
+            raise DataError(
+                f"no answer from {', '.join(sorted(self._stages - self._ready))}: do the nodes run, with the parameter reliable?"
+            )
         publisher = self.player.publisher(source)
         if not self._spin_until(lambda: publisher.get_subscription_count() > 0, _READY_TIMEOUT):
             raise DataError(f"nobody reads {source}")
@@ -216,7 +217,9 @@ class Lockstep:
         self.player.publish(item)
         if not self._spin_until(lambda: self._stages <= self._done, _ANSWER_TIMEOUT):
             missing = ", ".join(sorted(self._stages - self._done))
-            raise DataError(f"frame {number} was lost: no answer from {missing} within {_ANSWER_TIMEOUT:g} s; look at the logs of these nodes")
+            raise DataError(
+                f"frame {number} was lost: no answer from {missing} within {_ANSWER_TIMEOUT:g} s; look at the logs of these nodes"
+            )
 
     def close(self) -> None:
         """Leave the graph."""

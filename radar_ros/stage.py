@@ -72,7 +72,7 @@ class StageMixin:
 
     def went_back(self: Any, stamp_ns: int) -> bool:
         """Whether stamps went back: another recording, or the same one once more; the stage starts afresh."""
-        back = stamp_ns < self._stamp_ns
+        back = bool(stamp_ns < self._stamp_ns)
         self._stamp_ns = stamp_ns
         if back:
             self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
@@ -115,8 +115,8 @@ class StageNode(StageMixin, Node):
 class InfoKeeper:
     """Holds the one radar info that a node works with.
 
-    A driver that is configured anew sends its info again: the same one is fine, another one ends the old measurement and is refused until the
-    node is started anew, because tracks and thresholds of two radars must not be mixed.
+    A driver that is configured anew sends its info again: the same one is fine, another one ends the old measurement and is refused until
+    the node is started anew, because tracks and thresholds of two radars must not be mixed.
 
     Parameters
     ----------

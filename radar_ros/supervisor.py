@@ -203,8 +203,8 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
     if busy:
         number = domain if domain is not None else int(os.environ.get("ROS_DOMAIN_ID", "0"))
         raise ConfigError(
-            f"ROS domain {number} already has {', '.join(busy)} in namespace {space}: another Handwave runs there (or was killed less than 20 s "
-            f"ago). Stop it, or choose another domain (--domain {(number + 1) % 100}) or namespace (--namespace left)"
+            f"ROS domain {number} already has {', '.join(busy)} in namespace {space}: another Handwave runs there (or was killed "
+            f"less than 20 s ago). Stop it, or choose another domain (--domain {(number + 1) % 100}) or namespace (--namespace left)"
         )
 
 
@@ -241,4 +241,3 @@ def default_log_sink(width: int) -> LogSink:
         console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
 
     return sink
-

@@ -12,6 +12,15 @@ from numpy.typing import NDArray
 from radar_core import DataError
 
 
+def field_names(path: Path) -> list[str]:
+    """Names of the arrays of an .npz file; none when it cannot be read, which `load_npz` explains."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return [name.removesuffix(".npy") for name in archive.namelist()]
+    except (OSError, zipfile.BadZipFile):
+        return []
+
+
 def load_npz(path: Path, fields: dict[str, tuple[int | None, ...]]) -> dict[str, NDArray[Any]]:
     """Load arrays of an .npz file and check their shapes.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, NO_GESTURE, ConfigError, DataError, PointCloud
 from radar_core.config import config, knob
-from radar_ros.importers.files import check_offsets, load_npz, require_numbers
+from radar_ros.importers.files import check_offsets, field_names, load_npz, require_numbers
 from radar_ros.importers.points import amplitude_db, cloud_from_ti
 from radar_ros.importers.recording import START_NS, Item, Recording, Segment, SourceOptions, Tally, cloud_source_info
 from radar_ros.importers.rows import read_rows
@@ -20,7 +20,10 @@ from radar_sim.truth import Truth
 
 _FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the radar's antennas, roughly; the data sets do not say
 _LONGEST_GAP: Final = 50  # frames: a larger step of the frame number is a counter that was set anew, not a pause
+_STREAM: Final = "frame_"  # fields of daily_random.npz begin with this, the person's number follows
+_DAILY: Final = "daily"
 _MHOMEGES: Final[Mapping[str, str]] = {
+    "daily": "random",
     "circle": "rotate", "clap": "random", "down": "swipe_down", "knock": "random", "lift": "random",
     "pull": "pull", "push": "push", "up": "swipe_up", "yawn": "random", "z": "random",
 }  # fmt: skip
@@ -80,7 +83,7 @@ class Original:
 
 
 def read_mhomeges(path: Path, options: MhomegesOptions) -> Recording:
-    """Open mHomeGes: segments.npz, or a .csv file or a folder of them (one segment a file).
+    """Open mHomeGes: segments.npz, daily_random.npz, or a .csv file or a folder of them (one segment a file).
 
     Raises
     ------
@@ -109,7 +112,7 @@ def _read(path: Path, options: SegmentOptions, labels: Mapping[str, str]) -> Rec
     originals = _from_npz(path, options) if packed else _from_csv(path, options, labels, tally)
     tally.warnings.append("the clouds between segments are empty and ours: the originals were cut into segments")
     info = cloud_source_info(options.frame_interval, _FOV, options.mount)
-    return Recording(info, _items(path, originals, options, labels, tally), tally)
+    return Recording(info, _items(originals, options, labels, tally), tally)
 
 
 def _spread(chosen: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
@@ -120,6 +123,9 @@ def _spread(chosen: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
 
 
 def _from_npz(path: Path, options: SegmentOptions) -> Iterator[Original]:
+    streams = [name.removeprefix(_STREAM) for name in field_names(path) if name.startswith(_STREAM)]
+    if streams:
+        return _streams_of(path, streams, options)
     shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(
         ("label", "subject", "distance_m", "offset", "frame", "doppler_mm_s", "intensity"), (None,)
     )
@@ -134,6 +140,30 @@ def _from_npz(path: Path, options: SegmentOptions) -> Iterator[Original]:
         if len(data[name]) != len(data["xyz_mm"]):
             raise DataError(f"{path}: field {name} has {len(data[name])} entries but xyz_mm has {len(data['xyz_mm'])} points")
     return _segments_of(data, offset, options)
+
+
+def _streams_of(path: Path, streams: Sequence[str], options: SegmentOptions) -> Iterator[Original]:
+    """Continuous streams without gestures (daily_random.npz), one per person: each is one segment called daily."""
+    for stream in streams:
+        if not stream.isdigit() or options.label not in ("", _DAILY) or options.subject not in (-1, int(stream)):
+            continue
+        names = {name: f"{name}_{stream}" for name in ("frame", "xyz_mm", "doppler_mm_s", "intensity")}
+        data = load_npz(path, {field: (None, 3) if name == "xyz_mm" else (None,) for name, field in names.items()})
+        for field in names.values():
+            require_numbers(path, field, data[field])
+            if len(data[field]) != len(data[names["frame"]]):
+                raise DataError(
+                    f"{path}: field {field} has {len(data[field])} entries but {names['frame']} has {len(data[names['frame']])}"
+                )
+        yield Original(
+            _DAILY,
+            int(stream),
+            float("nan"),
+            data[names["frame"]].astype(np.int64),
+            data[names["xyz_mm"]] * 1e-3,
+            data[names["doppler_mm_s"]] * 1e-3,
+            data[names["intensity"]],
+        )
 
 
 def _segments_of(data: dict[str, NDArray[Any]], offset: NDArray[np.int64], options: SegmentOptions) -> Iterator[Original]:
@@ -179,12 +209,12 @@ def _label_of(file: Path, labels: Mapping[str, str]) -> str:
     return "unknown"
 
 
-def _items(path: Path, originals: Iterable[Original], options: SegmentOptions, labels: Mapping[str, str], tally: Tally) -> Iterator[Item]:
+def _items(originals: Iterable[Original], options: SegmentOptions, labels: Mapping[str, str], tally: Tally) -> Iterator[Item]:
     interval_ns = round(options.frame_interval * 1e9)
     n_idle = round(options.idle / options.frame_interval)
     sequence = 0
     for index, original in enumerate(originals):
-        sane = _sane(path, original, options, tally)
+        sane = _sane(original, options, tally)
         elapsed = frames_elapsed(sane.frame)
         length = int(elapsed[-1]) + 1 if len(elapsed) else 0
         if length == 0:
@@ -202,10 +232,13 @@ def _items(path: Path, originals: Iterable[Original], options: SegmentOptions, l
             sequence += 1
 
 
-def _sane(path: Path, original: Original, options: SegmentOptions, tally: Tally) -> Original:
-    """Leave out garbled rows; what is not finite never gets this far."""
-    good = (np.linalg.norm(original.xyz, axis=1) <= options.max_range) & (np.abs(original.speed) <= options.max_speed)
-    tally.dropped["garbled rows: beyond max_range or max_speed"] += int((~good).sum())
+def _sane(original: Original, options: SegmentOptions, tally: Tally) -> Original:
+    """Leave out garbled rows and placeholders; what is not finite never gets this far."""
+    distance = np.linalg.norm(original.xyz, axis=1)
+    empty = distance == 0
+    good = ~empty & (distance <= options.max_range) & (np.abs(original.speed) <= options.max_speed)
+    tally.dropped["rows at the radar itself: placeholders"] += int(empty.sum())
+    tally.dropped["garbled rows: beyond max_range or max_speed"] += int((~good & ~empty).sum())
     return Original(
         original.label,
         original.subject,

@@ -29,7 +29,9 @@ class VisualisationNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("visualisation", **kwargs)
         rate = float(declare(self, "rate", 10.0, "markers per second", unit="Hz", low=0.5, high=100.0))
-        self._keep_ns = round(1e9 * float(declare(self, "gesture_time", 1.5, "how long a gesture's name is shown", unit="s", low=0.1, high=60.0)))
+        self._keep_ns = round(
+            1e9 * float(declare(self, "gesture_time", 1.5, "how long a gesture's name is shown", unit="s", low=0.1, high=60.0))
+        )
         self._interval_ns, self._next_ns = round(1e9 / rate), 0
         self._shown: set[int] = set()
         self._hand_shown = False

@@ -74,8 +74,12 @@ def test_radar_info():
     """A radar unlike the default in every respect."""
     info = RadarInfo(
         frame_id="right/radar",
-        waveform=Waveform(carrier=24.1e9, bandwidth=2.5e8, chirp_duration=64e-6, chirp_pause=1e-7, frame_interval=0.05, n_tx=1, n_chirp=33, n_sample=77),
-        array=AntennaArray(tx=((0.1, -0.2),), rx=((0.0, 1e-9), (0.3, 0.4), (1 / 3, 2 / 3)), gain=3.3, tx_power=-1.5, fov_azimuth=1.1, fov_elevation=0.3),
+        waveform=Waveform(
+            carrier=24.1e9, bandwidth=2.5e8, chirp_duration=64e-6, chirp_pause=1e-7, frame_interval=0.05, n_tx=1, n_chirp=33, n_sample=77
+        ),
+        array=AntennaArray(
+            tx=((0.1, -0.2),), rx=((0.0, 1e-9), (0.3, 0.4), (1 / 3, 2 / 3)), gain=3.3, tx_power=-1.5, fov_azimuth=1.1, fov_elevation=0.3
+        ),
         mount=Pose(x=1.5, y=-2.5, z=0.7, yaw=-1.2, tilt=0.3),
     )
     same(convert.info_from_msg(through(convert.info_to_msg(info, 5))), info)
@@ -87,7 +91,9 @@ def test_tracks(stamp, n_tracks, n_points, seed):
     """Any number of tracks and points."""
     rng = np.random.default_rng(seed)
     tracks = tuple(
-        Track(i + 1, TrackStatus(i % 3), float(rng.random()), float(rng.random()), i, *(numbers(rng, 3) for _ in range(3)), numbers(rng, 6, 6))
+        Track(
+            i + 1, TrackStatus(i % 3), float(rng.random()), float(rng.random()), i, *(numbers(rng, 3) for _ in range(3)), numbers(rng, 6, 6)
+        )
         for i in range(n_tracks)
     )
     result = Tracks(stamp, 1, "room", tracks, rng.integers(-1, 5, n_points).astype(np.int32))

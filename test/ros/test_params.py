@@ -1,10 +1,10 @@
 """Configurations become ROS parameters with unit and range; what makes no sense is refused by name."""
 
 import pytest
+import rclpy
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
-import rclpy
 from radar_core import ConfigError
 from radar_dsp import BasebandConfig
 from radar_ros.params import declare_config, refuse_unknown

@@ -16,7 +16,6 @@ from radar_ros import qos
 from radar_ros.graph import STAGES, graph
 from radar_ros.supervisor import Supervisor, refuse_busy_domain
 
-
 _DOMAINS = itertools.count(os.getpid(), 7)
 
 
@@ -94,7 +93,9 @@ def test_a_killed_launcher_leaves_no_orphans():
     """SIGKILL of `handwave up` itself: its nodes end too."""
     marker = f"orphans-{os.getpid()}"
     environment = {**os.environ, "HANDWAVE_TEST": marker}
-    process = subprocess.Popen([sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"], env=environment, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"], env=environment, stdout=subprocess.DEVNULL
+    )
     assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
     time.sleep(1.0)
     process.kill()
