@@ -279,6 +279,27 @@ def import_(
 
 
 @app.command()
+def train(
+    folder: Annotated[Path, typer.Argument(help="folder of the data set; what is there already is used, and a stopped run goes on")],
+    out: Annotated[Path, typer.Option(help="model file to write (.npz)")] = Path("gestures.npz"),
+    scenes: Annotated[int, typer.Option(help="scenes to simulate: about 25 samples and 10 s of one core each", min=2)] = 80,
+    jobs: Annotated[int, typer.Option(help="processes that simulate", min=1)] = 2,
+    seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
+) -> None:
+    """Simulate labelled gestures of many people and train the classifier on them; no recording is needed.
+
+    Use the model with: `handwave up --param gestures.model=gestures.npz`
+    """
+    from radar_gestures.dataset import generate
+    from radar_gestures.training import train as fit
+
+    total = generate(folder, scenes, seed=seed, n_jobs=jobs)
+    report = fit(folder, out, seed=seed)
+    print(f"{total} samples: {report.n_train} to train, {report.n_test} of other people to test")
+    print(f"right: {report.accuracy:.1%}, of the nine gestures {report.gesture_accuracy:.1%}; model in {out}")
+
+
+@app.command()
 def scenes() -> None:
     """List the scenes that come with Handwave."""
     from radar_core.paths import share_dir

@@ -129,7 +129,7 @@ def random_stroke(rng: np.random.Generator) -> Path:
     places = [rng.uniform(low, high)]
     while len(places) < 4:
         place = rng.uniform(low, high)
-        if 0.45 < np.linalg.norm(place - places[-1]) < 0.8 and abs(place[0] - places[-1][0]) > 0.3:
+        if 0.45 < np.linalg.norm(place - places[-1]) < 0.8 and abs(place[0] - places[-1][0]) > 0.25:
             places.append(place)
     return through([(float(p[0]), float(p[1]), float(p[2])) for p in places])
 
