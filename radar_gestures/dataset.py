@@ -19,7 +19,7 @@ from radar_core import GESTURES, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
-from radar_gestures.samples import chunk_path, open_folder, write_chunk
+from radar_gestures.samples import chunk_path, load_samples, open_folder, write_chunk
 from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
 from radar_sim import GESTURE_DURATION, Action, Coupling, Draw, Effects, Losses, Noise, Person, Scene, Simulator, Walk
 from radar_sim.scene import SHAPES
@@ -63,7 +63,7 @@ def generate(
     Returns
     -------
     int
-        Scenes simulated by this call.
+        Samples that the folder now holds.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def generate(
         done = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
         for _ in _tracked(done, len(todo), n_scenes, progress):
             pass
-    return len(todo)
+    return len(load_samples(place).label)
 
 
 def _tracked(done: Iterable[None], n_todo: int, n_scenes: int, progress: bool) -> Iterable[None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,7 +109,7 @@ def load_samples(folder: str | Path) -> SampleSet:
             with np.load(path, allow_pickle=False) as content:
                 for name in _COLUMNS:
                     columns[name].append(content[name])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise DataError(f"{path}: cannot be read ({error}); delete it and simulate again") from None
     settings = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["settings"]
     missed = np.sum(columns.pop("missed"), axis=0)

@@ -85,35 +85,35 @@ def separable(info: RadarInfo, positions: Float64Array, strengths: Float64Array)
     cube = np.empty((w.n_tx, w.n_chirp, info.array.n_rx * w.n_sample), np.complex64)
     edges = np.rint(np.linspace(0, w.n_chirp, n_blocks + 1)).astype(int)
     for b in range(n_blocks):
-        part = _part(info, positions[2 * b : 2 * b + 3], strengths, (b + 0.5) / n_blocks, n_blocks, slice(*edges[b : b + 2]))
-        cube[:, edges[b] : edges[b + 1]] = part
+        chirps = np.arange(edges[b], edges[b + 1])
+        slow, fast = _factors(info, positions[2 * b : 2 * b + 3], strengths, (b + 0.5) / n_blocks, n_blocks, chirps)
+        for tx in range(w.n_tx):
+            np.matmul(slow[tx], fast, out=cube[tx, edges[b] : edges[b + 1]])
     return cube.reshape(info.cube_shape)
 
 
-def _part(
-    info: RadarInfo, positions: Float64Array, strengths: Float64Array, middle: float, n_blocks: int, chirps: slice
-) -> NDArray[np.complex64]:
-    """One matrix product: (tx chirp, n) times (n, rx sample)."""
+def _factors(
+    info: RadarInfo, positions: Float64Array, strengths: Float64Array, middle: float, n_blocks: int, chirps: NDArray[np.int_]
+) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
+    """Slow time (tx, chirp, n) and fast time (n, rx sample) of one part of the frame; ``middle`` is its middle, 0 to 1 of the frame."""
     w, array = info.waveform, info.array
-    length = np.sqrt((positions**2).sum(-1))
+    length = _norm(positions)
     distance = np.maximum(length[1], 1e-9)
-    rate = (length[2] - length[0]) * n_blocks / w.acquisition_time
     delay = 2 * distance / SPEED_OF_LIGHT
-    doppler = 2 * rate / w.wavelength
+    doppler = 2 * (length[2] - length[0]) * n_blocks / (w.acquisition_time * w.wavelength)
     # Phases count from the middle of a chirp, where the frequency is the carrier: so Doppler and range separate. Doppler within a chirp is
     # a shift of the beat frequency and costs nothing.
     t = (np.arange(w.n_sample) / w.n_sample - 0.5) * w.chirp_duration
-    fast = _phasor((w.slope * delay + doppler)[:, None] * t + (w.carrier * delay)[:, None])
-    start = (np.arange(w.n_chirp)[None, chirps] * w.n_tx + np.arange(w.n_tx)[:, None]) * w.chirp_interval
-    since = start + w.chirp_duration / 2 - middle * w.acquisition_time
+    beat = _phasor((w.slope * delay + doppler)[:, None] * t + (w.carrier * delay)[:, None])
+    since = chirps * w.slow_interval + w.chirp_duration / 2 - middle * w.acquisition_time
+    turn = np.arange(w.n_tx) * w.chirp_interval
     direction = positions[1, :, 1:] / distance[:, None]
-    path_tx, path_rx = (np.asarray(elements, np.float64) @ direction.T / w.wavelength for elements in (array.tx, array.rx))
-    slow = _phasor(since[:, :, None] * doppler - path_tx[:, None, :])
+    path_tx = np.asarray(array.tx, np.float64) @ direction.T / w.wavelength
+    path_rx = direction @ np.asarray(array.rx, np.float64).T / w.wavelength
     amplitude = (strengths / np.maximum(distance, NEAR) ** 2).astype(np.float32)
-    rx = _phasor(-path_rx).T * amplitude[:, None]
-    products = slow.reshape(-1, len(distance)) @ (rx[:, :, None] * fast[:, None, :]).reshape(len(distance), -1)
-    part: NDArray[np.complex64] = products.reshape(w.n_tx, -1, products.shape[-1])
-    return part
+    rx = _phasor(-path_rx) * amplitude[:, None]
+    slow = _phasor(since[:, None] * doppler) * _phasor(turn[:, None] * doppler - path_tx)[:, None, :]
+    return slow, (rx[:, :, None] * beat[:, None, :]).reshape(len(distance), -1)
 
 
 def exact(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:

@@ -31,6 +31,13 @@ def test_one_motion_is_one_event_with_its_limits():
     assert events(T, bursts(T, (1000, 1600, -2.0))) == [(1000, 1580)]
 
 
+def test_a_slow_turning_point_does_not_end_an_event():
+    """Push-pull: the hand turns round for 0.35 s, but is slower than release only for 0.2 s of it."""
+    t = T
+    speed = bursts(t, (1000, 1400, -2.0), (1400, 1475, -0.6), (1675, 1750, 0.6), (1750, 2100, 2.0))
+    assert events(t, speed) == [(1000, 2080)]
+
+
 def test_the_sign_may_change_within_an_event():
     """Push-pull is one event (section 4.5.1)."""
     assert events(T, bursts(T, (1000, 1400, -2.0), (1440, 1800, 2.0))) == [(1000, 1780)]
@@ -41,7 +48,7 @@ def test_two_motions_with_a_break_are_two_events():
 
 
 def test_short_and_slow_motions_are_no_events():
-    assert events(T, bursts(T, (1000, 1160, 3.0), (2000, 3000, 0.79))) == []
+    assert events(T, bursts(T, (1000, 1140, 3.0), (2000, 3000, 0.79))) == []
 
 
 def test_a_long_motion_gives_one_event_until_it_rests():

@@ -76,6 +76,18 @@ def test_gates_far_below_the_strongest_are_ignored():
     assert summarise(cloud([1.0, 3.5], [40, 19.9]), BODY, SETTINGS).speed == pytest.approx(1.0)
 
 
+def test_leaks_of_the_body_through_the_doppler_window_do_not_count():
+    """A body of 50 dB at 2 m leaks -40 dB to 0.9 m/s; the same 10 dB half a metre nearer, or beside a weak body, are an arm."""
+    body, leak = [0.0, -0.9], [50.0, 10.0]
+    assert summarise(cloud(body, leak, distance=[2.0, 2.1]), BODY, SETTINGS).speed == 0.0
+    assert summarise(cloud(body, leak, distance=[2.0, 1.5]), BODY, SETTINGS).speed == pytest.approx(-0.9)
+    assert summarise(cloud(body, [30.0, 10.0], distance=[2.0, 2.1]), BODY, SETTINGS).speed == pytest.approx(-0.9)
+
+
+def test_weak_detections_do_not_count():
+    assert summarise(cloud([-0.9], [SETTINGS.min_snr - 0.1]), BODY, SETTINGS).speed == 0.0
+
+
 @pytest.mark.parametrize("speed", [[], [0.0, 0.1], [np.nan]])
 def test_no_motion_is_speed_zero(speed):
     sample = summarise(cloud(speed, [20.0] * len(speed)), BODY, SETTINGS)

@@ -71,10 +71,10 @@ def burst(start, end, value):
 def test_one_push_is_one_gesture_with_its_time():
     (gesture,) = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, -2.0))
     assert (gesture.label, gesture.name, gesture.track_id, gesture.frame_id) == (PUSH, "push", 1, "room")
-    # One frame of 20 ms: the limits are the first and last stamp above the threshold, the decision comes 0.2 s of rest later.
+    # One frame of 20 ms: the limits are the first and last stamp above the threshold, the decision comes 0.25 s of rest later.
     assert gesture.start_ns == pytest.approx(1.0e9, abs=20e6)
     assert gesture.end_ns == pytest.approx(1.5e9, abs=21e6)
-    assert gesture.stamp_ns == pytest.approx(1.7e9, abs=21e6)
+    assert gesture.stamp_ns == pytest.approx(1.75e9, abs=21e6)
     assert gesture.probabilities.sum() == pytest.approx(1.0)
     assert gesture.confidence == gesture.probabilities[PUSH]
     assert gesture.features[FEATURE_NAMES.index("min_speed")] == pytest.approx(-2.0)

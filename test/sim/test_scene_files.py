@@ -1,5 +1,7 @@
 """Scene files: ours load and keep their promises; mistakes are named by file, line and key."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -82,17 +84,16 @@ def test_drawing_and_gestures_are_different_things():
         Action(gesture="push", draw=Draw())
 
 
-def labels(simulator: Simulator):
-    """Gesture, walking and drawing of every person in every frame, without the echoes."""
-    bodies = simulator._bodies
+def doings(simulator: Simulator):
+    """What every person does in the middle of every frame, without the echoes."""
     times = np.arange(simulator.n_frames) * 0.02 + simulator.info.waveform.acquisition_time / 2
-    return times, [[body.timeline.at(t) for t in times] for body in bodies]
+    return [[body.timeline.at(t) for t in times] for body in simulator._bodies]
 
 
 def test_short_is_as_promised():
     """Push at 2 s and swipe right at 4 s, one person from the start."""
     simulator = Simulator(load_scene("short"))
-    times, (segments,) = labels(simulator)
+    (segments,) = doings(simulator)
     starts = [(GESTURES[s.gesture], s.start) for k, s in enumerate(segments) if s and s.gesture is not None and segments[k - 1] is not s]
     assert [name for name, _ in starts] == ["push", "swipe_right"]
     np.testing.assert_allclose([start for _, start in starts], [2.0, 4.0], atol=1e-9)
@@ -103,13 +104,13 @@ def test_short_is_as_promised():
 
 
 def test_demo_is_as_promised():
-    """Two people walk in, gesture at the same time with a second or more between two gestures of one, and the first one rotates and draws."""
+    """Two people walk in, gesture at once with about a second or more between two gestures, and the first one rotates and draws."""
     simulator = Simulator(load_scene("demo"))
     for body, (x, y) in zip(simulator._bodies, ((2.3, -0.75), (2.5, 0.8)), strict=True):
         segments = body.timeline.segments
         strokes = [s for s in segments if s.kind == "gesture"]
         assert 7 <= len(strokes) <= 8
-        assert all(b.start - a.end >= 0.9 for a, b in zip(strokes[:-1], strokes[1:], strict=True))
+        assert all(b.start - a.end >= 0.9 for a, b in pairwise(strokes))
         assert 6.0 <= strokes[0].start <= 7.0
         assert strokes[-1].end < 30.0
         assert strokes[0].here == (x, y)

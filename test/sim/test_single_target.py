@@ -103,7 +103,7 @@ def test_thermal_noise_is_ktfb():
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (2.0, 1.0, -0.5)])
 def test_exact_model_is_the_formula(velocity):
-    """The exact model against the phase written out for every sample and channel; complex64 rounds at 1e-7, evenly moving chords at 1e-5."""
+    """The exact model against the phase written out for every sample and channel; complex64 rounds at 1e-7, chords of the path at 1e-5."""
     position = (1.4, 0.6, -0.3)
     cube = first_cube(point_scene(position, velocity, radar=INFO, model="exact"))
     expected = expected_cube(INFO, position, velocity, 1.0)

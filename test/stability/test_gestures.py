@@ -53,7 +53,11 @@ def test_empty_and_single():
 @pytest.mark.parametrize("snr", [-math.inf, math.nan, -500.0, 500.0, math.inf])
 def test_extreme_snr_gives_a_finite_summary(snr):
     """Amplitudes are limited to +-200 dB, so that no weight overflows or vanishes."""
-    result = summarise(points(4, radial_speed=2.0, snr=snr, range=2.0, azimuth=0.1, elevation=0.1), BODY, SETTINGS)
+    settings = FeatureConfig(min_snr=-100.0)
+    result = summarise(points(4, radial_speed=2.0, snr=snr, range=2.0, azimuth=0.1, elevation=0.1), BODY, settings)
+    if snr < settings.min_snr:
+        assert result.speed == result.weight == 0.0
+        return
     assert result.speed == pytest.approx(2.0)
     assert result.azimuth == pytest.approx(0.1)
     assert math.isfinite(result.weight)

@@ -1,0 +1,243 @@
+"""Pictures and figures of docs/recordings.md, from the recordings themselves.
+
+    python docs/make_pictures.py --data ../shared/data            # pictures into docs/img
+    python docs/make_pictures.py --data ../shared/data --figures  # the numbers, as JSON
+
+The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from radar_core import GESTURES, PointCloud, RadarFrame
+from radar_core.config import load_file
+from radar_core.paths import find_config
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.model import load_model
+from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
+from radar_gestures.scoring import RecognisedGesture, TruthSegment, score_gestures
+from radar_ros.importers import import_recording, open_original
+from radar_ros.offline import open_recording
+from radar_sim.truth import Truth
+from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
+
+COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink")
+COMMON = {"rotate", "pull", "push", "swipe_up", "swipe_down"}  # what the data sets and we both know
+
+
+def walkers(data: Path, name: str) -> tuple[list[PointCloud], dict[int, np.ndarray]]:
+    """Clouds in the room, through a bag, and confirmed tracks: rows of cloud number, seconds, forward, left, range, range rate."""
+    tracker = PeopleTracker(load_file(TrackerConfig, find_config("dense", "tracking", ".yaml")))
+    clouds, lives = [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        import_recording("crossing", data / "crossing" / f"{name}.npz", Path(folder) / "bag")
+        recording = open_recording(Path(folder) / "bag")
+        for _, item in recording.messages():
+            cloud = item.to_room(recording.info.mount)
+            clouds.append(cloud)
+            tracks = tracker.process(cloud)
+            for track in tracks.tracks:
+                if track.status != TrackStatus.TENTATIVE:
+                    own = tracks.point_track_id == track.id
+                    radial = (np.median(cloud.range[own]), np.median(cloud.radial_speed[own])) if own.any() else (np.nan, np.nan)
+                    seconds = (cloud.stamp_ns - clouds[0].stamp_ns) * 1e-9
+                    lives.setdefault(track.id, []).append((cloud.sequence, seconds, *track.position[:2], *radial))
+    return clouds, {key: np.array(life) for key, life in sorted(lives.items(), key=lambda item: -len(item[1]))}
+
+
+def draw_walkers(data: Path, out: Path) -> None:
+    """Tracks of two_people.npz in the floor plane, and their sideways place over time."""
+    clouds, lives = walkers(data, "two_people")
+    fig, (plane, time) = plt.subplots(1, 2, figsize=(10, 4.5), width_ratios=(1, 1.4))
+    x, y = np.concatenate([c.x for c in clouds]), np.concatenate([c.y for c in clouds])
+    t = np.concatenate([np.full(len(c), (c.stamp_ns - clouds[0].stamp_ns) * 1e-9) for c in clouds])
+    plane.plot(y, x, ",", color="0.75", rasterized=True)
+    time.plot(t, y, ",", color="0.75", rasterized=True)
+    for k, (key, life) in enumerate(lives.items()):
+        style = {"color": COLOURS[k % len(COLOURS)], "lw": 2 if k < 2 else 1, "label": f"track {key}" if k < 2 else None}
+        plane.plot(life[:, 3], life[:, 2], **style)
+        time.plot(life[:, 1], life[:, 3], **style)
+    plane.set(xlim=(6, -6), ylim=(0, 15), xlabel="y, left [m]", ylabel="x, forward [m]", aspect="equal", title="floor plane")
+    time.set(ylim=(-6, 6), xlabel="time [s]", ylabel="y, left [m]", title="side over time (thin: short-lived ghosts)")
+    time.legend(loc="upper left")
+    save(fig, out / "two_people.png")
+
+
+def raw_cloud(data: Path, kind: str, source: str, **options: Any) -> tuple[Any, RadarFrame, PointCloud]:
+    """Info, frame and cloud of a recording with one raw frame."""
+    recording = open_original(kind, data / source, **options)
+    frame = next(recording.items)
+    assert isinstance(frame, RadarFrame)
+    cloud = Baseband(BasebandConfig(grouping="peak"), recording.info).process(frame)
+    return recording.info, frame, cloud
+
+
+def draw_openradar(data: Path, out: Path) -> None:
+    """Range-Doppler map of OpenRadar's frame, with the baseband's detections."""
+    info, frame, cloud = raw_cloud(data, "openradar", "openradar/doppler_example_1.npy")
+    window = np.hanning(128)[:, None, None] * np.hanning(128)
+    power = (np.abs(np.fft.fft2(frame.cube * window, axes=(1, 3))) ** 2).sum((0, 2))
+    level = 10 * np.log10(np.fft.fftshift(power, axes=0))
+    fig, axes = plt.subplots(figsize=(7, 4))
+    image = axes.imshow(level, aspect="auto", origin="lower", extent=(-0.5, 127.5, -64.5, 63.5), vmin=level.max() - 50, cmap="Greys")
+    bins, doppler = cloud.range / info.waveform.range_resolution, cloud.radial_speed / info.waveform.speed_resolution
+    axes.scatter(bins, doppler, s=20, facecolors="none", edgecolors="tab:red", label="detections")
+    axes.set(xlabel="range bin", ylabel="Doppler bin", ylim=(-25, 25), title="OpenRadar: doppler_example_1.npy")
+    axes.legend(loc="upper right")
+    fig.colorbar(image, label="power [dB]")
+    save(fig, out / "openradar.png")
+
+
+def draw_gestures(data: Path, out: Path) -> None:
+    """Range rates of the points of one push and one pull of mHomeGes, over time."""
+    fig, panels = plt.subplots(1, 2, figsize=(9, 3.2), sharey=True)
+    for axes, label in zip(panels, ("push", "pull"), strict=True):
+        clouds = [
+            c for c in open_original("mhomeges", data / "mhomeges" / "segments.npz", label=label, limit=1, idle=0).items if hasattr(c, "x")
+        ]
+        t = np.concatenate([np.full(len(c), (c.stamp_ns - clouds[0].stamp_ns) * 1e-9) for c in clouds])
+        seen = Counter(zip(t.round(3), np.concatenate([c.radial_speed for c in clouds]).round(3), strict=True))
+        places = np.array(list(seen))
+        axes.scatter(*places.T, s=8.0 * np.array(list(seen.values())), alpha=0.6)
+        axes.set(xlabel="time [s]", title=f"{label} (area: number of points)")
+        for limit in (-0.8, 0.8):
+            axes.axhline(limit, color="0.6", lw=0.8, ls="--")
+    panels[0].set_ylabel("range rate [m/s]")
+    save(fig, out / "push_pull.png")
+
+
+def save(fig: Any, path: Path) -> None:
+    """Write without date or version, so that the same picture is the same file."""
+    fig.tight_layout()
+    fig.savefig(path, dpi=80, metadata={"Software": None})
+    plt.close(fig)
+
+
+def walker_figures(data: Path, name: str) -> dict[str, Any]:
+    """How long the tracks live, and whether time base and range rates agree."""
+    clouds, lives = walkers(data, name)
+    first = next(iter(lives.values()))
+    seen = first[np.isfinite(first[:, 4])]
+    return {
+        "clouds": len(clouds),
+        "frame_interval_ms": (clouds[-1].stamp_ns - clouds[0].stamp_ns) * 1e-6 / (len(clouds) - 1),
+        "track_lives": [len(life) for life in lives.values()],
+        "track_first_and_last_cloud": [[int(life[0, 0]), int(life[-1, 0])] for life in lives.values()],
+        "range_change_m": float(seen[-5:, 4].mean() - seen[:5, 4].mean()),
+        "range_change_by_doppler_m": float(np.sum(seen[:-1, 5] * np.diff(seen[:, 1]))),
+    }
+
+
+def raw_figures(data: Path, kind: str, source: str, **options: Any) -> dict[str, Any]:
+    """Strongest detections in bins."""
+    info, frame, cloud = raw_cloud(data, kind, source, **options)
+    best = np.argsort(-cloud.snr)[:8]
+    bins, doppler = cloud.range / info.waveform.range_resolution, cloud.radial_speed / info.waveform.speed_resolution
+    return {
+        "shape": frame.cube.shape,
+        "detections": len(cloud),
+        "strongest_range_bin_doppler_bin_snr": [[round(float(v[i]), 1) for v in (bins, doppler, cloud.snr)] for i in best],
+    }
+
+
+def gesture_figures(data: Path, kind: str, limit: int) -> dict[str, Any]:
+    """Share of segments with an event, and of known gestures that the shipped model names rightly; all through people tracking."""
+    recording = open_original(kind, data / kind / "segments.npz", limit=limit)
+    mount = recording.info.mount
+    settings = {"default": GestureConfig(), "slow_radar": load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))}
+    stages = {name: EventStage(s, mount) for name, s in settings.items()}
+    recogniser, tracker = GestureRecognizer(settings["default"], load_model("gestures"), mount), PeopleTracker()
+    spans: dict[str, list[tuple[int, int]]] = {name: [] for name in stages}
+    gestures, labels = [], {}
+    for item in recording.items:
+        if isinstance(item, Truth):
+            labels[item.stamp_ns] = int(item.gesture[0])
+            continue
+        cloud = item.to_room(mount)
+        tracked = TrackedCloud(cloud, tracker.process(cloud))
+        for name, stage in stages.items():
+            spans[name] += [(e.event.start_ns, e.event.end_ns) for e in stage.process(tracked)]
+        gestures += [RecognisedGesture(0, g.label, g.start_ns, g.end_ns) for g in recogniser.process(tracked)]
+    segments = recording.tally.segments
+    truth = [TruthSegment(0, labels[s.start_ns], s.start_ns, s.end_ns) for s in segments]
+    known = [t for t in truth if GESTURES[t.label] in COMMON]
+    score = score_gestures(known, gestures)
+    result: dict[str, Any] = {"segments": len(segments)}
+    for name, found in spans.items():
+        share: dict[str, list[bool]] = {}
+        for s in segments:
+            share.setdefault(s.label, []).append(any(start <= s.end_ns and end >= s.start_ns for start, end in found))
+        result[f"with_event_{name}"] = float(np.mean(sum(share.values(), [])))
+        result[f"with_event_{name}_by_label"] = {label: round(float(np.mean(hit)), 2) for label, hit in sorted(share.items())}
+    result |= {"known_gestures": len(known), "named_rightly": score.hits, "named_wrongly": score.wrong, "missed": score.misses}
+    return result
+
+
+def daily_figures(data: Path) -> dict[str, Any]:
+    """Events a minute when nobody gestures."""
+    recording = open_original("mhomeges", data / "mhomeges" / "daily_random.npz")
+    mount = recording.info.mount
+    settings = {"default": GestureConfig(), "slow_radar": load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))}
+    stages, tracker = {name: EventStage(s, mount) for name, s in settings.items()}, PeopleTracker()
+    recogniser = GestureRecognizer(settings["default"], load_model("gestures"), mount)
+    events, named, clouds = Counter(), 0, 0
+    for item in recording.items:
+        if isinstance(item, PointCloud):
+            cloud = item.to_room(mount)
+            tracked = TrackedCloud(cloud, tracker.process(cloud))
+            clouds += 1
+            events.update({name: len(stage.process(tracked)) for name, stage in stages.items()})
+            named += sum(g.label != 0 for g in recogniser.process(tracked))
+    minutes = clouds * recording.info.waveform.frame_interval / 60
+    rates = {f"events_per_minute_{name}": round(events[name] / minutes, 2) for name in stages}
+    return {"minutes": minutes, **rates, "gestures_per_minute_default": round(named / minutes, 2)}
+
+
+def figures(data: Path, limit: int) -> dict[str, Any]:
+    """Everything that docs/recordings.md states."""
+    return {
+        "one_person": walker_figures(data, "one_person"),
+        "two_people": walker_figures(data, "two_people"),
+        "openradar": raw_figures(data, "openradar", "openradar/doppler_example_1.npy"),
+        "dca1000": raw_figures(data, "dca1000", "dca1000/test_one_frame.pcap", tx=(1,), n_rx=1),
+        "mhomeges": gesture_figures(data, "mhomeges", limit),
+        "mtranssee": gesture_figures(data, "mtranssee", limit),
+        "daily_random": daily_figures(data),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Pictures and figures of docs/recordings.md.")
+    here = Path(__file__).resolve().parent
+    default = os.environ.get("HANDWAVE_DATA", here.parents[1] / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(default), help="folder with the recordings")
+    parser.add_argument("--out", type=Path, default=here / "img", help="folder for the pictures")
+    parser.add_argument("--figures", action="store_true", help="print the figures instead")
+    parser.add_argument("--segments", type=int, default=400, help="gestures per data set for the figures")
+    arguments = parser.parse_args()
+    if not arguments.data.is_dir():
+        raise SystemExit(f"{arguments.data}: no recordings there; name their folder with --data or HANDWAVE_DATA")
+    if arguments.figures:
+        print(json.dumps(figures(arguments.data, arguments.segments), indent=1))
+        return
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for draw in (draw_walkers, draw_openradar, draw_gestures):
+        draw(arguments.data, arguments.out)
+    print("\n".join(f"{p.name}: {p.stat().st_size // 1000} kB" for p in sorted(arguments.out.glob("*.png"))))
+
+
+if __name__ == "__main__":
+    main()

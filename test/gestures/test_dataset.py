@@ -1,0 +1,90 @@
+"""Simulated samples: labels by truth, the same samples whatever the order of work, and a folder that a stopped run can go on with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radar_core import GESTURES, ConfigError, DataError, RadarInfo
+from radar_gestures import dataset
+from radar_gestures.events import Event
+from radar_gestures.recognizer import TrackEvent
+from radar_gestures.samples import chunk_path, load_samples
+from radar_gestures.scoring import TruthSegment
+from radar_gestures.training import train
+from radar_sim import Action, Effects, Noise, Person, Scene
+
+S = 1_000_000_000
+PUSH, PUSH_PULL = GESTURES.index("push"), GESTURES.index("push_pull")
+
+
+def event(start, end, features=True):
+    return TrackEvent(1, Event(round(start * S), round(end * S)), np.arange(13.0) if features else None, 0.0)
+
+
+def segment(label, start, end, person=0):
+    return TruthSegment(person, label, round(start * S), round(end * S))
+
+
+def test_events_get_the_label_of_what_their_person_did():
+    columns = dataset.label_events(
+        [(0, event(1.1, 1.5)), (0, event(3.0, 4.0)), (1, event(1.1, 1.5)), (0, event(5.0, 6.0, features=False))],
+        [segment(PUSH, 1.0, 1.6), segment(PUSH, 5.0, 6.0)],
+    )
+    assert columns["label"].tolist() == [PUSH, 0, 0]
+    assert columns["person"].tolist() == [0, 0, 1]
+    assert columns["missed"].sum() == 0
+
+
+def test_half_a_gesture_is_no_sample_and_counts_as_missed():
+    columns = dataset.label_events([(0, event(1.1, 1.4))], [segment(PUSH_PULL, 1.0, 2.0)])
+    assert len(columns["label"]) == 0
+    assert columns["missed"][PUSH_PULL] == 1
+
+
+def small_scene(rng, info):
+    """One person two metres away, one push; about a second of work."""
+    person = Person(position=(2.0, float(rng.uniform(-0.2, 0.2))), script=(Action(stand=0.5), Action(gesture="push")))
+    return Scene(duration=3.2, seed=int(rng.integers(1000)), radar=info, people=(person,), effects=Effects(noise=Noise()))
+
+
+def test_a_stopped_run_goes_on_and_gives_the_same_samples(tmp_path, monkeypatch):
+    monkeypatch.setattr(dataset, "random_scene", small_scene)
+    one, two = tmp_path / "one", tmp_path / "two"
+    n = dataset.generate(one, 2, seed=5, progress=False)
+    assert dataset.generate(two, 1, seed=5, progress=False) < n
+    before = chunk_path(two, 0).stat().st_mtime_ns
+    assert dataset.generate(two, 2, seed=5, progress=False) == n
+    assert chunk_path(two, 0).stat().st_mtime_ns == before
+    a, b = load_samples(one), load_samples(two)
+    np.testing.assert_array_equal(a.features, b.features)
+    assert PUSH in a.label
+    assert a.missed[PUSH] == 0
+    with pytest.raises(ConfigError, match="other settings"):
+        dataset.generate(one, 2, seed=6, progress=False)
+    with pytest.raises(DataError, match="simulate more scenes"):
+        train(one)
+
+
+def test_a_folder_without_samples_is_refused(tmp_path):
+    with pytest.raises(DataError, match="no samples here"):
+        train(tmp_path)
+
+
+def test_a_damaged_chunk_is_named(tmp_path):
+    (tmp_path / "dataset.json").write_text("{}")
+    chunk_path(tmp_path, 3).write_bytes(b"PK\x03\x04 cut off")
+    with pytest.raises(DataError, match=r"chunk_00003\.npz: cannot be read"):
+        load_samples(tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_scenes_hold_every_gesture_within_the_room_we_promise(seed):
+    scene = dataset.random_scene(np.random.default_rng(seed), RadarInfo())
+    for person in scene.people:
+        performed = [action.gesture for action in person.script if action.gesture]
+        assert set(performed) == set(GESTURES)
+        ways = [action.walk.to for action in person.script if action.walk]
+        x, y = ways[0] if person.position not in ways and person.script[1].walk else person.position
+        assert 1.49 <= np.hypot(x, y) <= 3.51
+        assert abs(np.degrees(np.arctan2(y, x))) <= 35.1
