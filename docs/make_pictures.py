@@ -180,10 +180,24 @@ def gesture_figures(data: Path, kind: str, limit: int) -> dict[str, Any]:
         share: dict[str, list[bool]] = {}
         for s in segments:
             share.setdefault(s.label, []).append(any(start <= s.end_ns and end >= s.start_ns for start, end in found))
-        result[f"with_event_{name}"] = float(np.mean(sum(share.values(), [])))
+        result[f"with_event_{name}"] = float(np.mean([hit for hits in share.values() for hit in hits]))
         result[f"with_event_{name}_by_label"] = {label: round(float(np.mean(hit)), 2) for label, hit in sorted(share.items())}
     result |= {"known_gestures": len(known), "named_rightly": score.hits, "named_wrongly": score.wrong, "missed": score.misses}
     return result
+
+
+def mars_figures(data: Path, name: str) -> dict[str, Any]:
+    """How far the nearest confirmed track is from the body (SpineBase), on the floor plane."""
+    recording = open_original("mars", data / "mars" / f"{name}.npz")
+    tracker, away, clouds, tracks = PeopleTracker(), [], 0, ()
+    for item in recording.items:
+        if isinstance(item, PointCloud):
+            clouds += 1
+            tracks = [t for t in tracker.process(item.to_room(recording.info.mount)).tracks if t.status != TrackStatus.TENTATIVE]
+        elif tracks:
+            away.append(min(float(np.hypot(*(t.position[:2] - item.position[0, :2]))) for t in tracks))
+    median, p95 = np.percentile(away, [50, 95])
+    return {"clouds": clouds, "with_track": len(away) / clouds, "distance_m_median": float(median), "distance_m_p95": float(p95)}
 
 
 def daily_figures(data: Path) -> dict[str, Any]:
@@ -215,6 +229,7 @@ def figures(data: Path, limit: int) -> dict[str, Any]:
         "dca1000": raw_figures(data, "dca1000", "dca1000/test_one_frame.pcap", tx=(1,), n_rx=1),
         "mhomeges": gesture_figures(data, "mhomeges", limit),
         "mtranssee": gesture_figures(data, "mtranssee", limit),
+        "mars": {name: mars_figures(data, name) for name in ("subject1_test", "subject3_test")},
         "daily_random": daily_figures(data),
     }
 

@@ -85,7 +85,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._start_ns = self.get_clock().now().nanoseconds
         self._done = 0  # frames due since activation that were made or skipped
         self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
-        self._timer = self.create_timer(self._interval_ns * 1e-9, self._tick)
+        self._made = False
+        self._timer = self.create_timer(self._interval_ns * 0.5e-9, self._tick)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -133,15 +134,20 @@ class DriverNode(StageMixin, LifecycleNode):
         self._tf.publish(TFMessage(transforms=[transform]))
 
     def _tick(self) -> None:
-        """Publish the frame whose acquisition has just ended; what is late is skipped and counted, never queued."""
+        """Twice per frame: publish the frame whose acquisition has ended, or else make the next one while nothing else is to do."""
         if self._source is None or self._timer is None:
             return
-        started = time.monotonic_ns()
         elapsed = self.get_clock().now().nanoseconds - self._start_ns
         due = elapsed // self._interval_ns  # acquisitions that have ended
+        if due > self._done:
+            self._publish_frame(due)
+        elif self._prefetched is None and self._made and not self._over():
+            self._prefetched = (self._position, *self._source.read(self._position))
+
+    def _publish_frame(self, due: int) -> None:
+        """Publish the newest frame; what is late is skipped and counted, never queued."""
+        started = time.monotonic_ns()
         skipped = due - self._done - 1
-        if skipped < 0:
-            return
         self.dropped += skipped
         self._done = due
         self._count += skipped
@@ -158,21 +164,26 @@ class DriverNode(StageMixin, LifecycleNode):
             self._truths.publish(truth_to_msg(replace(truth, stamp_ns=middle, sequence=self._count)))
         self._count += 1
         self._position += 1
-        if not self._ended():
-            self._prefetched = (self._position, *self._source.read(self._position))
+        self._made = True
 
     def _fetch(self, position: int) -> tuple[RadarFrame, Truth | None]:
         """Frame at a place of the source; the next one was made while nothing else was to do."""
         assert self._source is not None
-        if self._prefetched is not None and self._prefetched[0] == position:
-            return self._prefetched[1], self._prefetched[2]
+        ready, self._prefetched = self._prefetched, None
+        if ready is not None and ready[0] == position:
+            return ready[1], ready[2]
         return self._source.read(position)
+
+    def _over(self) -> bool:
+        """Whether the source has no frame at the place that comes next."""
+        assert self._source is not None
+        return self._source.n_frames is not None and self._position >= self._source.n_frames
 
     def _ended(self) -> bool:
         """Whether the source or the wanted duration is over; loop, stop or exit as told."""
         assert self._source is not None
         timed = self._duration > 0 and self._done * self._interval_ns * 1e-9 > self._duration
-        over = self._source.n_frames is not None and self._position >= self._source.n_frames
+        over = self._over()
         if over and self._at_end == "loop" and not timed:
             self._position = 0
             return False

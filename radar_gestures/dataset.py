@@ -9,19 +9,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, RadarInfo
+from radar_core import GESTURES, PointCloud, Pose, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_gestures.samples import chunk_path, load_samples, open_folder, write_chunk
 from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
-from radar_sim import GESTURE_DURATION, Action, Coupling, Draw, Effects, Losses, Noise, Person, Scene, Simulator, Walk
+from radar_sim import GESTURE_DURATION, Action, Coupling, Draw, Effects, Losses, Noise, Person, Scene, Simulator, Truth, Walk
 from radar_sim.scene import SHAPES
 from radar_sim.script import Timeline
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
@@ -100,9 +101,8 @@ def _tracked(done: Iterable[None], n_todo: int, n_scenes: int, progress: bool) -
 
 
 def _make_chunk(folder: Path, seed: int, number: int, settings: GestureConfig, info: RadarInfo) -> None:
-    scene = random_scene(np.random.default_rng([seed, number]), info)
-    events, segments = simulate(scene, settings)
-    columns = label_events(events, segments)
+    recording = record(random_scene(np.random.default_rng([seed, number]), info))
+    columns = label_events(find_events(recording, settings), truth_segments(recording.truths))
     columns["person"] = columns["person"] + 10 * number  # people of different scenes are different people
     write_chunk(chunk_path(folder, number), columns)
 
@@ -188,37 +188,69 @@ def _random_effects(rng: np.random.Generator) -> Effects:
     )
 
 
-def simulate(scene: Scene, settings: GestureConfig) -> tuple[list[tuple[int, TrackEvent]], tuple[TruthSegment, ...]]:
-    """Run a scene through baseband, tracking and event detection.
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A simulated scene after the baseband.
+
+    Attributes
+    ----------
+    mount : Pose
+        Of the radar.
+    clouds : list of PointCloud
+        In ``room``.
+    truths : list of Truth
+        Of the same stamps.
+    """
+
+    mount: Pose
+    clouds: list[PointCloud]
+    truths: list[Truth]
+
+
+def record(scene: Scene) -> Recording:
+    """Simulate a scene up to its point clouds.
 
     Parameters
     ----------
     scene : Scene
         What happens.
+    """
+    simulator = Simulator(scene)
+    baseband, mount = Baseband(BasebandConfig(), simulator.info), simulator.info.mount
+    recording = Recording(mount, [], [])
+    for number in range(simulator.n_frames):
+        simulated = simulator.process(number)
+        recording.clouds.append(baseband.process(simulated.frame).to_room(mount))
+        recording.truths.append(simulated.truth)
+    return recording
+
+
+def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
+    """Run tracking and event detection over a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        Clouds and truth.
     settings : GestureConfig
         Knobs of events and features.
+    every : int
+        Take every n-th cloud only, as a radar with a lower frame rate would give them.
 
     Returns
     -------
     list of (int, TrackEvent)
         Events with the person whose they are (-1: nobody near).
-    tuple of TruthSegment
-        What was performed.
     """
-    simulator = Simulator(scene)
-    baseband, tracker = Baseband(BasebandConfig(), simulator.info), PeopleTracker(TrackerConfig())
-    stage = EventStage(settings, simulator.info.mount)
-    truths, events = [], []
-    for number in range(simulator.n_frames):
-        simulated = simulator.process(number)
-        cloud = baseband.process(simulated.frame).to_room(simulator.info.mount)
+    tracker, stage = PeopleTracker(TrackerConfig()), EventStage(settings, recording.mount)
+    events = []
+    for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
         tracks = tracker.process(cloud)
-        truths.append(simulated.truth)
         for event in stage.process(TrackedCloud(cloud, tracks)):
             track = tracks.find(event.track_id)
-            person = None if track is None else nearest_person(simulated.truth, track.position)
+            person = None if track is None else nearest_person(truth, track.position)
             events.append((-1 if person is None else person, event))
-    return events, truth_segments(truths)
+    return events
 
 
 def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
