@@ -1,4 +1,4 @@
-"""Gesture recognition: accuracy on simulated people who were not in the training, beside the time per cloud and per event (thesis, table 4.1)."""
+"""Gesture recognition: accuracy on simulated people who were not in the training, beside the time (thesis, table 4.1)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def recordings(n_scenes: int, info: RadarInfo) -> list[Recording]:
 
 
 def collect(made: list[Recording], settings: GestureConfig, every: int = 1) -> SampleSet:
-    """Samples of all recordings."""
+    """Return the samples of all recordings."""
     columns = [label_events(find_events(r, settings, every), truth_segments(r.truths)) for r in made]
     person = np.concatenate([c["person"] + 10 * i for i, c in enumerate(columns)])
     joined = {name: np.concatenate([c[name] for c in columns]) for name in ("features", "label", "walked")}

@@ -31,7 +31,18 @@ def main() -> None:
     display = Console(record=True, width=100, file=io.StringIO())
     report = Console(record=True, width=100, file=io.StringIO())
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "radar_ros.cli", "demo", "--headless", "--json", "--bag", f"{folder}/demo", "--domain", str(DOMAIN)]
+        command = [
+            sys.executable,
+            "-m",
+            "radar_ros.cli",
+            "demo",
+            "--headless",
+            "--json",
+            "--bag",
+            f"{folder}/demo",
+            "--domain",
+            str(DOMAIN),
+        ]
         demo = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         rclpy.init(args=[])
         monitor = Monitor()

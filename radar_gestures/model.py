@@ -49,6 +49,8 @@ class GestureModel:
     output_bias: NDArray[np.float64]
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, Any] = field(default_factory=dict)
+    _weights: NDArray[np.float64] = field(init=False, repr=False)
+    _bias: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         hidden = len(self.hidden_bias) if self.hidden_bias.ndim == 1 else -1
@@ -69,6 +71,10 @@ class GestureModel:
                 raise ConfigError(f"gesture model: {name} has non-finite numbers; {_ADVICE}")
         if not (self.scale > 0).all():
             raise ConfigError(f"gesture model: scale has entries that are not positive; {_ADVICE}")
+        # Standardisation is linear, so it goes into the hidden layer.
+        weights = self.hidden_weights / self.scale[:, None]
+        object.__setattr__(self, "_weights", weights)
+        object.__setattr__(self, "_bias", self.hidden_bias - self.mean @ weights)
 
     def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
         """Probability of every label.
@@ -91,13 +97,17 @@ class GestureModel:
         x = np.asarray(features, np.float64)
         if x.shape[-1:] != self.mean.shape:
             raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)})")
-        if not np.isfinite(x).all():
+        if not np.logical_and.reduce(np.isfinite(x), axis=None):
             raise DataError("features has non-finite values")
-        hidden = np.maximum((x - self.mean) / self.scale @ self.hidden_weights + self.hidden_bias, 0.0)
-        score = hidden @ self.output_weights + self.output_bias
-        score = np.exp(score - score.max(axis=-1, keepdims=True))
-        result: NDArray[np.float64] = score / score.sum(axis=-1, keepdims=True)
-        return result
+        hidden = x @ self._weights
+        hidden += self._bias
+        np.maximum(hidden, 0.0, out=hidden)
+        score = hidden @ self.output_weights
+        score += self.output_bias
+        score -= np.maximum.reduce(score, axis=-1, keepdims=True)
+        np.exp(score, out=score)
+        score /= np.add.reduce(score, axis=-1, keepdims=True)
+        return np.asarray(score)
 
 
 def save_model(model: GestureModel, path: str | Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,9 @@ from radar_ros.live import Monitor
 from radar_ros.offline import open_recording
 from radar_ros.replay import Lockstep, Player, expected_stages, play, source_topics
 from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
+
+READER_TIMEOUT = 30.0
+"""How long the player waits for a reader of its frames [s]; nodes take seconds to start."""
 
 
 @dataclass(frozen=True)
@@ -108,23 +112,20 @@ def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console) -
     player, monitor = Player(options.namespace), Monitor(options.namespace)
     try:
         source = player.publisher(topics[1])
-        for _ in range(300):
-            if source.get_subscription_count():
-                break
+        end = time.monotonic() + READER_TIMEOUT
+        while not source.get_subscription_count():
             if supervisor.poll():
                 raise DataError("a node did not start; its message stands above")
+            if time.monotonic() > end:
+                raise DataError(f"nobody reads {topics[1]}; start the graph (handwave up replay), or let replay start it (--graph)")
             monitor.spin(0.1)
-        else:
-            raise DataError(f"nobody reads {topics[1]}; start the graph (handwave up replay), or let replay start it (--graph)")
         monitor.spin(0.5)
-        seen: dict[int, str] = {}
 
         def spin(seconds: float) -> None:
             monitor.spin(seconds)
-            for number, (track, name, confidence) in enumerate(monitor.gestures):
-                if number not in seen:
-                    seen[number] = name
-                    console.print(f"person {track}: {name} ({confidence:.0%})", highlight=False)
+            while monitor.gestures:
+                track, name, confidence = monitor.gestures.popleft()
+                console.print(f"person {track}: {name} ({confidence:.0%})", highlight=False)
 
         while True:
             count = play(player, options.bag, topics, rate=options.rate, spin=spin)

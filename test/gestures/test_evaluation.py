@@ -25,7 +25,7 @@ def truth(k, positions, gesture=None, drawing=False):
         person_id=np.arange(1, n + 1, dtype=np.uint32),
         position=position,
         velocity=np.zeros((n, 3)),
-        hand_position=position + [-0.5, 0, 0.3],
+        hand_position=position + np.array([-0.5, 0, 0.3]),
         hand_velocity=np.zeros((n, 3)),
         gesture=np.full(n, NO_GESTURE if gesture is None else GESTURES.index(gesture), np.uint8),
         gesture_index=np.zeros(n, np.uint32),

@@ -1,0 +1,66 @@
+"""Replaying a recording in its own time, with /clock, through real node processes."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from rosgraph_msgs.msg import Clock
+from typer.testing import CliRunner
+
+from radar_ros.cli import app
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    """Raw frames of a person who gestures."""
+    path = tmp_path_factory.mktemp("replay") / "raw"
+    done = CliRunner().invoke(app, ["simulate", "short", "--out", str(path)])
+    assert done.exit_code == 0, done.output
+    return path
+
+
+def test_replay_recognises_and_tells_the_time(raw):
+    """The gestures of the recording come out; /clock runs from its start to its end, never back."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    domain = str(100 + (os.getpid() + 3) % 130)
+    command = [sys.executable, "-m", "radar_ros.cli", "replay", str(raw), "--domain", domain]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=int(domain))
+    node = rclpy.create_node("clock_reader", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    clocks = []
+    node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock.sec + m.clock.nanosec * 1e-9), 100)
+    end = time.monotonic() + 90
+    while process.poll() is None and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    output, _ = process.communicate(timeout=10)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    assert process.returncode == 0, output
+    assert "push" in output, output
+    assert len(clocks) > 100
+    assert clocks == sorted(clocks)
+    assert clocks[-1] == pytest.approx(6.0, abs=0.1)
+
+
+def test_replay_without_a_graph_says_what_to_do(raw, monkeypatch):
+    """Nobody listens: not silence, but a message."""
+    import radar_ros.replaying as replaying
+
+    monkeypatch.setattr(replaying, "READER_TIMEOUT", 0.5)
+    done = CliRunner().invoke(app, ["replay", str(raw), "--no-graph", "--domain", str(100 + (os.getpid() + 5) % 130)])
+    assert done.exit_code != 0
+    assert "nobody reads radar/frame" in str(done.exception)
+
+
+def test_out_needs_lockstep(raw):
+    """An option that would be ignored is refused."""
+    done = CliRunner().invoke(app, ["replay", str(raw), "--out", "results"])
+    assert "--out goes with --lockstep" in str(done.exception)
