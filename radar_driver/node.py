@@ -27,6 +27,7 @@ from radar_sim import Truth
 from radar_sim.messages import truth_to_msg
 
 AT_END = ("stop", "loop", "exit")
+_SETTLE_NS = 500_000_000
 
 
 class DriverNode(StageMixin, LifecycleNode):
@@ -41,6 +42,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}"))
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
         self._speed = float(declare(self, "rate", 1.0, "pace relative to the radar's own", low=0.01, high=100.0))
+        self._readers = int(declare(self, "wait_for_readers", 0, "frames come when so many read radar/frame; 0: at once", low=0, high=100))
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
         if self._at_end not in AT_END:
             raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
@@ -86,6 +88,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._done = 0  # frames due since activation that were made or skipped
         self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
         self._made = False
+        self._connected = self._readers == 0
         self._timer = self.create_timer(self._interval_ns * 0.5e-9, self._tick)
         return super().on_activate(state)
 
@@ -138,11 +141,22 @@ class DriverNode(StageMixin, LifecycleNode):
         if self._source is None or self._timer is None:
             return
         elapsed = self.get_clock().now().nanoseconds - self._start_ns
+        if not self._connected:
+            self._await_readers(elapsed)
+            return
         due = elapsed // self._interval_ns  # acquisitions that have ended
         if due > self._done:
             self._publish_frame(due)
         elif self._prefetched is None and self._made and not self._over():
             self._prefetched = (self._position, *self._source.read(self._position))
+
+    def _await_readers(self, elapsed_ns: int) -> None:
+        """Begin when the wanted readers have been connected for a moment; a reader knows of it a little later than its writer."""
+        if self._frames.get_subscription_count() < self._readers:
+            self._start_ns += elapsed_ns
+        elif elapsed_ns >= _SETTLE_NS:
+            self._start_ns += elapsed_ns
+            self._connected = True
 
     def _publish_frame(self, due: int) -> None:
         """Publish the newest frame; what is late is skipped and counted, never queued."""

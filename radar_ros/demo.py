@@ -68,7 +68,7 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
         "demo",
         namespace=options.namespace,
         parameters={
-            "driver": {"scene": str(options.scene), "duration": float(duration)},
+            "driver": {"scene": str(options.scene), "duration": float(duration), "wait_for_readers": 2},
             "recorder": {"bag": str(bag)},
             "evaluation": {"report": str(report_file)},
         },

@@ -22,6 +22,7 @@ SOURCES = ("radar/info", "radar/frame", "truth", "tf_static")
 CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static")
 _CLOCK_INTERVAL = 0.01  # s of recording time between two /clock messages
 _READY_TIMEOUT = 30.0  # s for nodes to start and to learn what the radar is
+_SETTLE = 1.0  # s: a reader knows its writer a moment before the writer knows its reader
 _ANSWER_TIMEOUT = 10.0  # s for all stages to finish one frame
 
 
@@ -194,14 +195,15 @@ class Lockstep:
         """
         recording = open_recording(path)
         source = "radar/points" if recording.topic == "radar/points" else "radar/frame"
+        publisher = self.player.publisher(source)  # exists before the nodes are asked: they are ready when their inputs are connected
         info = next(iter(read(path, ("radar/info",))))
         if not self._spin_until(lambda: self._stages <= self._ready, _READY_TIMEOUT, lambda: self.player.publish(info)):
             raise DataError(
                 f"no answer from {', '.join(sorted(self._stages - self._ready))}: do the nodes run, with the parameter reliable?"
             )
-        publisher = self.player.publisher(source)
         if not self._spin_until(lambda: publisher.get_subscription_count() > 0, _READY_TIMEOUT):
             raise DataError(f"nobody reads {source}")
+        self._spin_until(lambda: False, _SETTLE)
         half = recording.info.waveform.acquisition_ns // 2 if source == "radar/frame" else 0
         count = 0
         for item in read(path, (source,)):

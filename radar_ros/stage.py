@@ -61,8 +61,10 @@ class StageMixin:
         self._status.publish(status_to_msg(status))
 
     def ready(self: Any) -> None:
-        """Tell that the node knows its radar and can work: a status with stamp 0, for replay in lockstep."""
-        self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
+        """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
+        inputs = [s.topic_name for s in self.subscriptions if s.topic_name != "/clock"]
+        if all(self.count_publishers(topic) for topic in inputs):
+            self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
 
     def count_gap(self: Any, sequence: int) -> None:
         """Count the messages lost between the last one and this one; a sequence that starts again is a new source."""

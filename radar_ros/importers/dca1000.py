@@ -18,6 +18,7 @@ from radar_ros.importers.recording import Recording, SourceOptions, Tally
 from radar_ros.importers.ti_config import TiConfig, board_array, read_ti_config
 
 _HEAD: Final = 10  # bytes: u32 sequence number from 1, u48 offset of the payload in the stream
+_JUMP: Final = 100_000  # frames: a packet that much farther ahead is garbled, not the first one after a loss
 _WINDOW: Final = 2  # frames that may be incomplete at a time: packets overtake each other by far less
 
 
@@ -47,6 +48,7 @@ class _Stream:
     highest: int = 0
     started_ns: int = 0
     late: int = 0
+    garbled: int = 0
     oldest: int = 0
     pending: dict[int, tuple[bytearray, bytearray]] = field(default_factory=dict)
 
@@ -125,6 +127,8 @@ def _frames(path: Path, info: RadarInfo, options: Dca1000Options, stream: _Strea
     lost = stream.highest - stream.first + 1 - stream.packets if stream.packets else 0
     if lost > 0:
         tally.warnings.append(f"{lost} of {lost + stream.packets} packets were lost; their samples are 0")
+    if stream.garbled:
+        tally.dropped["packets that claim an impossible place"] += stream.garbled
     if stream.late:
         tally.dropped["packets that came twice or too late"] += stream.late
     if made == 0 or tally.dropped["frames of which too little arrived"] == made:
@@ -146,6 +150,9 @@ def _take(path: Path, datagram: Datagram, stream: _Stream) -> int:
     if stream.packets == 0:
         stream.first, stream.started_ns, stream.oldest = sequence, datagram.stamp_ns, place // stream.frame_bytes
     newest = max(stream.pending, default=place // stream.frame_bytes)
+    if place // stream.frame_bytes > newest + _JUMP:
+        stream.garbled += 1
+        return newest
     if sequence == 1 and place == 0 and newest >= _WINDOW:
         raise DataError(f"{path}: a second recording starts within the capture (packet number 1 again); cut the capture there")
     new = 0

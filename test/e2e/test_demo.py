@@ -36,11 +36,14 @@ def test_report(run):
 
 def test_recording(run):
     """The bag is complete and holds every topic of the graph that had something to say."""
-    _, bag = run
+    done, bag = run
     counts = bags.contents(bag)
-    assert counts["/radar/frame"] > 250
-    assert counts["/truth"] > 250
-    assert counts["/tracks"] > 250
+    report = json.loads(done.stdout)
+    # A busy machine makes the simulated radar skip frames, which it counts; whatever it did publish is recorded.
+    published = report["frames"] - report["dropped"]["driver"]
+    assert counts["/radar/frame"] >= published - 1
+    assert counts["/truth"] >= published - 1
+    assert counts["/tracks"] > 0.8 * published
     assert counts["/radar/info"] >= 1
 
 

@@ -92,6 +92,18 @@ def test_frames_of_which_too_little_arrived_leave_a_gap(capture):
     np.testing.assert_array_equal([f.cube for f in frames], counts[1:])
 
 
+def test_one_garbled_place_does_not_spoil_the_rest(capture):
+    """The third packet claims to lie 2^47 bytes on: it counts as lost, and nothing else does."""
+    folder, counts, parts = capture
+    parts[2] = parts[2][:4] + (1 << 47).to_bytes(6, "little") + parts[2][10:]
+    write_pcap(folder / "c.pcap", parts)
+    report = import_recording("dca1000", folder / "c.pcap", folder / "bag")
+    frames = items(folder / "bag")
+    assert report.dropped["packets that claim an impossible place"] == 1
+    assert [f.sequence for f in frames] == [0, 1, 2]
+    np.testing.assert_array_equal([f.cube for f in frames[1:]], counts[1:])
+
+
 def test_a_second_recording_in_the_capture_is_refused(capture):
     folder, _, parts = capture
     write_pcap(folder / "c.pcap", parts + parts)
