@@ -19,6 +19,8 @@ from radar_gestures.model import GestureModel
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
 RANDOM: Final[int] = GESTURES.index("random")
+_AROUND_NS: Final[int] = 400_000_000  # ns: who walks does so before and after the event too
+_PIECE: Final[float] = 0.2  # s
 
 
 @config
@@ -86,7 +88,7 @@ class TrackEvent:
     features : ndarray of float64, shape (13,), or None
         None: too few samples.
     walked : float
-        Ground distance that the track moved meanwhile [m].
+        Farthest that the track was from itself, from shortly before to shortly after [m]; see `walked`.
     """
 
     track_id: int
@@ -152,18 +154,21 @@ class _TrackState:
         if event is None:
             return None
         samples = self._ring.between(event.start_ns - self._margin_ns, event.end_ns + self._margin_ns)
-        return TrackEvent(track_id, event, extract(samples, event.start_ns, self._settings.features), walked(samples))
+        around = self._ring.between(event.start_ns - _AROUND_NS, event.end_ns + _AROUND_NS)
+        return TrackEvent(track_id, event, extract(samples, event.start_ns, self._settings.features), walked(around))
 
 
 def walked(samples: Sequence[MotionSample]) -> float:
-    """Ground distance between where the track was in the first and in the last third of an event [m]; medians, because arms pull at it."""
+    """Farthest that a track was from itself during the samples, on the ground [m]; medians over `_PIECE`, because arms pull at it."""
     if not samples:
         return 0.0
     distance, azimuth, elevation = np.array([sample.body for sample in samples], np.float64).T
-    ground = np.stack([np.cos(azimuth), np.sin(azimuth)]) * distance * np.cos(elevation)
-    third = max(1, len(samples) // 3)
-    moved = np.median(ground[:, -third:], axis=1) - np.median(ground[:, :third], axis=1)
-    return float(np.hypot(*moved))
+    ground = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1) * (distance * np.cos(elevation))[:, None]
+    stamps = np.array([sample.stamp_ns - samples[0].stamp_ns for sample in samples]) * 1e-9
+    piece = (stamps / _PIECE).astype(np.int64)
+    places = np.array([np.median(ground[piece == k], axis=0) for k in np.unique(piece)])
+    apart = places[:, None] - places[None]
+    return float(np.hypot(apart[..., 0], apart[..., 1]).max())
 
 
 class GestureRecognizer:

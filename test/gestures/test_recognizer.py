@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, ConfigError, PointCloud, Pose
-from radar_core.geometry import spherical_to_cartesian
-from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.features import FEATURE_NAMES, MotionSample
 from radar_gestures.model import GestureModel
 from radar_gestures.recognizer import GestureConfig, GestureRecognizer, walked
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
@@ -148,12 +147,13 @@ def test_a_model_trained_with_other_settings_is_refused():
         GestureRecognizer(SETTINGS, other, MOUNT)
 
 
-def test_walked_is_the_ground_distance_between_the_ends():
-    """From 2 m straight ahead to 2 m at 90 degrees: 2 sqrt(2) m; a third of twelve samples stands at either end."""
-    from radar_gestures.features import MotionSample
-
-    ends = [(2.0, 0.0, 0.0)] * 4 + [(2.0, 0.5, 0.0)] * 4 + [(2.0, np.pi / 2, 0.0)] * 4
-    samples = [MotionSample(i, 1.0, 1.0, 2.0, 0.0, 0.0, body) for i, body in enumerate(ends)]
-    assert walked(samples) == pytest.approx(2 * np.sqrt(2))
+def test_walked_is_the_farthest_that_the_track_was_from_itself():
+    """There and back counts; a single outlier does not (median of 0.2 s, ten samples here)."""
+    t = np.arange(50) * 0.02
+    away = 2.0 + 0.8 * np.sin(np.pi * t)
+    samples = [MotionSample(round(s * 1e9), 1.0, 1.0, 2.0, 0.0, 0.0, (d, 0.3, 0.0)) for s, d in zip(t, away, strict=True)]
+    # The medians of the first and the middle piece: 2.0 + 0.8 sin(0.1 pi) and nearly 2.8.
+    assert walked(samples) == pytest.approx(0.8 * (1 - np.sin(0.09 * np.pi)), abs=0.03)
+    still = [MotionSample(round(s * 1e9), 1.0, 1.0, 2.0, 0.0, 0.0, (5.0 if i == 20 else 2.0, 0.3, 0.0)) for i, s in enumerate(t)]
+    assert walked(still) == pytest.approx(0.0, abs=1e-12)
     assert walked([]) == 0.0
-    np.testing.assert_allclose(spherical_to_cartesian(2.0, np.pi / 2, 0.0), [0, 2, 0], atol=1e-12)

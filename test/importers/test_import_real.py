@@ -16,8 +16,8 @@ from radar_ros.offline import open_recording
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
 
 
-def followed(bag):
-    """Confirmed tracks of the dense preset: for each, rows of cloud number, seconds, forward, left, median range and range rate."""
+def followed(bag, tentative=False):
+    """Tracks of the dense preset once they are confirmed (or from their first detection on): for each, rows of cloud number, seconds, forward, left, median range and range rate."""
     recording = open_recording(bag)
     tracker = PeopleTracker(load_file(TrackerConfig, find_config("dense", "tracking", ".yaml")))
     lives = {}
@@ -25,7 +25,7 @@ def followed(bag):
         tracks = tracker.process(cloud.to_room(recording.info.mount))
         for track in tracks.tracks:
             own = tracks.point_track_id == track.id
-            if track.status != TrackStatus.TENTATIVE:
+            if tentative or track.status != TrackStatus.TENTATIVE:
                 middle = (np.median(cloud.range[own]), np.median(cloud.radial_speed[own])) if own.any() else (np.nan, np.nan)
                 lives.setdefault(track.id, []).append((cloud.sequence, cloud.stamp_ns * 1e-9, *track.position[:2], *middle))
     return [np.array(life) for life in sorted(lives.values(), key=len, reverse=True)]
@@ -55,6 +55,21 @@ def test_the_time_base_agrees_with_the_doppler(tmp_path):
     walked = seen[-5:, 4].mean() - seen[:5, 4].mean()
     integrated = np.sum(seen[:-1, 5] * np.diff(seen[:, 1]))
     assert integrated == pytest.approx(walked, rel=0.05)
+
+
+def test_one_walker_is_one_track(tmp_path):
+    """One track for 95 % of the run, and nobody else."""
+    import_recording("crossing", recordings("crossing", "one_person.npz"), tmp_path / "bag")
+    first, *ghosts = followed(tmp_path / "bag")
+    assert len(first) >= 0.95 * 231
+    assert not ghosts
+
+
+def test_two_walkers_live_for_four_fifths_of_the_run(tmp_path):
+    """Exactly two tracks exist, from first detection to deletion, in 80 % of the 319 clouds."""
+    import_recording("crossing", recordings("crossing", "two_people.npz"), tmp_path / "bag")
+    lives = followed(tmp_path / "bag", tentative=True)
+    assert [len(life) >= 0.8 * 319 for life in lives[:3]] == [True, True, False]
 
 
 def test_two_walkers_keep_their_tracks(tmp_path):
