@@ -1,0 +1,68 @@
+"""Hard cases of the plumbing: extreme stamps and sizes, long runs, sequences that jump."""
+
+import types
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
+
+from radar_core import PointCloud, RadarFrame
+from radar_core.cloud import ARRAY_FIELDS
+from radar_ros import convert
+from radar_ros.filters import ApproximateTimeSynchronizer, Cache, SimpleFilter, TimeSynchronizer
+from radar_ros.stage import StageMixin
+
+
+@pytest.mark.parametrize("stamp", [0, 1, 999_999_999, 10**9, (1 << 31) * 10**9 - 1], ids=str)
+def test_stamps_keep_their_nanosecond(stamp):
+    """From 1970 to the end of ROS time in 2038, without a float in between."""
+    assert convert.from_time(convert.to_time(stamp)) == stamp
+
+
+@pytest.mark.parametrize("n", [0, 1, 1_000_000])
+def test_clouds_of_any_size(n):
+    """Nobody and a million points."""
+    cloud = PointCloud(0, 0, "radar", **{name: np.arange(n, dtype=np.float32) for name in ARRAY_FIELDS})
+    msg = deserialize_message(serialize_message(convert.cloud_to_msg(cloud)), type(convert.cloud_to_msg(cloud)))
+    assert convert.cloud_from_msg(msg).snr.tobytes() == cloud.snr.tobytes()
+    assert convert.cloud_to_cloud2(cloud).width == n
+
+
+def test_an_empty_frame():
+    """A point-cloud source may describe frames without samples; the conversion survives one."""
+    frame = RadarFrame(cube=np.empty((1, 1, 1, 0), np.complex64), stamp_ns=0, sequence=0, frame_id="radar")
+    assert convert.frame_from_msg(convert.frame_to_msg(frame)).cube.size == 0
+
+
+@pytest.mark.parametrize(
+    "kind", [lambda f: TimeSynchronizer(f, 10), lambda f: ApproximateTimeSynchronizer(f, 10, 0.005)], ids=["exact", "approximate"]
+)
+def test_synchronisers_stay_small_over_long_runs(kind):
+    """Twenty thousand messages without a single partner leave at most a queue behind."""
+    inputs = [SimpleFilter(), SimpleFilter()]
+    sync = kind(inputs)
+    for number in range(20_000):
+        header = Header(stamp=convert.to_time(number * 20_000_000))
+        inputs[number % 2].signalMessage(types.SimpleNamespace(header=header))
+    assert all(len(queue) <= 10 for queue in sync.queues)
+
+
+def test_a_cache_stays_small():
+    """Only the newest are kept, in whatever order they come."""
+    source = SimpleFilter()
+    cache = Cache(source, 7)
+    order = np.random.default_rng(1).permutation(5_000)
+    for number in order:
+        source.signalMessage(types.SimpleNamespace(header=Header(stamp=convert.to_time(int(number)))))
+    assert cache.cache_times == sorted(order.tolist())[-7:]
+
+
+def test_drops_are_counted_across_jumps():
+    """A gap counts; a source that starts again, or goes back, does not; huge sequences do not overflow."""
+    stage = types.SimpleNamespace(_sequence=None, dropped=0)
+    for sequence in (5, 6, 9, 0, 1, 2**63, 2**64 - 1):
+        before = stage.dropped
+        StageMixin.count_gap(stage, sequence)
+        assert stage.dropped >= before
+    assert stage.dropped == 2 + (2**63 - 2) + (2**64 - 1 - 2**63 - 1)
