@@ -17,7 +17,10 @@ from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStat
 
 
 def followed(bag, tentative=False):
-    """Tracks of the dense preset once they are confirmed (or from their first detection on): for each, rows of cloud number, seconds, forward, left, median range and range rate."""
+    """Tracks of the dense preset once they are confirmed (or from their first detection on), the longest first.
+
+    For each, rows of cloud number, seconds, forward, left, median range and range rate.
+    """
     recording = open_recording(bag)
     tracker = PeopleTracker(load_file(TrackerConfig, find_config("dense", "tracking", ".yaml")))
     lives = {}
