@@ -31,7 +31,7 @@ class GestureConfig:
     events: EventConfig = EventConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
     walk_distance: float = knob(
-        0.5, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
+        0.6, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
     )
     min_confidence: float = knob(0.4, low=0.0, high=1.0, doc="a gesture less probable than this is published as random")
     publish_random: bool = knob(True, doc="publish events that are no gesture, with label 0 (random)")

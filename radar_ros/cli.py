@@ -282,7 +282,7 @@ def import_(
 def train(
     folder: Annotated[Path, typer.Argument(help="folder of the data set; what is there already is used, and a stopped run goes on")],
     out: Annotated[Path, typer.Option(help="model file to write (.npz)")] = Path("gestures.npz"),
-    scenes: Annotated[int, typer.Option(help="scenes to simulate: about 25 samples and 10 s of one core each", min=2)] = 80,
+    scenes: Annotated[int, typer.Option(help="scenes to simulate: about 20 samples and 6 s of one core each", min=2)] = 120,
     jobs: Annotated[int, typer.Option(help="processes that simulate", min=1)] = 2,
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
 ) -> None:

@@ -8,7 +8,8 @@ import pytest
 from radar_core import GESTURES
 from radar_gestures.pipeline import Pipeline, PipelineConfig
 from radar_gestures.scoring import RecognisedGesture, nearest_person, score_gestures, truth_segments
-from radar_sim import Simulator, load_scene
+from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator, Walk, load_scene
+from radar_tracking import HandConfig
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,6 @@ def test_ready_clouds_give_the_same_results(played):
 def test_a_trigger_gesture_starts_the_hand(played):
     """With "push" as the trigger the hand track begins `trigger_delay` after the push was decided, and belongs to who pushed."""
     info, simulated, results = played
-    from radar_tracking import HandConfig
 
     pipeline = Pipeline(info, PipelineConfig(hand=HandConfig(trigger="push", trigger_delay=0.1)))
     push = next(g for r in results for g in r.gestures if g.name == "push")
@@ -67,3 +67,40 @@ def test_a_trigger_gesture_starts_the_hand(played):
     assert first[0] >= push.stamp_ns + 100_000_000
     assert first[1].parent_id == push.track_id
     assert pipeline.hand.config.trigger == "push"
+
+
+def score_scene(scene):
+    """Run a scene; returns its score, the names of all events, and hand errors while somebody draws [m]."""
+    simulator = Simulator(scene)
+    pipeline, truths, found, names, errors = Pipeline(simulator.info), [], [], [], []
+    for i in range(simulator.n_frames):
+        simulated = simulator.process(i)
+        truth, result = simulated.truth, pipeline.process(simulated.frame)
+        truths.append(truth)
+        for g in result.gestures:
+            person = nearest_person(truth, result.tracks.find(g.track_id).position)
+            names.append(g.name)
+            found.append(RecognisedGesture(-1 if person is None else person, g.label, g.start_ns, g.end_ns))
+        if truth.drawing.any():
+            hand = truth.hand_position[np.argmax(truth.drawing)]
+            errors.append(np.linalg.norm(result.hand.position - hand) if result.hand is not None else np.inf)
+    return score_gestures(truth_segments(truths), found), names, np.array(errors)
+
+
+def test_the_demo_is_recognised_and_its_rotate_starts_the_hand():
+    """Two people at once: at least 80 % of the gestures, no more than one false alarm, and a hand within 0.15 m (rms) while it draws."""
+    score, _, errors = score_scene(load_scene("demo"))
+    assert score.total == 15
+    assert score.rate >= 0.8
+    assert score.false_alarms <= 1
+    assert np.sqrt(np.mean(errors**2)) <= 0.15
+
+
+def test_walking_is_no_gesture():
+    """To and fro, towards the radar and across: legs and arms swing at 2 m/s, yet every event is random."""
+    ways = [(1.8, 0.5), (4.0, -1.0), (2.0, -1.0), (4.0, 1.0)]
+    walker = Person(position=(4.5, 1.0), script=tuple(Action(walk=Walk(to=way, speed=1.1)) for way in ways))
+    effects = Effects(noise=Noise(), losses=Losses())
+    _, names, _ = score_scene(Scene(duration=11.0, seed=3, people=(walker,), effects=effects))
+    assert names
+    assert set(names) == {"random"}
