@@ -1,4 +1,4 @@
-"""Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document``."""
+"""Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document [NAME ...]``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rich.progress import track
 from benchmarks.plot import draw
 
 ROOT = Path(__file__).resolve().parent.parent
-NAMES = ("simulator", "baseband", "tracking", "gestures", "graph")
+NAMES = ("graph", "simulator", "baseband", "tracking", "gestures")
 HEAD = """# What accuracy costs in time
 
 Every accuracy knob with what it achieves and what it takes, measured in one run per stage; the last column is the ratio to the one that
@@ -39,15 +39,24 @@ def figures(result: dict[str, Any]) -> str:
     return "\n".join(f"* `{key}`: {value:.4g}" if isinstance(value, float) else f"* `{key}`: {value}" for key, value in flat.items())
 
 
+def sections(text: str) -> dict[str, str]:
+    """Split the document into its sections by name."""
+    parts = text.split("\n## ")[1:]
+    return {part.split("\n", 1)[0]: part.split("\n", 1)[1] for part in parts}
+
+
 def main() -> None:
-    """Run each benchmark in a process of its own, so that none warms the caches of another."""
-    parts = [HEAD.format(machine=f"{platform.system()} {platform.machine()}, Python {platform.python_version()}")]
-    for name in track(NAMES, description="measuring"):
+    """Run each benchmark (all, or those named) in a process of its own, so that none warms the caches of another."""
+    path = ROOT / "docs" / "benchmarks.md"
+    kept = sections(path.read_text(encoding="utf-8")) if path.exists() else {}
+    head = HEAD.format(machine=f"{platform.system()} {platform.machine()}, Python {platform.python_version()}")
+    for name in track(sys.argv[1:] or NAMES, description="measuring"):
         done = subprocess.run([sys.executable, "-m", "benchmarks", name, "--json"], cwd=ROOT, check=True, capture_output=True, text=True)
         result = json.loads(done.stdout.splitlines()[-1])
         draw(result["choices"], ROOT / "docs" / "img" / f"choices_{name}.png")
-        parts.append(f"## {name}\n\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n")
-    (ROOT / "docs" / "benchmarks.md").write_text("\n".join(parts), encoding="utf-8")
+        kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n"
+        body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)
+        path.write_text(head + body, encoding="utf-8")  # after each: the slow ones come last
 
 
 if __name__ == "__main__":

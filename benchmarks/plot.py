@@ -39,14 +39,19 @@ def draw(choices: list[dict[str, Any]], path: Path) -> None:
     panels: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for row in choices:
         panels.setdefault((row["stage"], f"{row['accuracy']['name']} [{row['accuracy']['unit']}]"), []).append(row)
-    figure, axes = plt.subplots(len(panels), 1, figsize=(7, 3.2 * len(panels)), squeeze=False, layout="constrained")
+    heights = [max(2.2, 0.9 + 0.18 * len(rows)) for rows in panels.values()]  # room for the legend
+    ratios = {"height_ratios": heights}
+    figure, axes = plt.subplots(len(panels), 1, figsize=(9, sum(heights)), squeeze=False, layout="constrained", gridspec_kw=ratios)
     for axis, ((stage, label), rows) in zip(axes[:, 0], panels.items(), strict=True):
-        for row in rows:
+        for row, marker in zip(rows, "osD^v<>Pp*hX" * len(rows), strict=False):
             x, y = row["time_ms"]["median"], row["accuracy"]["value"]
-            axis.errorbar(x, y, xerr=[[0], [max(row["time_ms"]["p95"] - x, 0)]], fmt="o", capsize=2)
-            axis.annotate(row["choice"], (x, y), textcoords="offset points", xytext=(5, 4), fontsize=8)
-        axis.set(xscale="log", xlabel="time [ms], bar to the 95th percentile", ylabel=label, title=stage)
+            spread = [[0], [max(row["time_ms"]["p95"] - x, 0)]]
+            axis.errorbar(x, y, xerr=spread, fmt=marker, markersize=5, capsize=2, label=row["choice"])
+        times = [row["time_ms"]["median"] for row in rows]
+        axis.set(xscale="log" if max(times) > 5 * min(times) else "linear", xlabel="time [ms], bar to the 95th percentile", title=stage)
+        axis.set_ylabel(label, fontsize=8)
         axis.grid(alpha=0.3)
-        axis.margins(0.2)
-    figure.savefig(path, dpi=130)
+        axis.margins(0.1)
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
+    figure.savefig(path, dpi=90)
     plt.close(figure)
