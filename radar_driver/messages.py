@@ -20,35 +20,51 @@ class BagSource:
     ----------
     path : Path
         Folder of the bag.
+    namespace : str
+        Which radar, where the bag holds several, e.g. ``"left"``; a bag of one radar is taken whatever its namespace.
 
     Raises
     ------
     DataError
-        When there is no bag, or it lacks radar/info or radar/frame.
+        When there is no bag, it lacks radar/info or radar/frame, or it holds several radars and none in ``namespace``.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, namespace: str = "") -> None:
         try:
             self._reader = AnyReader([path])
             self._reader.open()
             self._open = True
         except (AnyReaderError, OSError) as error:
             raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
-        frames = self._connections("radar/frame")
-        infos = self._connections("radar/info")
-        if not frames or not infos:
-            topics = ", ".join(sorted({c.topic for c in self._reader.connections})) or "none"
+        try:
+            place = self._radar(path, namespace.strip("/"))
+        except DataError:
             self.close()
-            raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
-        self._frames = frames
-        connection, _, raw = next(self._reader.messages(connections=infos))
+            raise
+        self._frames = self._connections(place + "radar/frame")
+        connection, _, raw = next(self._reader.messages(connections=self._connections(place + "radar/info")))
         self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
-        self.n_frames: int | None = sum(c.msgcount for c in frames)
+        self.n_frames: int | None = sum(c.msgcount for c in self._frames)
         self._next = 0
         self._messages: Iterator[Any] = iter(())
 
     def _connections(self, topic: str) -> list[Any]:
-        return [c for c in self._reader.connections if c.topic.endswith(topic)]
+        return [c for c in self._reader.connections if c.topic == topic]
+
+    def _radar(self, path: Path, namespace: str) -> str:
+        """Find where the wanted radar's topics are: a namespace that begins and ends with a slash."""
+        held = {c.topic for c in self._reader.connections if c.msgcount}
+        radars = sorted(t.removesuffix("radar/frame") for t in held if t.endswith("/radar/frame"))
+        radars = [place for place in radars if place + "radar/info" in held]
+        wanted = f"/{namespace}/" if namespace else "/"
+        if wanted in radars:
+            return wanted
+        if len(radars) == 1:
+            return radars[0]
+        if radars:
+            raise DataError(f"{path}: holds the radars {', '.join(radars)}; give the driver the namespace of one of them")
+        topics = ", ".join(sorted(held)) or "none"
+        raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
 
     def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
         """Read the frame at a place; going back starts from the front.

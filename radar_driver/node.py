@@ -67,12 +67,14 @@ class DriverNode(StageMixin, LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
         try:
-            self._source = SimSource(self._scene) if self._source_kind == "sim" else BagSource(Path(self._bag))
+            self._source = SimSource(self._scene) if self._source_kind == "sim" else BagSource(Path(self._bag), self.get_namespace())
         except HandwaveError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
-        self._info = replace(self._source.info, frame_id=f"{self.get_namespace().strip('/')}/{self._source.info.frame_id}".lstrip("/"))
+        space = self.get_namespace().strip("/") + "/"
+        name = self._source.info.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
+        self._info = replace(self._source.info, frame_id=f"{space}{name}".lstrip("/"))
         self._position = 0  # in the source
         self._count = 0  # frames made or skipped since power-up: the sequence
         self._announce()
@@ -141,6 +143,10 @@ class DriverNode(StageMixin, LifecycleNode):
         if self._source is None or self._timer is None:
             return
         elapsed = self.get_clock().now().nanoseconds - self._start_ns
+        # Simulated time is 0 until /clock is heard: that jump is no loss. It goes back where a simulation starts again.
+        if self._start_ns == 0 or elapsed < (self._done - 1) * self._interval_ns:
+            self._start_ns += elapsed
+            self._done = elapsed = 0
         if not self._connected:
             self._await_readers(elapsed)
             return
@@ -157,6 +163,7 @@ class DriverNode(StageMixin, LifecycleNode):
         elif elapsed_ns >= _SETTLE_NS:
             self._start_ns += elapsed_ns
             self._connected = True
+            self._announce()  # so that the readers know the radar before its first frame
 
     def _publish_frame(self, due: int) -> None:
         """Publish the newest frame; what is late is skipped and counted, never queued."""

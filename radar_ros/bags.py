@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,8 +34,14 @@ TYPES: Mapping[str, str] = {
     "truth": "handwave/msg/Truth",
     "stage_status": "handwave/msg/StageStatus",
     "tf_static": "tf2_msgs/msg/TFMessage",
+    "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "tracks/markers": "visualization_msgs/msg/MarkerArray",
+    "radar/points2": "sensor_msgs/msg/PointCloud2",
 }
-"""Type of every topic that recordings hold."""
+"""Type of every topic that recordings may hold."""
+
+RECORDED = tuple(topic for topic in TYPES if topic != "radar/points2")
+"""What is recorded unless something else is asked for; radar/points2 says nothing that radar/points does not say."""
 
 
 @cache
@@ -46,6 +53,19 @@ def typestore() -> Typestore:
         types.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"handwave/msg/{path.stem}"))
     store.register(types)
     return store
+
+
+def free_folder(wanted: Path) -> Path:
+    """Return the folder itself, or with the first free number behind it."""
+    path, number = wanted, 2
+    while path.exists():
+        path, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
+    return path
+
+
+def was_cut_off(path: Path) -> bool:
+    """Whether a folder holds a recording whose writer was killed."""
+    return path.is_dir() and not (path / "metadata.yaml").exists() and any(path.glob("*.mcap"))
 
 
 class BagWriter:
@@ -136,7 +156,7 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
         When there is no bag, or a crash cut it off and it needs `repair`.
     """
     path = Path(path)
-    if path.is_dir() and not (path / "metadata.yaml").exists() and list(path.glob("*.mcap")):
+    if was_cut_off(path):
         raise DataError(f"{path}: the recording was cut off (no metadata.yaml); recover it with: handwave repair {path}")
     try:
         reader = AnyReader([path], default_typestore=typestore())
@@ -185,7 +205,10 @@ def contents(path: Path) -> dict[str, int]:
         When it cannot be read.
     """
     with open_bag(path) as reader:
-        return {c.topic: c.msgcount for c in sorted(reader.connections, key=lambda c: c.topic)}
+        counts: dict[str, int] = {}
+        for connection in sorted(reader.connections, key=lambda c: c.topic):  # several publishers: several connections
+            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+        return counts
 
 
 def require_topics(path: Path, *alternatives: tuple[str, ...]) -> tuple[str, ...]:
@@ -205,12 +228,12 @@ def require_topics(path: Path, *alternatives: tuple[str, ...]) -> tuple[str, ...
 
 
 def repair(path: Path) -> dict[str, int]:
-    """Recover a recording that a crash cut off, in place; the damaged file is kept as ``*.damaged``.
+    """Recover a recording that a crash cut off, in place; the damaged file is kept as ``*.damaged``, a whole one is left alone.
 
     Returns
     -------
     dict of str to int
-        Recovered messages per topic.
+        Recovered messages per topic; empty when nothing had to be done.
 
     Raises
     ------
@@ -221,6 +244,8 @@ def repair(path: Path) -> dict[str, int]:
     files = sorted(path.glob("*.mcap")) if path.is_dir() else []
     if not files:
         raise DataError(f"{path}: holds no .mcap file; nothing to recover")
+    if _is_whole(path):
+        return {}
     rescue = path.with_name(f"{path.name}.rescue")
     shutil.rmtree(rescue, ignore_errors=True)
     with BagWriter(rescue) as writer:
@@ -234,6 +259,14 @@ def repair(path: Path) -> dict[str, int]:
     (path / "metadata.yaml").write_text(text, encoding="utf-8")
     shutil.rmtree(rescue)
     return writer.counts
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether every message of a bag can be read."""
+    try:
+        return sum(1 for _ in read(path)) == sum(contents(path).values())
+    except (DataError, McapError, EOFError, ValueError, struct.error, KeyError, AssertionError):
+        return False
 
 
 def _salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:

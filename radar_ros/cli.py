@@ -25,6 +25,11 @@ Params = Annotated[
     list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
 ]
 
+Configs = Annotated[
+    list[str] | None,
+    typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
+]
+
 
 def main() -> None:
     """Run the command; what the user got wrong ends in one message and status 2, never in a traceback."""
@@ -64,6 +69,8 @@ def demo(
         show_report(report, console)
     if report["crashes"] or not report["frames"]:
         raise typer.Exit(1)
+    if report["interrupted"]:
+        raise typer.Exit(130)
 
 
 @app.command()
@@ -74,6 +81,7 @@ def up(
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
     param: Params = None,
+    config: Configs = None,
     domain: Domain = None,
     namespace: Namespace = "",
 ) -> None:
@@ -84,11 +92,11 @@ def up(
     from radar_ros.graph import graph
     from radar_ros.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed
 
-    parameters = parse_parameters(param or [])
+    parameters = parse_parameters(param, config)
     if variant in ("live", "demo"):
         parameters.setdefault("driver", {}).setdefault("scene", scene)
     if variant == "demo":
-        from radar_ros.demo import free_folder
+        from radar_ros.bags import free_folder
 
         parameters.setdefault("recorder", {}).setdefault("bag", str(bag or free_folder(Path("out") / "recording")))
     specs = graph(variant, namespace=namespace, parameters=parameters)
@@ -100,12 +108,12 @@ def up(
 
 
 def supervise(supervisor: Any) -> int:
-    """Run nodes until interrupted, or until one ends that nobody restarts.
+    """Run nodes until interrupted or until none is left; a node that dies leaves the others running.
 
     Returns
     -------
     int
-        0 after Ctrl-C, 1 when a node died.
+        0 when no node died, 1 when one did, 2 when a node refused its settings (which ends all).
     """
     import signal
     import threading
@@ -113,32 +121,68 @@ def supervise(supervisor: Any) -> int:
     told = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: told.set())
-    status = 0
     with supervisor:
         while not told.wait(0.2):
-            ended = [(name, code) for name, code in supervisor.poll() if name not in supervisor.running]
-            for name, code in ended:
-                print(f"handwave: node {name} ended with status {code}" + ("" if code == 0 else "; restart such nodes with --respawn"))
-                status = status or int(code != 0)
-            if status or not supervisor.running:
+            for name, code in supervisor.poll():
+                if code == 2:
+                    print(f"handwave: node {name} refused its settings, see above; everything is stopped", file=sys.stderr)
+                    return 2
+                if not supervisor.respawn:
+                    advice = "" if code == 0 else "; the others go on, --respawn would start it again"
+                    print(f"handwave: node {name} ended with status {code}{advice}", file=sys.stderr)
+            if not supervisor.active:
                 break
-    return status
+    return int(bool(supervisor.crashes) and not supervisor.respawn)
 
 
-def parse_parameters(given: list[str]) -> dict[str, dict[str, Any]]:
-    """Read ``node.parameter=value`` settings.
+def _settings_of(node: str, name: str) -> dict[str, Any]:
+    """Read a configuration file of a node; nested settings get dots, as ROS parameters are named."""
+    import yaml
+
+    from radar_core import ConfigError
+    from radar_core.paths import find_config
+
+    path = find_config(name, node, ".yaml")
+    try:
+        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: this is no YAML ({error})") from None
+    if not isinstance(settings, dict):
+        raise ConfigError(f"{path}: must hold knobs of the node {node}, one 'name: value' a line")
+
+    def flat(values: dict[str, Any], prefix: str) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key, value in values.items():
+            result.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value})
+        return result
+
+    return flat(settings, "")
+
+
+def split(names: str | None) -> tuple[str, ...]:
+    """Read a comma-separated list."""
+    return tuple(name.strip() for name in (names or "").split(",") if name.strip())
+
+
+def parse_parameters(given: list[str] | None, files: list[str] | None = None) -> dict[str, dict[str, Any]]:
+    """Read ``node.parameter=value`` settings and ``node=file`` configurations; the single settings win.
 
     Raises
     ------
     ConfigError
-        When one is not of that form.
+        When one is not of that form, or a file is missing or no mapping.
     """
     import yaml
 
     from radar_core import ConfigError
 
     result: dict[str, dict[str, Any]] = {}
-    for text in given:
+    for text in files or []:
+        node, equals, name = text.partition("=")
+        if not (equals and node and name):
+            raise ConfigError(f"--config {text!r}: write node=file, e.g. tracking=dense")
+        result.setdefault(node, {}).update(_settings_of(node, name))
+    for text in given or []:
         name, equals, value = text.partition("=")
         node, dot, parameter = name.partition(".")
         if not (equals and dot and node and parameter):
@@ -160,7 +204,7 @@ def record(
 
     settings: dict[str, Any] = {"bag": str(out)}
     if topics:
-        settings["topics"] = [topic.strip() for topic in topics.split(",")]
+        settings["topics"] = split(topics)
     spec = replace_parameters(NODES["recorder"], namespace, settings)
     raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=default_log_sink(8))))
 
@@ -174,8 +218,11 @@ def replay(
     out: Annotated[Path | None, typer.Option(help="with --lockstep: folder of a new bag for the results")] = None,
     rate: Annotated[float, typer.Option(help="pace; 2 is twice as fast", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="again and again")] = False,
+    clock: Annotated[bool, typer.Option("--clock/--no-clock", help="publish /clock, or leave the nodes in the machine's time")] = True,
+    topics: Annotated[str | None, typer.Option(help="comma-separated names to send; default: what the graph starts from")] = None,
     graph_too: Annotated[bool, typer.Option("--graph/--no-graph", help="also start the nodes, or use those that run")] = True,
     param: Params = None,
+    config: Configs = None,
     domain: Domain = None,
     namespace: Namespace = "",
 ) -> None:
@@ -185,7 +232,9 @@ def replay(
     """
     from radar_ros.replaying import ReplayOptions, run_replay
 
-    options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, parse_parameters(param or []), domain, namespace)
+    chosen = split(topics)
+    settings = parse_parameters(param, config)
+    options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, settings, domain, namespace, clock, chosen)
     raise typer.Exit(run_replay(options))
 
 
@@ -193,18 +242,25 @@ def replay(
 def process(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
     out: Annotated[Path, typer.Option(help="folder of a new bag for clouds, tracks, gestures and hand")],
+    param: Params = None,
+    config: Configs = None,
 ) -> None:
-    """Run the library over a recording without a graph: the same results as `replay --lockstep`, bit for bit."""
+    """Run the library over a recording without a graph: the same results as `replay --lockstep`, bit for bit.
+
+    Examples: `handwave process my_demo --out results` · `handwave process walkers --out tracks --config tracking=dense`
+    """
     from rich.progress import track
 
     from radar_ros.bags import BagWriter, contents, local
-    from radar_ros.offline import open_recording, process_recording, write_results
+    from radar_ros.offline import copy_info, open_recording, pipeline_config, process_recording, write_results
 
+    settings = pipeline_config(parse_parameters(param, config))
     recording = open_recording(bag)
     total = sum(count for topic, count in contents(bag).items() if local(topic) == recording.topic)
     gestures = 0
     with BagWriter(out) as writer:
-        for stamp_ns, result in track(process_recording(bag), total=total, description="processing"):
+        copy_info(bag, writer)
+        for stamp_ns, result in track(process_recording(bag, settings), total=total, description="processing"):
             write_results(writer, stamp_ns, result)
             gestures += len(result.gestures)
     print(f"{total} frames, {gestures} gestures; results in {out}")
@@ -233,15 +289,18 @@ def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -
     from rich.console import Console
     from rich.table import Table
 
-    from radar_ros.bags import contents, open_bag
+    from radar_ros.bags import RECORDED, contents, local, open_bag
     from radar_ros.offline import open_recording
 
     table = Table("topic", "messages")
-    for topic, count in contents(bag).items():
+    held = contents(bag)
+    for topic, count in held.items():
         table.add_row(topic, str(count))
     Console().print(table)
     with open_bag(bag) as reader:
         print(f"{reader.duration * 1e-9:.2f} s")
+    missing = [topic for topic in RECORDED if topic not in {local(name) for name in held}]
+    print(f"not in it: {', '.join(missing) or 'nothing, it is complete'}")
     try:
         recording = open_recording(bag)
     except HandwaveError as error:
@@ -256,6 +315,9 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
     from radar_ros.bags import repair as recover
 
     counts = recover(bag)
+    if not counts:
+        print(f"{bag} is whole; nothing had to be done")
+        return
     print(f"recovered {sum(counts.values())} messages: " + ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items())))
 
 

@@ -15,9 +15,12 @@ from rich.live import Live
 from rich.table import Table
 
 from radar_core import ConfigError
+from radar_ros.bags import free_folder
 from radar_ros.graph import graph
+from radar_ros.interrupts import interruptible, ros
+from radar_ros.live import Monitor
 from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
-from radar_sim import Scene, load_scene
+from radar_sim import load_scene
 
 _START_TIMEOUT = 30.0  # s: for all nodes to be there; a cold disk is slow
 _DRAIN = 1.0  # s: after the last frame, for results to arrive and be written
@@ -36,21 +39,13 @@ class DemoOptions:
     verbose: bool = False
 
 
-def free_folder(wanted: Path) -> Path:
-    """Return the folder itself, or with the first free number behind it."""
-    path, number = wanted, 2
-    while path.exists():
-        path, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
-    return path
-
-
 def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     """Run the demo and return its report.
 
     Returns
     -------
     dict
-        Figures of the run; ``crashes`` lists the nodes that died.
+        Figures of the run; ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early.
 
     Raises
     ------
@@ -76,7 +71,8 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
     logs: list[str] = []
     supervisor = Supervisor(specs, domain=options.domain, log=_log_sink(logs, console, options))
-    live = _watch(supervisor, scene, duration, options, console, logs)
+    with interruptible():
+        live = _watch(supervisor, duration, options, console, logs)
     report = {**live, "bag": str(bag), "crashes": [f"{name} (status {status})" for name, status in supervisor.crashes]}
     if report_file.exists():
         report = {**json.loads(report_file.read_text(encoding="utf-8")), **report}
@@ -93,37 +89,38 @@ def _log_sink(logs: list[str], console: Console, options: DemoOptions) -> Callab
     return sink
 
 
-def _watch(
-    supervisor: Supervisor, scene: Scene, duration: float, options: DemoOptions, console: Console, logs: list[str]
-) -> dict[str, Any]:
-    """Run the nodes until the scene is over; show what happens."""
-    import rclpy
-
-    from radar_ros.live import Monitor
-
-    rclpy.init(args=[])
-    monitor = Monitor(options.namespace)
-    started = time.monotonic()
-    try:
-        supervisor.start(without=("driver",))
-        _await_nodes(supervisor, monitor, logs)
-        supervisor.start()
-        title = f"handwave demo: {options.scene}"
-        if options.headless:
-            _watch_plainly(supervisor, monitor, duration, console)
-        else:
-            with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
-                _run(supervisor, monitor, duration, lambda: display.update(monitor.render(title)))
-        cpu = supervisor.cpu_seconds()
-        wall = time.monotonic() - started
-    finally:
-        supervisor.stop()
-        monitor.close()
-        rclpy.try_shutdown()
-    return {**monitor.figures(), "cpu_percent": {name: round(100 * used / wall, 1) for name, used in cpu.items()}}
+def _watch(supervisor: Supervisor, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> dict[str, Any]:
+    """Run the nodes until the scene is over or the user has seen enough; show what happens."""
+    with ros():
+        monitor = Monitor(options.namespace)
+        started = time.monotonic()
+        interrupted, cpu = False, {}
+        try:
+            _show(supervisor, monitor, duration, options, console, logs)
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            wall = time.monotonic() - started
+            cpu = {name: round(100 * used / wall, 1) for name, used in supervisor.cpu_seconds().items()}
+            supervisor.stop()
+            monitor.close()
+    return {**monitor.figures(), "cpu_percent": cpu, "interrupted": interrupted}
 
 
-def _await_nodes(supervisor: Supervisor, monitor: Any, logs: list[str]) -> None:
+def _show(supervisor: Supervisor, monitor: Monitor, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> None:
+    """Start the nodes, the driver last, and show what they do until the scene is over."""
+    supervisor.start(without=("driver",))
+    _await_nodes(supervisor, monitor, logs)
+    supervisor.start()
+    title = f"handwave demo: {options.scene}"
+    if options.headless:
+        _watch_plainly(supervisor, monitor, duration, console)
+    else:
+        with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
+            _run(supervisor, monitor, duration, lambda: display.update(monitor.render(title)))
+
+
+def _await_nodes(supervisor: Supervisor, monitor: Monitor, logs: list[str]) -> None:
     """Wait until every node that reads raw frames, truth or results is there."""
     end = time.monotonic() + _START_TIMEOUT
     others = {spec.name for spec in supervisor.specs} - {"driver"}
@@ -138,7 +135,7 @@ def _await_nodes(supervisor: Supervisor, monitor: Any, logs: list[str]) -> None:
     raise ConfigError(f"the graph did not start: {missing} missing.\n" + "\n".join(logs[-20:]))
 
 
-def _run(supervisor: Supervisor, monitor: Any, duration: float, show: Callable[[], None]) -> None:
+def _run(supervisor: Supervisor, monitor: Monitor, duration: float, show: Callable[[], None]) -> None:
     """Until the driver has been through the scene: listen, look for dead nodes, show."""
     end = time.monotonic() + duration + _START_TIMEOUT
     last = (0, time.monotonic())
@@ -154,7 +151,7 @@ def _run(supervisor: Supervisor, monitor: Any, duration: float, show: Callable[[
             return
 
 
-def _watch_plainly(supervisor: Supervisor, monitor: Any, duration: float, console: Console) -> None:
+def _watch_plainly(supervisor: Supervisor, monitor: Monitor, duration: float, console: Console) -> None:
     """One line a second, for logs."""
     next_line = time.monotonic() + 1.0
 
@@ -220,6 +217,8 @@ def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("frame to tracks", latency))
     rows.append(("dropped", f"{number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
     rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
+    if report.get("interrupted"):
+        rows.append(("interrupted", "these are the figures until then"))
     rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
     rows.append(("recording", str(report.get("bag"))))
     return rows

@@ -7,6 +7,10 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from rclpy.clock import ROSClock
+from rclpy.logging import get_logger
+from rclpy.time import Time
+
 from radar_ros.convert import from_time
 
 
@@ -46,10 +50,15 @@ class Subscriber(SimpleFilter):
 
 
 def _stamp(msg: Any, node: Any, allow_headerless: bool) -> int | None:
-    """Stamp of a message [ns]; without a header, the node's time if that is allowed, else None."""
+    """Stamp of a message [ns]; without a header, the (node's) time if that is allowed, else None."""
     if hasattr(msg, "header"):
         return from_time(msg.header.stamp)
-    return int(node.get_clock().now().nanoseconds) if allow_headerless and node is not None else None
+    if not allow_headerless:
+        get_logger("radar_ros.sync").warning(
+            "messages without a header are passed over; allow_headerless takes their time of arrival", once=True
+        )
+        return None
+    return int((ROSClock() if node is None else node.get_clock()).now().nanoseconds)
 
 
 class Cache(SimpleFilter):
@@ -94,6 +103,14 @@ class Cache(SimpleFilter):
         older = [m for m, t in zip(self.cache_msgs, self.cache_times, strict=True) if t <= stamp.nanoseconds]
         return older[-1] if older else None
 
+    def getOldestTime(self) -> Time | None:  # noqa: N802  (message_filters' name)
+        """Stamp of the oldest message, or None."""
+        return Time(nanoseconds=self.cache_times[0]) if self.cache_times else None
+
+    def getLastestTime(self) -> Time | None:  # noqa: N802  (message_filters' name, its spelling too)
+        """Stamp of the newest message, or None."""
+        return Time(nanoseconds=self.cache_times[-1]) if self.cache_times else None
+
     def getLast(self) -> Any:  # noqa: N802  (message_filters' name)
         """Newest message, or None."""
         return self.cache_msgs[-1] if self.cache_msgs else None
@@ -137,7 +154,10 @@ class TimeSynchronizer(SimpleFilter):
 
 
 class ApproximateTimeSynchronizer(TimeSynchronizer):
-    """Call back with one message of each input when their stamps differ by no more than ``slop`` seconds.
+    """Call back with one message of each input when their stamps differ by less than ``slop`` seconds.
+
+    As in message_filters, the message that comes last chooses its partners: the nearest ones, looked through input by input. A set whose
+    stamps lie exactly ``slop`` apart is none.
 
     Parameters
     ----------
@@ -146,14 +166,14 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
     queue_size : int
         Messages of each input that wait.
     slop : float
-        Largest difference of stamps within one set [s].
+        The stamps within one set differ by less than this [s].
     allow_headerless : bool
         Messages without a header get the time of their arrival.
     """
 
-    def __init__(self, fs: Sequence[SimpleFilter], queue_size: int, slop: float, allow_headerless: bool = False, **_: Any) -> None:
+    def __init__(self, fs: Sequence[SimpleFilter], queue_size: int, slop: float, allow_headerless: bool = False) -> None:
         super().__init__(fs, queue_size)
-        self.slop = round(slop * 1e9)
+        self.slop = int(slop * 1e9)
         self.allow_headerless = allow_headerless
 
     def add(self, msg: Any, my_queue: dict[int, Any], my_queue_index: int | None = None) -> None:
@@ -165,13 +185,16 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
             my_queue[stamp] = msg
             while len(my_queue) > self.queue_size:
                 del my_queue[min(my_queue)]
-            near = []
-            for queue in self.queues:
-                stamps = [stamp] if queue is my_queue else [s for s in queue if abs(s - stamp) <= self.slop]
-                near.append(sorted(stamps, key=lambda s: abs(s - stamp)))
-            sets = (c for c in itertools.product(*near) if max(c) - min(c) <= self.slop)
-            best = min(sets, key=lambda c: sum(abs(s - stamp) for s in c), default=None)
-            if best is None:
+            chosen = self._partners(stamp, my_queue) if stamp in my_queue else None
+            if chosen is None:
                 return
-            messages = [queue.pop(s) for queue, s in zip(self.queues, best, strict=True)]
+            messages = [queue.pop(s) for queue, s in zip(self.queues, chosen, strict=True)]
         self.signalMessage(*messages)
+
+    def _partners(self, stamp: int, my_queue: dict[int, Any]) -> tuple[int, ...] | None:
+        """One stamp per input for the set of a message that has just come, or None."""
+        near: list[list[int]] = []
+        for queue in self.queues:
+            stamps = [stamp] if queue is my_queue else [s for s in queue if abs(s - stamp) < self.slop]
+            near.append(sorted(stamps, key=lambda s: abs(s - stamp)))
+        return next((c for c in itertools.product(*near) if max(c) - min(c) < self.slop), None)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from radar_core import DataError, PointCloud, RadarFrame, RadarInfo
+from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
+from radar_core.config import load, nest
 from radar_gestures.messages import gesture_to_msg
 from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
@@ -18,6 +19,8 @@ from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, fram
 from radar_sim import Simulator, load_scene
 from radar_sim.messages import truth_to_msg
 from radar_tracking.messages import hand_to_msg, tracks_to_msg
+
+_PARTS = {"baseband": "baseband", "tracking": "tracker", "gestures": "gestures", "hand": "hand"}  # node to part of the configuration
 
 
 def parse(data: bytes, topic: str) -> Any:
@@ -74,12 +77,42 @@ def open_recording(path: Path) -> Recording:
     return Recording(Path(path), info_from_msg(parse(first.data, "radar/info")), names[1])
 
 
+def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
+    """Make the settings of the library from parameters of the nodes, so that both can be told the same.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Per node, parameter names with dots and values.
+
+    Raises
+    ------
+    ConfigError
+        Naming what there is not.
+    """
+    given: dict[str, Any] = {}
+    for node, values in parameters.items():
+        if node not in _PARTS:
+            raise ConfigError(f"there is no stage {node!r} to process with; stages: {', '.join(_PARTS)}")
+        own = dict(values)
+        if node == "gestures" and "model" in own:
+            given["model"] = own.pop("model")
+        given[_PARTS[node]] = nest(own)
+    return load(PipelineConfig, given, "--param")
+
+
 def process_recording(path: Path, settings: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:
     """Run the library over a bag; recording time [ns] and results of every frame (or cloud)."""
     recording = open_recording(path)
     pipeline = Pipeline(recording.info, settings)
     for stamp_ns, item in recording.messages():
         yield stamp_ns, pipeline.process(item) if isinstance(item, RadarFrame) else pipeline.process_cloud(item)
+
+
+def copy_info(path: Path, writer: BagWriter) -> None:
+    """Write the radar's description of one bag into another, which can be replayed only with it."""
+    item = next(iter(read(path, ("radar/info",))))
+    writer.write("/radar/info", item.msgtype, item.stamp_ns, item.data)
 
 
 def write_results(writer: BagWriter, stamp_ns: int, result: PipelineResult) -> None:

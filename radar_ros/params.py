@@ -26,7 +26,7 @@ def declare(node: Any, name: str, default: Any, doc: str, *, unit: str = "", low
     descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=True, dynamic_typing=True)
     if isinstance(default, float) and (low is not None or high is not None):
         descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(low or -1e308 if low is None else low), to_value=1e308 if high is None else float(high))
+            FloatingPointRange(from_value=-1e308 if low is None else float(low), to_value=1e308 if high is None else float(high))
         ]
     elif isinstance(default, int) and not isinstance(default, bool) and (low is not None or high is not None):
         descriptor.integer_range = [

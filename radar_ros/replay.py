@@ -77,8 +77,16 @@ class Player:
         self.node.destroy_node()
 
 
-def play(player: Player, path: Path, topics: Sequence[str], *, rate: float = 1.0, spin: Callable[[float], None] = time.sleep) -> int:
-    """Publish a bag in its own time (times ``rate``), with /clock.
+def play(
+    player: Player,
+    path: Path,
+    topics: Sequence[str],
+    *,
+    rate: float = 1.0,
+    spin: Callable[[float], None] = time.sleep,
+    clock: bool = True,
+) -> int:
+    """Publish a bag in its own time (times ``rate``).
 
     Parameters
     ----------
@@ -92,6 +100,8 @@ def play(player: Player, path: Path, topics: Sequence[str], *, rate: float = 1.0
         Pace; 2 is twice as fast.
     spin : callable
         Waits for so many seconds.
+    clock : bool
+        Also publish /clock.
 
     Returns
     -------
@@ -108,7 +118,8 @@ def play(player: Player, path: Path, topics: Sequence[str], *, rate: float = 1.0
             spin(min(wait, _CLOCK_INTERVAL))
             now = first + round((time.monotonic() - started) * rate * 1e9)
             if now - last_tick > _CLOCK_INTERVAL * 1e9:
-                player.tick(min(now, item.stamp_ns))
+                if clock:
+                    player.tick(min(now, item.stamp_ns))
                 last_tick = now
                 for old in latched:
                     player.publish(old)
@@ -131,10 +142,19 @@ class Lockstep:
         Stages whose answers are waited for.
     out : BagWriter or None
         Where the results go.
+    watch : callable
+        Called while waiting; raises when waiting is in vain.
     """
 
-    def __init__(self, stages: Sequence[str], namespace: str = "", out: BagWriter | None = None) -> None:
+    def __init__(
+        self,
+        stages: Sequence[str],
+        namespace: str = "",
+        out: BagWriter | None = None,
+        watch: Callable[[], None] = lambda: None,
+    ) -> None:
         self.player = Player(namespace)
+        self._watch = watch
         self._stages, self._out = set(stages), out
         self._ready: set[str] = set()
         self._done: set[str] = set()
@@ -167,6 +187,7 @@ class Lockstep:
         while not wanted():
             if time.monotonic() > end:
                 return False
+            self._watch()
             if again is not None and time.monotonic() > repeat:
                 again()
                 repeat = time.monotonic() + 0.2

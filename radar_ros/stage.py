@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import signal
 import sys
 import time
@@ -17,6 +18,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import StageStatus as StageStatusMsg
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -26,8 +28,9 @@ from radar_ros import qos
 from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
 from radar_ros.params import declare, refuse_unknown
 
-_INFO_GRACE = 2.0  # s: at start-up the first data may well overtake the info
+_INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
 _REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
+_PULSE = 0.1  # s: how long a signal may wait for Python to see it
 
 
 class StageMixin:
@@ -40,7 +43,7 @@ class StageMixin:
         self.dropped = 0
         self._sequence: int | None = None
         self._stamp_ns = -1
-        self._problems: dict[str, float] = {}
+        self._problems: dict[str, tuple[float, int]] = {}
         self._compute = 0.0
         self._last = (0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
@@ -81,11 +84,15 @@ class StageMixin:
         return back
 
     def problem(self: Any, text: str) -> None:
-        """Log a problem once, and again only when it goes on for long."""
+        """Log a problem once, and again only when it goes on for long; texts that differ only in their numbers are one problem."""
+        kind = re.sub(r"\d+", "#", text)
         now = time.monotonic()
-        if now - self._problems.get(text, -1e9) >= _REPEAT_AFTER:
-            self._problems[text] = now
-            self.get_logger().error(text)
+        last, hidden = self._problems.get(kind, (-1e9, 0))
+        if now - last < _REPEAT_AFTER:
+            self._problems[kind] = (last, hidden + 1)
+            return
+        self._problems[kind] = (now, 0)
+        self.get_logger().error(f"{text} ({hidden} more like this since the last time)" if hidden else text)
 
     def _diagnose(self: Any) -> None:
         count, drops = self.processed - self._last[0], self.dropped - self._last[1]
@@ -177,9 +184,11 @@ def run(make_node: Callable[..., Any], argv: Sequence[str] | None = None) -> int
 
 def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = None) -> int:
     """Run nodes on one executor until told to stop; see `run`."""
-    # Our own handlers: with rclpy's there is a moment in which a second SIGINT ends in a traceback.
+    # Our own handlers: with rclpy's there is a moment in which a second SIGINT ends in a traceback. They only take a note, because
+    # rclpy's locks are not reentrant: shutting down from within a handler can wait for ever for the code that it interrupted.
+    told: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: rclpy.try_shutdown())
+        signal.signal(number, lambda signum, _: told.append(signum))
     rclpy.init(args=list(sys.argv if argv is None else argv), signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Any] = []
     status = 0
@@ -189,9 +198,12 @@ def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = N
             nodes.append(make_node())
             refuse_unknown(nodes[-1])
             executor.add_node(nodes[-1])
+        # Python sees a signal only when the executor wakes up, and with simulated time nothing wakes it once /clock stands still.
+        nodes[0].create_timer(_PULSE, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
         gc.collect()
         gc.freeze()  # what lives as long as the nodes need not be walked through in the middle of a frame
-        executor.spin()
+        while rclpy.ok() and not told:
+            executor.spin_once()
     except (ExternalShutdownException, KeyboardInterrupt):
         pass
     except HandwaveError as error:
@@ -201,6 +213,8 @@ def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = N
         if rclpy.ok():
             raise
     finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)  # ours would be undone while Python exits: one more SIGINT then kills with status -2
         for node in nodes:
             node.close()
             node.destroy_node()

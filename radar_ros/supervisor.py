@@ -19,7 +19,13 @@ from radar_core import ConfigError
 from radar_ros.graph import NodeSpec, arguments
 
 _GRACE = (1.5, 0.7)  # s: after SIGINT, after SIGTERM; then SIGKILL. Together below the 3 s that a user waits.
+_LAST_DOMAIN = 232  # a higher number's ports lie above 65535
+_AGAIN = 0.2  # s: between two SIGINTs, which a node that is still being imported ignores
 _PR_SET_PDEATHSIG = 1
+_STABLE = 10.0  # s: a node that lived that long is started again at once; one that dies sooner, after a growing pause
+_LONGEST_PAUSE = 10.0  # s
+_CONFIGURATION = 2  # exit status of a node whose settings make no sense, now and the next time
+_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
 LogSink = Callable[[str, str], None]
 
@@ -35,7 +41,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
     Raises
     ------
     ConfigError
-        When ROS would have no place for its logs.
+        When ROS would have no place for its logs, or the domain is none.
     """
     env = dict(os.environ)
     for pool in ("OMP", "OPENBLAS", "MKL"):
@@ -47,14 +53,26 @@ def environment(domain: int | None = None) -> dict[str, str]:
         env["AMENT_PREFIX_PATH"] = sys.prefix
     if domain is not None:
         env["ROS_DOMAIN_ID"] = str(domain)
+    number = env.get("ROS_DOMAIN_ID") or "0"
+    if not number.isdecimal() or int(number) > _LAST_DOMAIN:
+        raise ConfigError(f"ROS_DOMAIN_ID is {number!r}; it must be a number from 0 to {_LAST_DOMAIN}: export ROS_DOMAIN_ID=0")
     if not env.get("HOME") and not env.get("ROS_LOG_DIR"):
         raise ConfigError("neither HOME nor ROS_LOG_DIR is set; ROS 2 writes its logs there: export one of them")
     return env
 
 
-def _die_with_parent() -> None:
-    """In the child, before it becomes a node: end when whoever started us ends, however that happens (Linux)."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+def _in_child(parent: int) -> Callable[[], None]:
+    """Make what the child does before it becomes a node (Linux): it is to end when whoever started it ends, however that happens."""
+
+    def prepare() -> None:
+        # A node takes a second to import; until it can tidy up, Python's answer to SIGINT would be a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if _LIBC is not None:
+            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+            if os.getppid() != parent:  # it ended before we asked to be told
+                os._exit(1)
+
+    return prepare
 
 
 @dataclass
@@ -62,7 +80,8 @@ class _Child:
     spec: NodeSpec
     process: subprocess.Popen[str]
     reader: threading.Thread
-    restarts: int = 0
+    started: float
+    deaths: int = 0
 
 
 class Supervisor:
@@ -87,10 +106,15 @@ class Supervisor:
         self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
         self._environment = environment(domain)
         self._children: dict[str, _Child] = {}
+        self._due: dict[str, tuple[float, NodeSpec, int]] = {}
         self._stopping = False
 
     def __enter__(self) -> Supervisor:
-        self.start()
+        try:
+            self.start()
+        except BaseException:
+            self.stop()
+            raise
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -102,7 +126,7 @@ class Supervisor:
             if spec.name not in self._children and spec.name not in without:
                 self._children[spec.name] = self._start(spec)
 
-    def _start(self, spec: NodeSpec) -> _Child:
+    def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
         process = subprocess.Popen(
             [sys.executable, "-m", spec.module, *arguments(spec)],
             env=self._environment,
@@ -112,11 +136,11 @@ class Supervisor:
             text=True,
             errors="replace",
             start_new_session=True,  # a Ctrl-C reaches only us; we stop the nodes in order
-            preexec_fn=_die_with_parent if sys.platform == "linux" else None,
+            preexec_fn=_in_child(os.getpid()),
         )
         reader = threading.Thread(target=self._read, args=(spec.name, process), daemon=True)
         reader.start()
-        return _Child(spec, process, reader)
+        return _Child(spec, process, reader, time.monotonic(), deaths)
 
     def _read(self, name: str, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None
@@ -156,10 +180,26 @@ class Supervisor:
             del self._children[name]
             if status != 0:
                 self.crashes.append((name, status))
-                if self.respawn and status != 2:  # 2: its configuration makes no sense, and will not the next time
-                    self._log(name, f"ended with status {status}; starting it again")
-                    self._children[name] = self._start(child.spec)
+                if self.respawn and status != _CONFIGURATION:
+                    self._plan_restart(name, status, child)
+        for name, (due, spec, deaths) in list(self._due.items()):
+            if time.monotonic() >= due:
+                del self._due[name]
+                self._children[name] = self._start(spec, deaths)
         return ended
+
+    def _plan_restart(self, name: str, status: int, child: _Child) -> None:
+        """Start it again: at once the first time, ever later when it dies again and again."""
+        now = time.monotonic()
+        deaths = 1 if now - child.started > _STABLE else child.deaths + 1
+        pause = 0.0 if deaths == 1 else min(0.25 * 2.0**deaths, _LONGEST_PAUSE)
+        self._log(name, f"ended with status {status}; starting it again" + (f" in {pause:g} s" if pause else ""))
+        self._due[name] = (now + pause, child.spec, deaths)
+
+    @property
+    def active(self) -> bool:
+        """Whether any node lives or will be started again."""
+        return bool(self.running or self._due)
 
     @property
     def running(self) -> list[str]:
@@ -169,16 +209,28 @@ class Supervisor:
     def stop(self) -> None:
         """Stop all nodes within 3 s: SIGINT, then SIGTERM, then SIGKILL."""
         self._stopping = True
+        self._due.clear()
         waiting = [child.process for child in self._children.values()]
         for number, grace in ((signal.SIGINT, _GRACE[0]), (signal.SIGTERM, _GRACE[1]), (signal.SIGKILL, 0.5)):
-            waiting = [process for process in waiting if process.poll() is None]
-            for process in waiting:
-                process.send_signal(number)
-            deadline = time.monotonic() + grace
-            while time.monotonic() < deadline and any(process.poll() is None for process in waiting):
-                time.sleep(0.01)
+            waiting = _end(waiting, number, grace)
         for child in self._children.values():
             child.reader.join(timeout=0.5)
+
+
+def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, grace: float) -> list[subprocess.Popen[str]]:
+    """Send a signal and wait; return the processes that live all the same."""
+    now = time.monotonic()
+    deadline, again = now + grace, now
+    while True:
+        processes = [process for process in processes if process.poll() is None]
+        now = time.monotonic()
+        if not processes or now > deadline:
+            return list(processes)
+        if now >= again:
+            for process in processes:
+                process.send_signal(number)
+            again = now + _AGAIN
+        time.sleep(0.01)
 
 
 def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None, wait: float = 1.0) -> None:

@@ -64,6 +64,7 @@ class VisualisationNode(StageNode):
             for name in ("people", "names"):
                 markers.append(Marker(header=msg.header, ns=name, id=number, action=Marker.DELETE))
         self._shown = set(people)
+        self._gestures = {n: g for n, g in self._gestures.items() if abs(stamp - g[0]) <= self._keep_ns}
         markers += self._hand_markers(msg.header)
         self._markers.publish(MarkerArray(markers=markers))
         self.finish(stamp, msg.sequence, started)

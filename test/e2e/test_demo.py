@@ -14,7 +14,7 @@ from radar_ros import bags
 def run(tmp_path_factory):
     """One short demo."""
     folder = tmp_path_factory.mktemp("demo")
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(100 + os.getpid() % 130)}
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(100 + os.getpid() % 2)}
     command = [sys.executable, "-m", "radar_ros.cli", "demo", "--scene", "short", "--headless", "--json", "--bag", str(folder / "bag")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, cwd=folder)
     return done, folder / "bag"

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 from rosgraph_msgs.msg import Clock
 from typer.testing import CliRunner
@@ -64,3 +65,55 @@ def test_out_needs_lockstep(raw):
     """An option that would be ignored is refused."""
     done = CliRunner().invoke(app, ["replay", str(raw), "--out", "results"])
     assert "--out goes with --lockstep" in str(done.exception)
+
+
+@pytest.mark.parametrize("extra", [["--loop"], ["--rate", "2"], ["--topics", "truth"], ["--no-clock"]])
+def test_lockstep_refuses_what_it_would_ignore(raw, extra):
+    """It knows only one pace."""
+    done = CliRunner().invoke(app, ["replay", str(raw), "--lockstep", *extra])
+    assert "--lockstep goes once" in str(done.exception)
+
+
+def test_topics_have_to_exist(raw):
+    """A typing mistake gets the list."""
+    done = CliRunner().invoke(app, ["replay", str(raw), "--topics", "radar/frmae"])
+    assert "there is no 'radar/frmae'; topics: radar/info, radar/frame" in str(done.exception)
+
+
+def start(raw, offset, *extra):
+    command = [sys.executable, "-m", "radar_ros.cli", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def test_an_interrupted_replay_tidies_up(raw):
+    """SIGTERM: one word, status 130, no traceback."""
+    process = start(raw, 7, "--loop")
+    time.sleep(7.0)
+    process.terminate()
+    output, _ = process.communicate(timeout=10)
+    assert process.returncode == 130, output
+    assert "interrupted" in output
+    assert "Traceback" not in output
+
+
+def is_tracking(process):
+    try:
+        return "radar_tracking.nodes.tracking" in process.cmdline()
+    except psutil.Error:  # it has just ended
+        return False
+
+
+def test_a_node_that_dies_ends_a_replay_in_lockstep(raw, tmp_path):
+    """At once, not after a time-out, and not with status 0: results with a hole are no results."""
+    process = start(raw, 11, "--lockstep", "--out", str(tmp_path / "out"))
+    end, victim = time.monotonic() + 40, None
+    while victim is None and time.monotonic() < end:
+        time.sleep(0.1)
+        victim = next((c for c in psutil.Process(process.pid).children() if is_tracking(c)), None)
+    assert victim is not None
+    time.sleep(1.0)
+    victim.kill()
+    output, _ = process.communicate(timeout=15)
+    assert process.returncode == 2, output
+    assert "node tracking ended with status -9; the replay is not complete" in output
+    assert "Traceback" not in output

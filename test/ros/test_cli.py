@@ -6,7 +6,9 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from radar_core import ConfigError
 from radar_ros.cli import app, main, parse_parameters
+from radar_ros.offline import pipeline_config
 
 COMMANDS = sorted(command.name or command.callback.__name__ for command in app.registered_commands)
 
@@ -76,3 +78,37 @@ def test_parameters_are_yaml():
     """Numbers, lists and words."""
     given = parse_parameters(["tracking.association.gate=1.2", "driver.scene=demo", "recorder.topics=[tracks, hand]"])
     assert given == {"tracking": {"association.gate": 1.2}, "driver": {"scene": "demo"}, "recorder": {"topics": ["tracks", "hand"]}}
+
+
+def test_configuration_files_and_single_settings():
+    """A preset of ours by name, flattened to parameters; what is given singly wins."""
+    given = parse_parameters(["tracking.min_speed=0.3"], ["tracking=dense"])
+    assert given == {"tracking": {"min_speed": 0.3, "life.delete_static_after": 1.0}}
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        (["dense"], "write node=file"),
+        (["tracking=nope"], "there is no such file, nor one of ours by that name .tracking: dense"),
+        (["tracking={tmp}/list.yaml"], "must hold knobs of the node tracking"),
+        (["tracking={tmp}/torn.yaml"], "this is no YAML"),
+    ],
+)
+def test_configuration_files_that_make_no_sense(tmp_path, files, message):
+    """Each is named with what is wrong."""
+    (tmp_path / "list.yaml").write_text("- 1\n")
+    (tmp_path / "torn.yaml").write_text("a: [1,\n")
+    with pytest.raises(ConfigError, match=message):
+        parse_parameters([], [name.format(tmp=tmp_path) for name in files])
+
+
+def test_the_library_takes_the_settings_of_the_nodes():
+    """The same names reach the same knobs as in the running graph."""
+    settings = pipeline_config({"tracking": {"association.gate": 1.2}, "gestures": {"model": "x.npz"}})
+    assert settings.tracker.association.gate == 1.2
+    assert settings.model == "x.npz"
+    with pytest.raises(ConfigError, match="there is no stage 'driver'"):
+        pipeline_config({"driver": {}})
+    with pytest.raises(ConfigError, match=r"unknown key 'tracker\.association\.gaet'"):
+        pipeline_config({"tracking": {"association.gaet": 1.2}})

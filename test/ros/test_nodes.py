@@ -1,6 +1,7 @@
 """Nodes over real DDS: lifecycle, what bad input gets, and that results come."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.srv import TrackHand
 from lifecycle_msgs.msg import State
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 import radar_driver.node
 import radar_dsp.node
@@ -19,7 +21,7 @@ import radar_tracking.nodes.hand
 import radar_tracking.nodes.tracking
 from radar_core import ConfigError, RadarFrame, RadarInfo, Waveform
 from radar_ros import qos
-from radar_ros.convert import frame_to_msg, info_to_msg
+from radar_ros.convert import frame_to_msg, info_to_msg, to_time
 from radar_sim import Simulator, load_scene
 
 
@@ -116,11 +118,11 @@ def test_a_frame_that_contradicts_its_info_is_refused_and_the_next_is_taken(ros,
 def test_frames_before_the_info_are_dropped_and_said_once(ros, baseband):
     """The message says what is missing."""
     node, errors, _, frames, _ = baseband
-    for sequence in range(25):  # 2.5 s: longer than a start-up may take
+    for sequence in range(45):  # 4.5 s: longer than a start-up may take
         frames.publish(frame(sequence))
         ros.spin_until(lambda: False, 0.1)
     assert "no radar/info" in errors[0]
-    assert node.dropped == 25
+    assert node.dropped == 45
 
 
 def test_an_info_that_changes_is_refused_and_the_old_one_is_taken_again(ros, baseband):
@@ -138,6 +140,42 @@ def test_an_info_that_changes_is_refused_and_the_old_one_is_taken_again(ros, bas
     ros.spin_until(lambda: False, 0.3)
     frames.publish(frame(6))
     assert ros.spin_until(lambda: any(s.sequence == 6 for s in done))
+
+
+def test_one_problem_is_one_line(ros):
+    """A fault in every frame, each with its own number, fills neither the log nor the memory; the next line tells how many there were."""
+    node = ros.add(radar_dsp.node.make_node())
+    lines = []
+    node.get_logger = lambda: SimpleNamespace(error=lines.append)
+    for sequence in range(1000):
+        node.problem(f"frame {sequence} has 3 non-finite values")
+        node.problem("another problem")
+    assert lines == ["frame 0 has 3 non-finite values", "another problem"]
+    assert len(node._problems) == 2
+    node._problems = {kind: (last - 60.0, hidden) for kind, (last, hidden) in node._problems.items()}  # a minute later
+    node.problem("frame 1000 has 3 non-finite values")
+    assert lines[-1] == "frame 1000 has 3 non-finite values (999 more like this since the last time)"
+
+
+def test_the_driver_goes_on_when_the_clock_is_set_back(ros):
+    """Simulated time jumps from 0 to its first value, and back when it starts again: frames come all the same, and none counts as lost."""
+    frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(depth=50))
+    node = driver(ros, use_sim_time=True)
+    clock = ros.node.create_publisher(Clock, "/clock", 1)
+    assert ros.spin_until(lambda: clock.get_subscription_count())
+
+    def tick(start_ns):
+        for step in range(40):
+            clock.publish(Clock(clock=to_time(start_ns + step * 10_000_000)))
+            ros.spin_until(lambda: False, 0.02)
+
+    tick(1000 * 10**9)
+    before = len(frames)
+    assert before > 5
+    tick(10 * 10**9)
+    assert len(frames) > before + 5
+    assert frames[-1].header.stamp.sec < 11
+    assert node.dropped < 40  # neither jump is a loss
 
 
 def test_lost_frames_are_counted(ros, baseband):

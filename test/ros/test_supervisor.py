@@ -13,16 +13,17 @@ from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import ConfigError
 from radar_ros import qos
-from radar_ros.graph import STAGES, graph
-from radar_ros.supervisor import Supervisor, refuse_busy_domain
+from radar_ros.graph import STAGES, NodeSpec, graph
+from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
 
-_DOMAINS = itertools.count(os.getpid(), 7)
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+_DOMAINS = itertools.count(os.getppid() + 20 * _WORKER)  # workers of one run share their parent
 
 
 @pytest.fixture(autouse=True)
 def own_domain(monkeypatch):
     """A domain per test: nodes killed with SIGKILL stay visible to others for 20 s."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + next(_DOMAINS) % 130))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(50 + next(_DOMAINS) % 50))
 
 
 def specs(*without):
@@ -75,9 +76,9 @@ def test_kill_9_of_any_node_and_its_restart_leave_the_graph_working(ros):
 def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
     """`handwave up`, told to stop by SIGINT: exit status 0, no process left."""
     marker = f"up-{os.getpid()}"
-    environment = {**os.environ, "HANDWAVE_TEST": marker}
+    variables = {**os.environ, "HANDWAVE_TEST": marker}
     command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"]
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
     time.sleep(2.0)
     started = time.monotonic()
@@ -92,9 +93,9 @@ def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
 def test_a_killed_launcher_leaves_no_orphans():
     """SIGKILL of `handwave up` itself: its nodes end too."""
     marker = f"orphans-{os.getpid()}"
-    environment = {**os.environ, "HANDWAVE_TEST": marker}
+    variables = {**os.environ, "HANDWAVE_TEST": marker}
     process = subprocess.Popen(
-        [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"], env=environment, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"], env=variables, stdout=subprocess.DEVNULL
     )
     assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
     time.sleep(1.0)
@@ -103,14 +104,81 @@ def test_a_killed_launcher_leaves_no_orphans():
     assert wait_for(lambda: not marked(marker), 5.0), marked(marker)
 
 
+@pytest.mark.parametrize("after", [0.6, 2.5])
+def test_ctrl_c_while_everything_is_starting(after):
+    """Whatever is being imported or made at that moment ends without a traceback and without leaving a process."""
+    marker = f"early-{os.getpid()}-{after}"
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target"]
+    variables = {**os.environ, "HANDWAVE_TEST": marker}
+    process = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    time.sleep(after)
+    started = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=10.0)
+    assert time.monotonic() - started < 3.0, output
+    assert process.returncode in (0, 130), output
+    assert "Traceback" not in output
+    assert not marked(marker)
+
+
 def test_a_node_that_cannot_start_says_why(tmp_path):
-    """A scene that does not exist: one line, exit status 2, and the command ends with 1."""
+    """A scene that does not exist: one line of the node, one of the command, and status 2."""
     command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", str(tmp_path / "nowhere.yaml")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "nowhere.yaml: there is no such file" in done.stdout
-    assert "node driver ended with status 2" in done.stdout
+    assert "node driver refused its settings" in done.stderr
     assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_a_node_that_dies_leaves_the_others_running(ros):
+    """Without --respawn: it is named, tracks go on coming, and the exit status tells of it in the end."""
+    marker = f"others-{os.getpid()}"
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--scene", "single_target", "--param", "driver.at_end=loop"]
+    variables = {**os.environ, "HANDWAVE_TEST": marker}
+    tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
+    process = subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        assert ros.spin_until(lambda: len(tracks) > 10, 40.0)
+        victim = next(p for p in marked(marker) if "radar_gestures.node" in p.cmdline())
+        victim.kill()
+        ros.spin_until(lambda: False, 1.0)
+        count = len(tracks)
+        assert ros.spin_until(lambda: len(tracks) > count + 10, 10.0)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=10.0)
+    assert process.returncode == 1
+    assert "node gestures ended with status -9; the others go on" in errors
+    assert not marked(marker)
+
+
+def test_a_node_that_dies_again_and_again_is_started_ever_later(monkeypatch):
+    """At once the first time, then after growing pauses: a broken node must not eat a processor."""
+    supervisor = Supervisor((NodeSpec("broken", "radar_ros.no_such_module"),), respawn=True, log=lambda name, line: None)
+    deaths = []
+    with supervisor:
+        assert wait_for(lambda: deaths.extend((time.monotonic(), *e) for e in supervisor.poll()) or len(deaths) >= 3, 30.0)
+        assert supervisor.active
+    pauses = [b[0] - a[0] for a, b in itertools.pairwise(deaths)]
+    assert pauses[1] >= 1.0  # 0.25 s * 2 ** 2 before the third start
+    assert not supervisor.active
+
+
+@pytest.mark.parametrize("number", ["abc", "-1", "233"])
+def test_a_domain_that_is_none(monkeypatch, number):
+    """Before anything is started."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    with pytest.raises(ConfigError, match=rf"ROS_DOMAIN_ID is '{number}'; it must be a number from 0 to 232"):
+        environment()
+
+
+def test_no_place_for_logs(monkeypatch):
+    """ROS needs HOME or ROS_LOG_DIR."""
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.delenv("ROS_LOG_DIR", raising=False)
+    with pytest.raises(ConfigError, match="neither HOME nor ROS_LOG_DIR"):
+        environment()
 
 
 def test_busy_domain_is_refused(ros):
@@ -127,7 +195,7 @@ def test_busy_domain_is_refused(ros):
 def test_composed_graph_runs_and_ends_cleanly(ros):
     """All nodes in one process, on one executor."""
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
-    command = [sys.executable, "-m", "radar_ros.cli", "up", "--composed", "--scene", "single_target"]
+    command = [sys.executable, "-m", "radar_ros.cli", "up", "--composed", "--scene", "single_target", "--param", "driver.at_end=loop"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         assert ros.spin_until(lambda: len(tracks) > 10, 40.0)

@@ -3,6 +3,8 @@
 import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from std_msgs.msg import Header, String
 
 from radar_ros.convert import to_time
@@ -77,13 +79,50 @@ def test_approximate_takes_the_nearest_within_the_slop():
 
 
 def test_approximate_leaves_what_is_too_far_apart():
-    """Beyond the slop nothing is paired; at the slop it is."""
+    """Below the slop messages are paired, at the slop not: message_filters' own rule."""
     (a, b), sets = connect(ApproximateTimeSynchronizer, 10, 0.005)
     a.signalMessage(Stamped(0))
-    b.signalMessage(Stamped(5_000_001))
-    assert sets == []
     b.signalMessage(Stamped(5_000_000))
-    assert sets == [(0, 5_000_000)]
+    assert sets == []
+    b.signalMessage(Stamped(4_999_999))
+    assert sets == [(0, 4_999_999)]
+
+
+def test_the_whole_set_lies_within_the_slop():
+    """Of three inputs, two may each be near the third and yet too far from one another; then the next nearest is tried."""
+    inputs = [SimpleFilter(), SimpleFilter(), SimpleFilter()]
+    sync, sets = ApproximateTimeSynchronizer(inputs, 10, 0.005), []
+    sync.registerCallback(lambda *msgs: sets.append(tuple(m.stamp_ns for m in msgs)))
+    for which, stamp in ((0, 7_000_000), (1, 12_900_000), (1, 6_500_000), (2, 10_000_000)):
+        inputs[which].signalMessage(Stamped(stamp))
+    assert sets == [(7_000_000, 6_500_000, 10_000_000)]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 60)), max_size=80), st.integers(1, 6), st.integers(1, 8))
+def test_approximate_keeps_its_promises(arrivals, queue_size, slop_ms):
+    """In whatever order, late, doubled or lost: no set beyond the slop, no message in two sets, no more waiting than allowed."""
+    inputs = [SimpleFilter(), SimpleFilter()]
+    sync, sets = ApproximateTimeSynchronizer(inputs, queue_size, slop_ms * 1e-3), []
+    sync.registerCallback(lambda *msgs: sets.append(msgs))
+    for which, stamp in arrivals:
+        inputs[which].signalMessage(Stamped(stamp * 1_000_000))
+        assert all(len(queue) <= queue_size for queue in sync.queues)
+    used = [id(message) for pair in sets for message in pair]
+    assert len(used) == len(set(used))
+    assert all(abs(a.stamp_ns - b.stamp_ns) < slop_ms * 1_000_000 for a, b in sets)
+
+
+def test_an_old_straggler_in_a_full_queue():
+    """It falls out at once, being the oldest, and must not be looked for afterwards."""
+    (a, b), sets = connect(ApproximateTimeSynchronizer, 2, 0.005)
+    for stamp in (100_000_000, 120_000_000):
+        a.signalMessage(Stamped(stamp))
+    b.signalMessage(Stamped(1_000_000))
+    a.signalMessage(Stamped(0))
+    assert sets == []
+    b.signalMessage(Stamped(101_000_000))
+    assert sets == [(100_000_000, 101_000_000)]
 
 
 def test_headerless_messages_need_permission():
@@ -92,6 +131,9 @@ def test_headerless_messages_need_permission():
     Cache(source, 3).registerCallback(got.append)
     source.signalMessage(String(data="no stamp"))
     assert got == []
+    Cache(source, 3, allow_headerless=True).registerCallback(got.append)
+    source.signalMessage(String(data="no stamp"))
+    assert len(got) == 1
 
 
 def test_cache_answers_by_time():
@@ -105,6 +147,7 @@ def test_cache_answers_by_time():
     assert cache.getElemBeforeTime(Time(21)).stamp_ns == 20
     assert cache.getElemBeforeTime(Time(5)) is None
     assert cache.getLast().stamp_ns == 40
+    assert (cache.getOldestTime().nanoseconds, cache.getLastestTime().nanoseconds) == (20, 40)
 
 
 def test_same_interface_as_the_real_package():
