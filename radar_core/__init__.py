@@ -1,7 +1,7 @@
 """What a radar is: waveforms, antenna arrays, frames, point clouds, poses, and the checks that everything else relies on."""
 
 from radar_core.antenna import AntennaArray
-from radar_core.cloud import PointCloud
+from radar_core.cloud import PointCloud, Quality
 from radar_core.errors import ConfigError, DataError, HandwaveError
 from radar_core.frame import RadarFrame, RadarInfo
 from radar_core.labels import GESTURES, NO_GESTURE
@@ -18,6 +18,7 @@ __all__ = [
     "HandwaveError",
     "PointCloud",
     "Pose",
+    "Quality",
     "RadarFrame",
     "RadarInfo",
     "Waveform",

@@ -36,11 +36,24 @@ class AntennaArray:
     tx_power: float = knob(12.0, unit="dBm", low=-100.0, high=100.0, doc="transmit power of one element")
     fov_azimuth: float = knob(math.radians(120.0), unit="rad", low=1e-3, high=2 * math.pi, doc="full field of view in azimuth")
     fov_elevation: float = knob(math.radians(60.0), unit="rad", low=1e-3, high=math.pi, doc="full field of view in elevation")
+    channel_gain: tuple[float, ...] = knob((), unit="dB", low=-100.0, high=100.0, doc="calibration: gain of each virtual channel; empty: 0")
+    channel_phase: tuple[float, ...] = knob((), unit="rad", low=-100.0, high=100.0, doc="calibration: phase of each channel; empty: 0")
+    channel_shift: tuple[tuple[float, float], ...] = knob(
+        (), unit="m", low=-1.0, high=1.0, doc="calibration: (y, z) of each virtual element against tx + rx; empty: 0"
+    )
 
     def validate(self) -> None:
-        """Raise `ConfigError` when there is no transmitter or no receiver."""
+        """Raise `ConfigError` when there is no transmitter or no receiver, or a calibration does not have one entry per channel."""
         if not self.tx or not self.rx:
             raise ConfigError("AntennaArray needs at least one transmitter and one receiver")
+        n = self.n_tx * self.n_rx
+        for name in ("channel_gain", "channel_phase", "channel_shift"):
+            given = len(getattr(self, name))
+            if given not in (0, n):
+                raise ConfigError(
+                    f"AntennaArray.{name} has {given} entries for {n} virtual channels ({self.n_tx} tx x {self.n_rx} rx); calibrate again "
+                    "or leave it empty"
+                )
 
     @property
     def n_tx(self) -> int:
@@ -54,12 +67,21 @@ class AntennaArray:
 
     @property
     def virtual(self) -> NDArray[np.float64]:
-        """Virtual elements, shape (n_tx * n_rx, 2) = (y, z) [m]; channel ``v = tx * n_rx + rx``."""
+        """Virtual elements, shape (n_tx * n_rx, 2) = (y, z) [m]; channel ``v = tx * n_rx + rx``; calibrated shifts are in."""
         tx, rx = np.asarray(self.tx, np.float64), np.asarray(self.rx, np.float64)
-        return (tx[:, None, :] + rx[None, :, :]).reshape(-1, 2)
+        virtual = (tx[:, None, :] + rx[None, :, :]).reshape(-1, 2)
+        return virtual + np.asarray(self.channel_shift, np.float64) if self.channel_shift else virtual
+
+    @property
+    def response(self) -> NDArray[np.complex128]:
+        """Complex gain of every virtual channel relative to an ideal one, shape (n_tx * n_rx,)."""
+        n = self.n_tx * self.n_rx
+        gain = np.asarray(self.channel_gain or (0.0,) * n, np.float64)
+        phase = np.asarray(self.channel_phase or (0.0,) * n, np.float64)
+        return np.asarray(10 ** (gain / 20) * np.exp(1j * phase), np.complex128)
 
     def steering(self, azimuth: ArrayLike, elevation: ArrayLike, wavelength: float) -> NDArray[Any]:
-        """Steering vectors of the virtual array (2.3).
+        """Steering vectors of the virtual array (2.3), calibration included.
 
         A target in direction u reaches an element at p earlier by p.u / c, so with the phase convention of `RadarFrame` (a beat phase
         of exp(+j 2 pi f tau)) its channel turns by exp(-j 2 pi p.u / lambda).
@@ -74,10 +96,32 @@ class AntennaArray:
         Returns
         -------
         ndarray of complex128, shape (..., n_tx * n_rx)
-            Unit-modulus responses.
+            Responses; of unit modulus unless calibrated gains say otherwise.
         """
         az, el = np.broadcast_arrays(azimuth, elevation)
         uy, uz = np.cos(el) * np.sin(az), np.sin(el)
         path = uy[..., None] * self.virtual[:, 0] + uz[..., None] * self.virtual[:, 1]
-        response: NDArray[Any] = np.exp(-2j * np.pi / wavelength * path)
-        return response
+        steering: NDArray[Any] = np.exp(-2j * np.pi / wavelength * path)
+        return steering * self.response if self.channel_gain or self.channel_phase else steering
+
+    def element_gain(self, azimuth: ArrayLike, elevation: ArrayLike, edge: float) -> NDArray[np.float64]:
+        """One-way power gain of an element relative to its boresight: cos(azimuth)^p cos(elevation)^q.
+
+        Parameters
+        ----------
+        azimuth, elevation : array_like, shape (...)
+            Directions [rad].
+        edge : float
+            Gain at half the field of view, in each plane [dB].
+
+        Returns
+        -------
+        ndarray of float64, shape (...)
+            0 to 1.
+        """
+        gain = np.ones(np.broadcast_shapes(np.shape(azimuth), np.shape(elevation)))
+        for angle, view in ((azimuth, self.fov_azimuth), (elevation, self.fov_elevation)):
+            # A wider field of view than the half space has no edge to speak of.
+            at_edge = math.cos(min(view / 2, 0.49 * math.pi))
+            gain = gain * np.clip(np.cos(angle), 0.0, 1.0) ** (edge / (10 * math.log10(at_edge)))
+        return gain

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,17 @@ from radar_core.errors import DataError
 from radar_core.pose import Pose
 
 Float32Array = NDArray[np.float32]
+
+
+class Quality(IntFlag):
+    """What may be wrong with the frame behind a cloud; the constants of ``msg/PointCloud.msg``."""
+
+    GOOD = 0
+    SATURATED = 1
+    MISSING_CHIRPS = 2
+    NO_SIGNAL = 4
+    CAPPED = 8
+    STATIC_REMOVED = 16
 
 
 def _nan() -> Float32Array:
@@ -40,6 +52,8 @@ class PointCloud:
         Signal over noise floor [dB] and the floor itself [dB]. An array left out is all NaN.
     range_std, azimuth_std, elevation_std, radial_speed_std : ndarray of float32
         Standard deviations of the estimates.
+    quality : Quality
+        What is wrong with the frame behind the points.
     """
 
     stamp_ns: int
@@ -58,6 +72,7 @@ class PointCloud:
     azimuth_std: Float32Array = field(default_factory=_nan)
     elevation_std: Float32Array = field(default_factory=_nan)
     radial_speed_std: Float32Array = field(default_factory=_nan)
+    quality: Quality = Quality.GOOD
 
     def __post_init__(self) -> None:
         n = len(self.x)
@@ -90,5 +105,5 @@ class PointCloud:
         return replace(self, frame_id="room", x=room[:, 0].copy(), y=room[:, 1].copy(), z=room[:, 2].copy())
 
 
-ARRAY_FIELDS: tuple[str, ...] = tuple(f.name for f in fields(PointCloud) if f.name not in ("stamp_ns", "sequence", "frame_id"))
+ARRAY_FIELDS: tuple[str, ...] = tuple(f.name for f in fields(PointCloud) if f.type == "Float32Array")
 """Names of the per-point arrays, in the order of the message."""

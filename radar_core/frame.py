@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ class RadarInfo:
     waveform: Waveform = Waveform()
     array: AntennaArray = AntennaArray()
     mount: Pose = Pose()
+    full_scale: float = knob(
+        0.0, low=0.0, high=1e30, doc="largest real or imaginary part that the converter can give, in the unit of the frames; 0: unknown"
+    )
 
     def validate(self) -> None:
         """Raise `ConfigError` when waveform and array disagree on the number of transmitters."""
@@ -36,6 +39,10 @@ class RadarInfo:
     def cube_shape(self) -> tuple[int, int, int, int]:
         """Shape of this radar's frames, axes (tx, chirp, rx, sample)."""
         return (self.waveform.n_tx, self.waveform.n_chirp, self.array.n_rx, self.waveform.n_sample)
+
+
+def _none() -> NDArray[np.uint32]:
+    return np.empty(0, np.uint32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +62,24 @@ class RadarFrame:
         Counts the frames the radar made; a gap is a lost frame.
     frame_id : str
         Name of the sensor frame.
+    missing : ndarray of uint32, shape (n_missing,)
+        Numbers ``l * n_tx + t`` of chirps that the device lost, ascending; their samples are to be ignored.
     """
 
     cube: NDArray[np.complex64]
     stamp_ns: int
     sequence: int
     frame_id: str
+    missing: NDArray[np.uint32] = field(default_factory=_none)
 
     def __post_init__(self) -> None:
         require_shape("RadarFrame.cube", self.cube, (None, None, None, None))
         if self.cube.dtype != np.complex64:
             raise DataError(f"RadarFrame.cube is {self.cube.dtype}, expected complex64")
+        require_shape("RadarFrame.missing", self.missing, (None,))
+        n = self.cube.shape[0] * self.cube.shape[1]
+        if len(self.missing) and (int(self.missing[-1]) >= n or np.any(self.missing[1:] <= self.missing[:-1])):
+            raise DataError(f"RadarFrame.missing names chirps {self.missing.tolist()[:8]}; they have to ascend and be below {n}")
 
     def check(self, info: RadarInfo) -> None:
         """Raise `DataError` when the cube contradicts ``info`` in its shape or holds a non-finite sample."""

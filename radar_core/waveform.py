@@ -1,4 +1,4 @@
-"""Chirp-sequence FMCW waveform with TDM over transmitters (thesis, tables 2.1 and 3.1)."""
+"""Waveforms: chirp-sequence FMCW, CW and OFDM, with TDM over transmitters (thesis, tables 2.1 and 3.1)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,22 @@ SPEED_OF_LIGHT: Final[float] = 299_792_458.0
 """Speed of light in vacuum [m/s]."""
 
 
+MODULATIONS = ("fmcw", "cw", "ofdm")
+
+
 @config
 class Waveform:
-    """What one measurement frame transmits; the defaults are table 3.1's radar."""
+    """What one measurement frame transmits; the defaults are table 3.1's radar.
 
+    A "chirp" of another modulation is one stretch of its tone (cw), or one symbol with its cyclic prefix taken off (ofdm). An OFDM symbol has
+    ``n_sample`` carriers spaced by ``1 / chirp_duration``, so its ``bandwidth`` has to be ``n_sample / chirp_duration``.
+    """
+
+    modulation: str = knob("fmcw", choices=MODULATIONS, doc="fmcw: chirp sequence; cw: a tone, no range; ofdm: coded carriers")
+    code_seed: int = knob(0, low=0, high=(1 << 32) - 1, doc="ofdm: which known symbols the carriers transmit")
     carrier: float = knob(76.75e9, unit="Hz", low=1e9, high=1e12, doc="centre frequency of the sweep")
     bandwidth: float = knob(1.5e9, unit="Hz", low=1e6, high=1e11, doc="bandwidth swept while a chirp is sampled")
-    chirp_duration: float = knob(66e-6, unit="s", low=1e-7, high=1e-1, doc="sampled duration of one chirp")
+    chirp_duration: float = knob(66e-6, unit="s", low=1e-9, high=1e-1, doc="sampled duration of one chirp")
     chirp_pause: float = knob(50e-6, unit="s", low=0.0, high=1.0, doc="pause after each chirp")
     frame_interval: float = knob(20e-3, unit="s", low=1e-4, high=100.0, doc="start of one frame to the start of the next")
     n_tx: int = knob(2, low=1, high=64, doc="transmitters that take turns (TDM)")
@@ -26,7 +35,12 @@ class Waveform:
     n_sample: int = knob(64, low=0, high=1 << 16, doc="complex samples per chirp; 0: a source that only gives point clouds")
 
     def validate(self) -> None:
-        """Raise `ConfigError` when the chirps do not fit into the frame interval."""
+        """Raise `ConfigError` when the chirps do not fit into the frame interval, or OFDM's carriers into the bandwidth."""
+        carriers = self.bandwidth * self.chirp_duration
+        if self.modulation == "ofdm" and abs(carriers - self.n_sample) > 1e-6 * carriers:
+            raise ConfigError(
+                f"Waveform: bandwidth times chirp_duration gives {carriers:.6g} OFDM carriers, but n_sample is {self.n_sample}; make them equal"
+            )
         if self.acquisition_time > self.frame_interval * (1 + 1e-9):
             raise ConfigError(
                 f"Waveform: {self.n_tx} x {self.n_chirp} chirps take {self.acquisition_time * 1e3:.3g} ms, longer than "
@@ -40,8 +54,8 @@ class Waveform:
 
     @property
     def slope(self) -> float:
-        """Sweep rate [Hz/s] (2.8)."""
-        return self.bandwidth / self.chirp_duration
+        """Sweep rate [Hz/s] (2.8); 0 without a sweep."""
+        return self.bandwidth / self.chirp_duration if self.modulation == "fmcw" else 0.0
 
     @property
     def chirp_interval(self) -> float:
@@ -60,13 +74,13 @@ class Waveform:
 
     @property
     def range_resolution(self) -> float:
-        """Width of one range bin, c / 2B [m] (table 2.1)."""
-        return SPEED_OF_LIGHT / (2 * self.bandwidth)
+        """Width of one range bin, c / 2B [m] (table 2.1); infinite for a tone."""
+        return math.inf if self.modulation == "cw" else SPEED_OF_LIGHT / (2 * self.bandwidth)
 
     @property
     def max_range(self) -> float:
         """Unambiguous range of complex samples [m] (table 2.1)."""
-        return self.range_resolution * self.n_sample
+        return self.range_resolution * max(self.n_sample, 1) if self.modulation == "cw" else self.range_resolution * self.n_sample
 
     @property
     def speed_resolution(self) -> float:

@@ -7,7 +7,8 @@ from radar_core.errors import ConfigError
 from radar_dsp.windows import make_window
 
 GROUPINGS = ("none", "range", "peak")
-DOA_MODES = ("auto", "azimuth_elevation", "azimuth", "void")
+DOA_MODES = ("auto", "azimuth_elevation", "azimuth", "elevation", "void")
+BACKENDS = ("numba", "numpy")
 
 
 @config
@@ -18,6 +19,11 @@ class SpectrumConfig:
         "nuttall", doc="window over the samples of a chirp (scipy name, parameters after colons); low side lobes keep the coupling down"
     )
     speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name, parameters after colons)")
+    fft: str = knob("scipy", choices=("scipy", "numpy", "fftw", "fixed"), doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA")
+    word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
+    static: str = knob(
+        "keep", choices=("keep", "remove"), doc="remove: take out the mean over the chirps, that is all that stands still, people included"
+    )
 
     def validate(self) -> None:
         """Raise `ConfigError` when scipy does not know a window."""
@@ -35,9 +41,14 @@ class CouplingConfig:
 
 @config
 class CfarConfig:
-    """Constant-false-alarm detection with a two-dimensional window."""
+    """Constant-false-alarm detection (thesis, figure A.12): an algorithm and a window, chosen apart."""
 
-    algorithm: str = knob("os", choices=("os", "ca"), doc="os: ordered statistic, sturdy beside other echoes; ca: cell average")
+    algorithm: str = knob(
+        "os",
+        choices=("os", "ca", "go", "so"),
+        doc="os: ordered statistic, sturdy beside other echoes; ca: cell average; go, so: greater or smaller of the averages on both sides",
+    )
+    window: str = knob("2d", choices=("2d", "range", "speed"), doc="training cells around the cell, or only along one axis")
     false_alarm: float = knob(1e-4, low=1e-12, high=0.1, doc="wanted probability of a false alarm per cell on noise")
     guard_range: int = knob(2, low=0, high=32, doc="cells left out on each side of the cell under test, in range")
     guard_speed: int = knob(1, low=0, high=32, doc="cells left out on each side of the cell under test, in speed")
@@ -52,22 +63,40 @@ class CfarConfig:
 
     def validate(self) -> None:
         """Raise `ConfigError` when the window has no training cell."""
-        if self.training_range == 0 and self.training_speed == 0:
-            raise ConfigError("CfarConfig.training_range and training_speed are both 0; at least one must give training cells")
+        used = {"2d": self.training_range + self.training_speed, "range": self.training_range, "speed": self.training_speed}[self.window]
+        if used == 0:
+            names = {"2d": "training_range and training_speed are both", "range": "training_range is", "speed": "training_speed is"}
+            raise ConfigError(f"CfarConfig.{names[self.window]} 0; window {self.window!r} needs training cells")
+
+
+@config
+class TdmConfig:
+    """What transmitters taking turns does to moving echoes (thesis, figure A.17)."""
+
+    compensate: str = knob("tdm", choices=("tdm", "none"), doc="tdm: take out the phase by which echoes turn between two transmitters' turns")
+    unfold: bool = knob(False, doc="find the range rate beyond the unambiguous one by which of its hypotheses the array's phases fit best")
 
 
 @config
 class DoaConfig:
-    """Direction of arrival by deterministic maximum likelihood (2.16)."""
+    """Direction of arrival from the phases between the virtual channels (thesis, 2.3, 2.16 and figure A.15)."""
 
     mode: str = knob(
         "auto",
         choices=DOA_MODES,
         doc="auto: whatever the array can measure; azimuth: elevation is NaN and points lie at the sensor's height; void: x, y, z are NaN",
     )
+    method: str = knob(
+        "dml",
+        choices=("dml", "dml2", "capon"),
+        doc="dml: deterministic maximum likelihood; dml2: two echoes in one cell where they fit clearly better; capon: minimum variance",
+    )
+    search: str = knob("newton", choices=("newton", "grid"), doc="newton: coarse grid, then refinement; grid: the best point of the grid")
     grid_azimuth: int = knob(17, low=2, high=721, doc="points of the coarse search over azimuth")
     grid_elevation: int = knob(5, low=2, high=361, doc="points of the coarse search over elevation")
     newton_steps: int = knob(2, low=0, high=20, doc="refinement steps after the coarse search")
+    loading: float = knob(0.05, low=1e-6, high=10.0, doc="capon only: diagonal loading, relative to the mean power of a channel")
+    split: float = knob(1e-3, low=1e-12, high=0.5, doc="dml2 only: probability of taking one echo in noise for two")
     gate: bool = knob(True, doc="drop detections outside the array's field of view")
 
 
@@ -78,11 +107,16 @@ class BasebandConfig:
     spectrum: SpectrumConfig = SpectrumConfig()
     coupling: CouplingConfig = CouplingConfig()
     cfar: CfarConfig = CfarConfig()
+    tdm: TdmConfig = TdmConfig()
     doa: DoaConfig = DoaConfig()
     grouping: str = knob(
         "range",
         choices=GROUPINGS,
         doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
     )
+    refine: str = knob(
+        "none", choices=("none", "ml"), doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound"
+    )
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
     min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")
+    backend: str = knob("numba", choices=BACKENDS, doc="who runs the inner loops; both give the same points")

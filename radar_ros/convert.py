@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from radar_core import AntennaArray, DataError, PointCloud, Pose, RadarFrame, RadarInfo, Waveform
+from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform
 from radar_core.cloud import ARRAY_FIELDS
 
 _NANOSECONDS: Final = 1_000_000_000
@@ -63,15 +63,17 @@ def unpack(field: Any, dtype: Any) -> NDArray[Any]:
 def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
     """Describe a radar in a message."""
     w, a, m = info.waveform, info.array, info.mount
-    tx, rx = np.asarray(a.tx, np.float64), np.asarray(a.rx, np.float64)
+    tx, rx, shift = (np.asarray(p, np.float64).reshape(-1, 2) for p in (a.tx, a.rx, a.channel_shift))
     return RadarInfoMsg(
         header=header(stamp_ns, info.frame_id),
+        modulation=w.modulation,
         carrier_hz=w.carrier,
         bandwidth_hz=w.bandwidth,
         chirp_s=w.chirp_duration,
         pause_s=w.chirp_pause,
         frame_interval_s=w.frame_interval,
         n_chirp=w.n_chirp,
+        code_seed=w.code_seed,
         n_sample=w.n_sample,
         tx_y_m=pack(tx[:, 0], "d"),
         tx_z_m=pack(tx[:, 1], "d"),
@@ -81,6 +83,11 @@ def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
         tx_power_dbm=a.tx_power,
         fov_azimuth_rad=a.fov_azimuth,
         fov_elevation_rad=a.fov_elevation,
+        channel_gain_db=pack(np.asarray(a.channel_gain, np.float64), "d"),
+        channel_phase_rad=pack(np.asarray(a.channel_phase, np.float64), "d"),
+        channel_shift_y_m=pack(shift[:, 0], "d"),
+        channel_shift_z_m=pack(shift[:, 1], "d"),
+        full_scale=info.full_scale,
         mount_x_m=m.x,
         mount_y_m=m.y,
         mount_z_m=m.z,
@@ -100,6 +107,8 @@ def info_from_msg(msg: Any) -> RadarInfo:
     return RadarInfo(
         frame_id=msg.header.frame_id,
         waveform=Waveform(
+            modulation=msg.modulation,
+            code_seed=msg.code_seed,
             carrier=msg.carrier_hz,
             bandwidth=msg.bandwidth_hz,
             chirp_duration=msg.chirp_s,
@@ -110,15 +119,23 @@ def info_from_msg(msg: Any) -> RadarInfo:
             n_sample=msg.n_sample,
         ),
         array=AntennaArray(
-            tx=tuple((float(y), float(z)) for y, z in zip(msg.tx_y_m, msg.tx_z_m, strict=True)),
-            rx=tuple((float(y), float(z)) for y, z in zip(msg.rx_y_m, msg.rx_z_m, strict=True)),
+            tx=_pairs(msg.tx_y_m, msg.tx_z_m),
+            rx=_pairs(msg.rx_y_m, msg.rx_z_m),
             gain=msg.gain_dbi,
             tx_power=msg.tx_power_dbm,
             fov_azimuth=msg.fov_azimuth_rad,
             fov_elevation=msg.fov_elevation_rad,
+            channel_gain=tuple(map(float, msg.channel_gain_db)),
+            channel_phase=tuple(map(float, msg.channel_phase_rad)),
+            channel_shift=_pairs(msg.channel_shift_y_m, msg.channel_shift_z_m),
         ),
         mount=Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad),
+        full_scale=msg.full_scale,
     )
+
+
+def _pairs(first: Any, second: Any) -> tuple[tuple[float, float], ...]:
+    return tuple((float(y), float(z)) for y, z in zip(first, second, strict=True))
 
 
 def frame_to_msg(frame: RadarFrame) -> RadarFrameMsg:
@@ -132,6 +149,7 @@ def frame_to_msg(frame: RadarFrame) -> RadarFrameMsg:
         n_rx=n_rx,
         n_sample=n_sample,
         data=array.array("f", np.ascontiguousarray(frame.cube).tobytes()),
+        missing_chirps=array.array("I", frame.missing.astype(np.uint32).tobytes()),
     )
 
 
@@ -151,14 +169,18 @@ def frame_from_msg(msg: Any) -> RadarFrame:
             f"not {2 * int(np.prod(shape, dtype=np.int64))}; its driver is broken or of another version"
         )
     return RadarFrame(
-        cube=samples.reshape(shape), stamp_ns=from_time(msg.header.stamp), sequence=msg.sequence, frame_id=msg.header.frame_id
+        cube=samples.reshape(shape),
+        stamp_ns=from_time(msg.header.stamp),
+        sequence=msg.sequence,
+        frame_id=msg.header.frame_id,
+        missing=unpack(msg.missing_chirps, np.uint32),
     )
 
 
 def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:
     """Put a point cloud into a message."""
     arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
-    return PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, **arrays)
+    return PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, quality=int(cloud.quality), **arrays)
 
 
 def cloud_from_msg(msg: Any) -> PointCloud:
@@ -170,7 +192,7 @@ def cloud_from_msg(msg: Any) -> PointCloud:
         When its arrays differ in length.
     """
     arrays = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
-    return PointCloud(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, **arrays)
+    return PointCloud(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, **arrays, quality=Quality(msg.quality))
 
 
 def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo
+from radar_core.geometry import cartesian_to_spherical
 from radar_sim.propagation import IMPEDANCE
 from radar_sim.scene import Coupling, Noise, Pattern
 
@@ -68,10 +69,5 @@ def two_way_gain(pattern: Pattern, info: RadarInfo, position: NDArray[np.float64
     ndarray of float64, shape (n,)
         0 to 1: cos(azimuth)^p cos(elevation)^q; both one-way power gains multiply, so their product's root is one of them.
     """
-    ground = np.hypot(position[:, 0], position[:, 1])
-    cosines = (position[:, 0] / np.maximum(ground, 1e-9), ground / np.maximum(np.hypot(ground, position[:, 2]), 1e-9))
-    gain = np.ones(len(position))
-    for cosine, view in zip(cosines, (info.array.fov_azimuth, info.array.fov_elevation), strict=True):
-        edge = math.cos(min(view / 2, 0.49 * math.pi))  # a wider field of view than the half space has no edge to speak of
-        gain *= np.clip(cosine, 0.0, 1.0) ** (pattern.edge / (10 * math.log10(edge)))
-    return gain
+    _, azimuth, elevation = cartesian_to_spherical(position)
+    return info.array.element_gain(azimuth, elevation, pattern.edge)
