@@ -39,7 +39,7 @@ lint: setup
 
 ## make bench      the accuracy and the time of every choice, as tables
 bench: setup
-	for name in simulator baseband tracking gestures graph; do $(VENV)/bin/python -m benchmarks $$name || exit 1; done
+	for name in simulator dsp tracking gestures graph; do $(VENV)/bin/python -m benchmarks $$name || exit 1; done
 
 ## make clean      remove what make made
 clean:

@@ -14,7 +14,7 @@ from rich.progress import track
 from benchmarks.plot import draw
 
 ROOT = Path(__file__).resolve().parent.parent
-NAMES = ("graph", "simulator", "baseband", "tracking", "gestures")
+NAMES = ("graph", "simulator", "dsp", "tracking", "gestures")
 HEAD = """# What accuracy costs in time
 
 Every accuracy knob with what it achieves and what it takes, measured in one run per stage; the last column is the ratio to the one that

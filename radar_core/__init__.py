@@ -2,17 +2,20 @@
 
 from radar_core.antenna import AntennaArray
 from radar_core.cloud import PointCloud, Quality
+from radar_core.composite import CloudComposite, CloudSource, merge
 from radar_core.errors import ConfigError, DataError, HandwaveError
 from radar_core.frame import RadarFrame, RadarInfo
 from radar_core.labels import GESTURES, NO_GESTURE
 from radar_core.pose import Pose
-from radar_core.waveform import SPEED_OF_LIGHT, Waveform
+from radar_core.waveform import SPEED_OF_LIGHT, Waveform, known_symbols
 
 __all__ = [
     "GESTURES",
     "NO_GESTURE",
     "SPEED_OF_LIGHT",
     "AntennaArray",
+    "CloudComposite",
+    "CloudSource",
     "ConfigError",
     "DataError",
     "HandwaveError",
@@ -22,4 +25,6 @@ __all__ = [
     "RadarFrame",
     "RadarInfo",
     "Waveform",
+    "known_symbols",
+    "merge",
 ]

@@ -13,6 +13,7 @@ from radar_core.errors import DataError
 from radar_core.pose import Pose
 
 Float32Array = NDArray[np.float32]
+_FLOAT32 = np.dtype(np.float32)
 
 
 class Quality(IntFlag):
@@ -78,6 +79,8 @@ class PointCloud:
         n = len(self.x)
         for name in ARRAY_FIELDS:
             array = getattr(self, name)
+            if array.shape == (n,) and array.dtype is _FLOAT32:  # a cloud is made for every frame: the usual case comes first
+                continue
             if array.dtype != np.float32:
                 raise DataError(f"PointCloud.{name} is {array.dtype}, expected float32")
             if len(array) == 0 and n > 0 and name not in ("x", "y", "z"):

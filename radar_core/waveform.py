@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radar_core.config import config, knob
 from radar_core.errors import ConfigError
 
@@ -19,8 +22,8 @@ MODULATIONS = ("fmcw", "cw", "ofdm")
 class Waveform:
     """What one measurement frame transmits; the defaults are table 3.1's radar.
 
-    A "chirp" of another modulation is one stretch of its tone (cw), or one symbol with its cyclic prefix taken off (ofdm). An OFDM symbol has
-    ``n_sample`` carriers spaced by ``1 / chirp_duration``, so its ``bandwidth`` has to be ``n_sample / chirp_duration``.
+    A "chirp" of another modulation is one stretch of its tone (cw), or one symbol with its cyclic prefix taken off (ofdm). An OFDM symbol
+    has ``n_sample`` carriers spaced by ``1 / chirp_duration``, so its ``bandwidth`` has to be ``n_sample / chirp_duration``.
     """
 
     modulation: str = knob("fmcw", choices=MODULATIONS, doc="fmcw: chirp sequence; cw: a tone, no range; ofdm: coded carriers")
@@ -39,7 +42,8 @@ class Waveform:
         carriers = self.bandwidth * self.chirp_duration
         if self.modulation == "ofdm" and abs(carriers - self.n_sample) > 1e-6 * carriers:
             raise ConfigError(
-                f"Waveform: bandwidth times chirp_duration gives {carriers:.6g} OFDM carriers, but n_sample is {self.n_sample}; make them equal"
+                f"Waveform: bandwidth times chirp_duration gives {carriers:.6g} OFDM carriers, but n_sample is {self.n_sample}; "
+                "make them equal"
             )
         if self.acquisition_time > self.frame_interval * (1 + 1e-9):
             raise ConfigError(
@@ -96,3 +100,14 @@ class Waveform:
     def acquisition_ns(self) -> int:
         """Acquisition time in whole nanoseconds; half of it separates a frame's stamp from its cloud's."""
         return math.floor(self.acquisition_time * 1e9 + 0.5)
+
+
+def known_symbols(waveform: Waveform) -> NDArray[np.complex64]:
+    """QPSK symbols that an OFDM waveform transmits, 1, j, -1 or -j, shape (n_tx, n_chirp, n_sample = carrier).
+
+    They are the two top bits of the raw numbers of PCG64, whose sequence numpy promises to keep, so old recordings stay readable.
+    """
+    shape = (waveform.n_tx, waveform.n_chirp, waveform.n_sample)
+    quarter = np.random.PCG64(waveform.code_seed).random_raw(math.prod(shape)).reshape(shape) >> np.uint64(62)
+    symbols: NDArray[np.complex64] = np.array([1, 1j, -1, -1j], np.complex64)[quarter]
+    return symbols

@@ -2,39 +2,58 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError, PointCloud, RadarFrame, RadarInfo
-from radar_core.geometry import spherical_to_cartesian
-from radar_dsp.cfar import Cells, make_detector
+from radar_core import ConfigError, DataError, PointCloud, Quality, RadarFrame, RadarInfo
+from radar_core.cloud import ARRAY_FIELDS
+from radar_dsp.cfar import OPERATIONS, Cells, make_detector
 from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.doa import DirectionFinder, Directions
-from radar_dsp.peaks import Interpolator, group
-from radar_dsp.spectrum import Spectrum, integrate, normalise
+from radar_dsp.peaks import Interpolator
+from radar_dsp.reference import Scales
+from radar_dsp.refine import Refiner
+from radar_dsp.spectrum import make_spectrum, normalise
+from radar_dsp.unfold import Unfolder
 from radar_dsp.windows import noise_correlation
 
+T = TypeVar("T")
 FloatMap = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+_FAINT, _LOUD = 1e-20, 1e30
+"""Powers within which float32 neither loses echoes nor overflows; outside, the samples are scaled first."""
+_AT_LIMIT = 0.999
 
 
 @dataclass(frozen=True, eq=False)
-class _Estimates:
-    """Range [m] and range rate [m/s] per detection with standard deviations, and the signal-to-noise power ratio, shape (n_points,)."""
+class Estimates:
+    """What the integrated spectrum says about each detection; every array float64, shape (n_points,).
 
-    distance: FloatMap
-    distance_std: FloatMap
-    speed: FloatMap
-    speed_std: FloatMap
-    snr: FloatMap
+    Attributes
+    ----------
+    distance, distance_std : ndarray
+        Range in the middle of the acquisition [m]; NaN without range measurement.
+    speed, speed_std : ndarray
+        Range rate [m/s]; NaN for a single chirp.
+    snr, noise : ndarray
+        Signal-to-noise power ratio per channel, and noise power (float32).
+    """
+
+    distance: FloatArray
+    distance_std: FloatArray
+    speed: FloatArray
+    speed_std: FloatArray
+    snr: FloatArray
     noise: FloatMap
 
 
 class Baseband:
     """Turn raw frames into point clouds: window, Fourier transforms, integration, CFAR, interpolation, direction of arrival.
 
-    A frame always gives the same cloud: no state but a counter survives from one frame to the next.
+    A frame always gives the same cloud: no state but a counter survives from one frame to the next. One thread at a time may use it.
 
     Parameters
     ----------
@@ -60,13 +79,28 @@ class Baseband:
         waveform = info.waveform
         if waveform.n_sample == 0:  # A source of ready point clouds: there will be no frames, and `process` says so.
             return
+        if waveform.n_sample == 1 and waveform.modulation != "cw":
+            raise ConfigError("one sample per chirp measures no range; use more samples (waveform.n_sample) or modulation 'cw'")
+        self._run = OPERATIONS[config.backend]
         self._n_channel = info.array.n_tx * info.array.n_rx
-        self._spectrum = Spectrum(config.spectrum, info)
+        self._spectrum = make_spectrum(config.spectrum, info)
         windows = (self._spectrum.speed_window, self._spectrum.range_window)
         correlation = (noise_correlation(windows[0]), noise_correlation(windows[1]))
-        self._detector = make_detector(config.cfar, ~coupling_region(config.coupling, info), correlation, self._n_channel)
-        self._speed_interpolator, self._range_interpolator = Interpolator(windows[0]), Interpolator(windows[1])
-        self._finder = DirectionFinder(config.doa, info)
+        usable = ~coupling_region(config.coupling, info)
+        self._detector = make_detector(config.cfar, usable, correlation, self._n_channel, config.backend)
+        self._finder = DirectionFinder(config.doa, info, config.backend)
+        self._scales = make_scales(windows, info)
+        self._half_ns, self._least_snr = waveform.acquisition_ns // 2, 10 ** (config.min_snr / 10)
+        self._unfolder = Unfolder(info) if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1 else None
+        self._refiner = Refiner(info, self._finder.mode, backend=config.backend) if config.refine == "ml" else None
+        self._first_frame()
+
+    def _first_frame(self) -> None:
+        """Run everything once: what is compiled at its first call must not make a live radar's first frames late."""
+        rng = np.random.default_rng(0)
+        noise = rng.standard_normal((*self.info.cube_shape[:-1], 2 * self.info.waveform.n_sample), np.float32)
+        self.process(RadarFrame(noise.view(np.complex64), 0, 0, self.info.frame_id))
+        self.n_capped = 0
 
     def process(self, frame: RadarFrame) -> PointCloud:
         """Detect the echoes in a frame.
@@ -87,16 +121,27 @@ class Baseband:
         DataError
             When the frame does not fit the radar or has a non-finite sample.
         """
-        spectrum, exponent = self._transform(frame)
-        power = integrate(spectrum)
-        speed_bin, range_bin = np.nonzero(group(self._detector.detect(power), power, self.config.grouping))
-        cells = self._cap((speed_bin, range_bin), power)
-        estimates = self._estimate(power, cells)
-        snapshot = self._compensate(spectrum, cells, estimates.speed)
+        cube, quality = self._admit(frame)
+        spectrum, power, exponent = self._transform(frame, cube)
+        if not power.any() and not cube.any():
+            quality |= Quality.NO_SIGNAL
+        cells = self._run.find(self._detector.detect(power), power, self.config.grouping)
+        kept = self._cap(cells, power)
+        if len(kept[0]) < len(cells[0]):
+            quality |= Quality.CAPPED
+        noise = self._detector.noise(power, kept)
+        distance, distance_std, speed, speed_std, snr = self._run.estimate(power, kept, noise, self._scales)
+        estimates = Estimates(distance, distance_std, speed, speed_std, snr, noise)
+        snapshot, estimates = self._snapshots(spectrum, kept, estimates)
         directions = self._finder.process(snapshot, estimates.snr)
-        return self._cloud(frame, estimates, directions, 20 * np.log10(2.0) * exponent)
+        if len(directions.source) != len(kept[0]):
+            estimates = pick(estimates, directions.source)
+        if self._refiner is not None:
+            estimates, directions = self._refine(self._refiner, cube, estimates, directions)
+        return self._cloud(frame, estimates, directions, 20 * np.log10(2.0) * exponent, quality)
 
-    def _transform(self, frame: RadarFrame) -> tuple[NDArray[np.complex64], int]:
+    def _admit(self, frame: RadarFrame) -> tuple[NDArray[np.complex64], Quality]:
+        """Return the samples to work on, and what is wrong with them."""
         if self.info.waveform.n_sample == 0:
             raise DataError(
                 f"frame {frame.sequence} of {frame.frame_id!r} came from a source that only gives point clouds (waveform.n_sample is 0); "
@@ -104,12 +149,34 @@ class Baseband:
             )
         if frame.cube.shape != self.info.cube_shape:
             frame.check(self.info)
-        samples = np.ascontiguousarray(frame.cube).view(np.float32)
-        peak = max(float(samples.max()), -float(samples.min()))  # NaN survives the maximum, so this is the door check too
-        if not np.isfinite(peak):
-            frame.check(self.info)
-        cube, exponent = normalise(frame.cube, peak)
-        return self._spectrum.process(cube), exponent
+        cube, quality = frame.cube, Quality.GOOD
+        if self.config.spectrum.static == "remove":
+            quality |= Quality.STATIC_REMOVED
+        if len(frame.missing):
+            quality |= Quality.MISSING_CHIRPS
+            cube = cube.copy()
+            cube[frame.missing % cube.shape[0], frame.missing // cube.shape[0]] = 0
+        if self.info.full_scale > 0:
+            samples = np.ascontiguousarray(cube).view(np.float32)
+            if max(float(samples.max()), -float(samples.min())) >= _AT_LIMIT * self.info.full_scale:
+                quality |= Quality.SATURATED
+        return cube, quality
+
+    def _transform(self, frame: RadarFrame, cube: NDArray[np.complex64]) -> tuple[NDArray[np.complex64], FloatMap, int]:
+        """Spectrum, integrated power, and the power of two by which both were scaled down."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is looked for below
+            spectrum = self._spectrum.process(cube)
+            power: FloatMap = self._run.integrate(spectrum)
+            largest = float(power.max())  # NaN survives the maximum
+        if _FAINT <= largest <= _LOUD:
+            return spectrum, power, 0
+        frame.check(self.info)
+        if largest == 0.0 and not cube.any():
+            return spectrum, power, 0
+        samples = np.ascontiguousarray(cube).view(np.float32)
+        cube, exponent = normalise(cube, max(float(samples.max()), -float(samples.min())))
+        spectrum = self._spectrum.process(cube)
+        return spectrum, self._run.integrate(spectrum), exponent
 
     def _cap(self, cells: Cells, power: FloatMap) -> Cells:
         excess = len(cells[0]) - self.config.max_detections
@@ -120,73 +187,84 @@ class Baseband:
         keep = np.sort(np.argsort(-power[cells], kind="stable")[: self.config.max_detections])
         return cells[0][keep], cells[1][keep]
 
-    def _estimate(self, power: FloatMap, cells: Cells) -> _Estimates:
-        waveform = self.info.waveform
-        n_speed, n_range = power.shape
-        speed_bin, range_bin = cells
-        at = power[cells]
-        noise = self._detector.noise(power, cells)
-        snr = np.maximum(at / np.maximum(noise, np.finfo(np.float32).tiny) - 1, np.float32(1e-3))
-        offset_r, std_r = self._range_interpolator.process(
-            power[speed_bin, range_bin - 1], at, power[speed_bin, (range_bin + 1) % n_range], snr, self._n_channel
-        )
-        offset_v, std_v = self._speed_interpolator.process(
-            power[speed_bin - 1, range_bin], at, power[(speed_bin + 1) % n_speed, range_bin], snr, self._n_channel
-        )
-        signed = np.where(speed_bin >= (n_speed + 1) // 2, speed_bin - n_speed, speed_bin)
-        speed = (signed + offset_v) * waveform.speed_resolution
-        speed = (speed + waveform.max_speed) % (2 * waveform.max_speed) - waveform.max_speed
-        if n_speed == 1:  # one chirp says nothing about motion
-            speed = speed_std = np.full(len(at), np.nan)
-        else:
-            speed_std = std_v * waveform.speed_resolution
-        # The motion during a chirp shifts the beat frequency too (2.14), and the mean chirp is half a pause before the stamp.
-        coupling = np.nan_to_num(speed) * (waveform.carrier / waveform.slope - waveform.chirp_pause / 2)
-        distance = np.maximum((range_bin + offset_r) * waveform.range_resolution - coupling, 0.0)
-        as32 = [np.asarray(a, np.float32) for a in (distance, std_r * waveform.range_resolution, speed, speed_std, snr, noise)]
-        return _Estimates(*as32)
-
-    def _compensate(self, spectrum: NDArray[np.complex64], cells: Cells, speed: FloatMap) -> NDArray[np.complex64]:
+    def _snapshots(self, spectrum: NDArray[np.complex64], cells: Cells, estimates: Estimates) -> tuple[NDArray[np.complex64], Estimates]:
         """Take out the phase by which echoes turned from one transmitter's turn to the next (thesis, figure A.17)."""
-        snapshot = spectrum[:, cells[0], :, cells[1]]  # (n_points, n_tx, n_rx): numpy puts the indexed axis first
         waveform = self.info.waveform
-        if waveform.n_tx > 1 and waveform.n_chirp > 1:
-            turn = np.exp(-4j * np.pi * waveform.chirp_interval / waveform.wavelength * speed[:, None] * np.arange(waveform.n_tx))
-            snapshot = snapshot * turn[:, :, None].astype(np.complex64)
-        return snapshot.reshape(len(snapshot), self._n_channel)
+        if self._unfolder is not None:
+            still = self._run.snapshots(spectrum, cells, np.zeros(len(cells[0])))
+            found = self._unfolder.process(still.reshape(-1, waveform.n_tx, spectrum.shape[2]), estimates.speed, estimates.snr)
+            # The Doppler shift within a chirp, which was taken out of the range, is that of the true range rate.
+            distance = np.maximum(estimates.distance - (found.speed - estimates.speed) * self._scales.coupling, 0.0)
+            estimates = replace(estimates, distance=distance, speed=found.speed)
+            if not self._finder.neighbours:
+                return found.snapshot, estimates
+        moves = waveform.n_tx > 1 and waveform.n_chirp > 1 and self.config.tdm.compensate == "tdm"
+        turn = 4 * np.pi * waveform.chirp_interval / waveform.wavelength * estimates.speed if moves else np.zeros(len(cells[0]))
+        if not self._finder.neighbours:
+            return self._run.snapshots(spectrum, cells, turn), estimates
+        n_speed, n_range = spectrum.shape[1], spectrum.shape[3]
+        around = [
+            self._run.snapshots(spectrum, ((cells[0] + i) % n_speed, np.clip(cells[1] + j, 0, n_range - 1)), turn)
+            for i in (0, -1, 1)
+            for j in (0, -1, 1)
+        ]
+        return np.stack(around, axis=1), estimates
 
-    def _cloud(self, frame: RadarFrame, estimates: _Estimates, directions: Directions, shift_db: float) -> PointCloud:
-        # Without elevation, points lie at the sensor's height: the best guess there is; the field itself stays NaN.
-        elevation = np.zeros_like(directions.elevation) if self._finder.mode == "azimuth" else directions.elevation
-        position = spherical_to_cartesian(estimates.distance, directions.azimuth, elevation).astype(np.float32)
-        snr = 10 * np.log10(estimates.snr)
-        keep = snr >= self.config.min_snr
+    @staticmethod
+    def _refine(
+        refiner: Refiner, cube: NDArray[np.complex64], estimates: Estimates, directions: Directions
+    ) -> tuple[Estimates, Directions]:
+        """Put refined estimates in the place of those that converged; cells of the same echo then agree."""
+        found = refiner.process(cube, estimates.distance, estimates.speed, directions.azimuth, directions.elevation)
+        good = found.converged
+
+        def better(name: str, given: FloatArray) -> FloatArray:
+            return np.where(good, getattr(found, name), given)
+
+        given: list[Any] = [estimates, directions]
+        names = (("distance", "distance_std", "speed", "speed_std"), ("azimuth", "elevation", "azimuth_std", "elevation_std"))
+        for i, group in enumerate(names):
+            given[i] = replace(given[i], **{name: better(name, getattr(given[i], name)) for name in group})
+        return given[0], given[1]
+
+    def _cloud(self, frame: RadarFrame, found: Estimates, directions: Directions, shift_db: float, quality: Quality) -> PointCloud:
+        keep = found.snr >= self._least_snr
         if self.config.doa.gate:
             keep &= directions.inside
-        cloud = PointCloud(
-            stamp_ns=frame.stamp_ns + self.info.waveform.acquisition_ns // 2,
-            sequence=frame.sequence,
-            frame_id=frame.frame_id,
-            x=position[:, 0].copy(),
-            y=position[:, 1].copy(),
-            z=position[:, 2].copy(),
-            range=estimates.distance,
-            azimuth=directions.azimuth.astype(np.float32),
-            elevation=directions.elevation.astype(np.float32),
-            radial_speed=estimates.speed,
-            snr=snr,
-            noise=10 * np.log10(np.maximum(estimates.noise, np.finfo(np.float32).tiny)) + np.float32(shift_db),
-            range_std=estimates.distance_std,
-            azimuth_std=directions.azimuth_std.astype(np.float32),
-            elevation_std=directions.elevation_std.astype(np.float32),
-            radial_speed_std=estimates.speed_std,
-        )
-        return cloud if keep.all() else cloud.select(keep)
+        estimates = np.array((found.distance, found.distance_std, found.speed, found.speed_std, found.snr))
+        angles = np.array((directions.azimuth, directions.elevation, directions.azimuth_std, directions.elevation_std))
+        arrays = self._run.pack(estimates, found.noise, angles, np.flatnonzero(keep), self._finder.mode == "azimuth", shift_db)
+        named = dict(zip(ARRAY_FIELDS, arrays, strict=True))
+        return PointCloud(frame.stamp_ns + self._half_ns, frame.sequence, frame.frame_id, quality=quality, **named)
+
+
+def pick(record: T, index: NDArray[np.intp]) -> T:
+    """Pick points of a record of arrays, in the order of ``index``."""
+    return type(record)(*(getattr(record, field.name)[index] for field in fields(record)))  # type: ignore[arg-type]
+
+
+def make_scales(windows: tuple[FloatArray, FloatArray], info: RadarInfo) -> Scales:
+    """Tables and units of the estimates behind the given windows over speed and range."""
+    waveform = info.waveform
+    both = [Interpolator(window) for window in windows]
+    # The motion during a chirp shifts the beat frequency too (2.14), and the mean chirp is half a pause before the stamp.
+    coupling = (waveform.carrier / waveform.slope if waveform.slope else 0.0) - waveform.chirp_pause / 2
+    return Scales(
+        tables=np.stack([axis.table for axis in both]),
+        edges=np.array([axis.edge for axis in both]),
+        range_resolution=waveform.range_resolution,
+        speed_resolution=waveform.speed_resolution,
+        max_speed=waveform.max_speed,
+        coupling=coupling,
+        n_channel=info.array.n_tx * info.array.n_rx,
+    )
 
 
 def coupling_region(config: CouplingConfig, info: RadarInfo) -> NDArray[np.bool_]:
     """Mask of the cells near zero range and zero speed that are suppressed, shape (n_speed, n_range)."""
     waveform = info.waveform
+    if waveform.modulation == "cw":  # one cell for all ranges: suppressing its slow speeds would take people, not coupling
+        return np.zeros((waveform.n_chirp, 1), np.bool_)
     distance = np.arange(waveform.n_sample) * waveform.range_resolution
     speed = np.abs(np.fft.fftfreq(waveform.n_chirp)) * 2 * waveform.max_speed
     return np.asarray((speed[:, None] <= config.speed_extent) & (distance[None, :] < config.range_extent))

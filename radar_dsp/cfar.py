@@ -1,4 +1,4 @@
-"""Two-dimensional CFAR detection; speed wraps around, range does not.
+"""CFAR detection (thesis, figure A.12): four algorithms, three windows; speed wraps around, range does not.
 
 At the ends of the range axis a cell is judged by the training cells that exist, with a rank and a threshold of its own: padding with
 zeros would raise the false-alarm rate there a hundredfold.
@@ -6,91 +6,71 @@ zeros would raise the false-alarm rate there a hundredfold.
 
 from __future__ import annotations
 
+import functools
+from types import ModuleType
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError
-from radar_dsp import thresholds
+from radar_dsp import kernels, reference, thresholds
 from radar_dsp.config import CfarConfig
 
-MIN_TRAINING = 6
+MIN_TRAINING = 4
 """A cell with fewer training cells is not judged at all: the threshold would be so high that it only hides the problem."""
+_USUAL = 0.1
+"""Patterns of training cells that a larger share of the cells has get a more careful threshold than those beside ends and coupling."""
+OPERATIONS: dict[str, ModuleType] = {"numba": kernels, "numpy": reference}
 
 FloatMap = NDArray[np.float32]
 Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
-AnyArray = NDArray[Any]
+Correlation = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+"""Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), shapes (n_speed,) and (n_range,)."""
 
 
 class TrainingWindow:
-    """Which cells train which: a frame of cells around the cell under test without its guard.
+    """Which cells train which: those around the cell under test, beyond its guard.
 
     Parameters
     ----------
     config : CfarConfig
-        Guard and training cells.
+        Window, guard and training cells.
     usable : ndarray of bool, shape (n_speed, n_range)
         False: neither judged nor used for training (the coupling).
+
+    Attributes
+    ----------
+    half : tuple of int
+        Reach of the window in speed and range [cells].
+    offsets : ndarray of intp, shape (n_offsets, 2)
+        Training cells relative to the cell under test, in speed and range.
+    side : ndarray of bool, shape (n_offsets,)
+        True beyond the cell under test (in range, or in speed where the range is the same); greatest-of and smallest-of compare the sides.
+    least : int
+        A side with fewer cells, at an end of the range axis, is not compared: the other one counts alone.
     """
 
     def __init__(self, config: CfarConfig, usable: NDArray[np.bool_]) -> None:
         self.usable = usable
         n_speed, n_range = usable.shape
         # A window that wraps onto itself would count cells twice, so it must not be longer than the axis.
-        self.half_speed = min(config.guard_speed + config.training_speed, (n_speed - 1) // 2)
-        self.half_range = min(config.guard_range + config.training_range, n_range - 1)
-        guard_speed, guard_range = min(config.guard_speed, self.half_speed), config.guard_range
+        half_speed = 0 if config.window == "range" else min(config.guard_speed + config.training_speed, (n_speed - 1) // 2)
+        half_range = 0 if config.window == "speed" else min(config.guard_range + config.training_range, n_range - 1)
+        self.half = (half_speed, half_range)
+        guard_speed = min(config.guard_speed, half_speed)
         self.offsets = np.array(
             [
                 (i, j)
-                for i in range(-self.half_speed, self.half_speed + 1)
-                for j in range(-self.half_range, self.half_range + 1)
-                if abs(i) > guard_speed or abs(j) > guard_range
+                for i in range(-half_speed, half_speed + 1)
+                for j in range(-half_range, half_range + 1)
+                if abs(i) > guard_speed or abs(j) > config.guard_range
             ],
             np.intp,
         ).reshape(-1, 2)
-        self._stride = n_range + 2 * self.half_range
-        self.shifts = self.offsets[:, 0] * self._stride + self.offsets[:, 1]
-
-    def pad(self, values: AnyArray, fill: float) -> AnyArray:
-        """Wrap along speed, put ``fill`` where a training cell does not exist; shape (n_speed + 2 half_speed, n_range + 2 half_range)."""
-        n_speed, n_range = self.usable.shape
-        hs, hr = self.half_speed, self.half_range
-        padded = np.full((n_speed + 2 * hs, self._stride), fill, values.dtype)
-        inner = padded[hs : hs + n_speed, hr : hr + n_range]
-        np.copyto(inner, values, where=self.usable)
-        if hs:
-            padded[:hs] = padded[n_speed : n_speed + hs]
-            padded[hs + n_speed :] = padded[hs : 2 * hs]
-        return padded
-
-    def each(self, padded: AnyArray) -> list[AnyArray]:
-        """View of the padded array per training cell; flat, in step with `flat` (one long loop is several times faster than short rows)."""
-        flat, length = padded.ravel(), self.usable.shape[0] * self._stride - 2 * self.half_range
-        start = self.half_speed * self._stride + self.half_range
-        return [flat[start + s : start + s + length] for s in self.shifts.tolist()]
-
-    def flat(self, values: AnyArray) -> AnyArray:
-        """Per-cell values in the layout of `each`, shape (n_speed * stride - 2 half_range,)."""
-        n_range, hr = self.usable.shape[1], self.half_range
-        wide = np.zeros((self.usable.shape[0], self._stride), values.dtype)
-        wide[:, hr : hr + n_range] = values
-        result: AnyArray = wide.ravel()[hr : wide.size - hr]
-        return result
-
-    def unflat(self, flat: AnyArray) -> AnyArray:
-        """Undo `flat`; shape (n_speed, n_range)."""
-        wide = np.empty((self.usable.shape[0], self._stride), flat.dtype)
-        wide.ravel()[self.half_range : wide.size - self.half_range] = flat
-        result: AnyArray = wide[:, self.half_range : self.half_range + self.usable.shape[1]]
-        return result
-
-    def gather(self, padded: AnyArray, cells: Cells) -> AnyArray:
-        """Training cells of single cells, shape (n_cells, n_offsets)."""
-        centre = (cells[0] + self.half_speed) * self._stride + cells[1] + self.half_range
-        result: AnyArray = padded.ravel()[centre[:, None] + self.shifts]
-        return result
+        along = np.where(self.offsets[:, 1] != 0, self.offsets[:, 1], self.offsets[:, 0])
+        self.side = along > 0
+        self.least = max(len(along) // 4, 1)
 
     def patterns(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
         """Group the cells by which of their training cells exist.
@@ -100,17 +80,23 @@ class TrainingWindow:
         tuple of (ndarray of bool, ndarray of intp)
             Existing training cells, shape (n_patterns, n_offsets); pattern of every cell, shape (n_speed, n_range).
         """
-        padded = self.pad(self.usable, False)
+        padded = reference.pad(np.ones(self.usable.shape, np.float32), self.usable, self.half, 0.0) > 0
+        n_speed, n_range = self.usable.shape
         key = np.zeros(self.usable.shape)
-        for weight, exists in zip(np.random.default_rng(0).random(len(self.offsets)), self.each(padded), strict=True):
-            key += weight * self.unflat(exists)
+        for weight, (i, j) in zip(np.random.default_rng(0).random(len(self.offsets)), self.offsets + self.half, strict=True):
+            key += weight * padded[i : i + n_speed, j : j + n_range]
         _, first, index = np.unique(key, return_index=True, return_inverse=True)
-        speed_bin, range_bin = np.unravel_index(first, self.usable.shape)
-        return self.gather(padded, (speed_bin, range_bin)).astype(np.bool_), index.reshape(self.usable.shape)
+        cells = np.unravel_index(first, self.usable.shape)
+        place = self.offsets + self.half
+        exists = padded[cells[0][:, None] + place[:, 0], cells[1][:, None] + place[:, 1]]
+        return exists.reshape(len(first), len(place)), index.reshape(self.usable.shape)
 
 
 class Detector(Protocol):
-    """A CFAR algorithm."""
+    """A CFAR algorithm with its window."""
+
+    factor: NDArray[np.float64]
+    """Threshold over the noise level of every cell, infinite where a cell is not judged, shape (n_speed, n_range)."""
 
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
         """Mask of the cells above their threshold, shape (n_speed, n_range)."""
@@ -130,124 +116,155 @@ class OrderedStatistic:
         Rank and wanted false-alarm probability.
     window : TrainingWindow
         Training cells.
-    correlation : ndarray, shape (n_offsets, n_offsets)
-        Squared correlation coefficient of the noise between training cells.
+    correlation : tuple of ndarray, shapes (n_speed,) and (n_range,)
+        Of the noise.
     n_channel : int
         Number of integrated channels.
+    backend : str
+        Who runs the loops.
     """
 
-    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: NDArray[np.float64], n_channel: int) -> None:
-        self._window = window
+    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int, backend: str) -> None:
+        self._window, self._run = window, OPERATIONS[backend]
         exists, pattern = window.patterns()
-        n = exists.sum(axis=1).astype(np.float64)
-        judged = n >= MIN_TRAINING
-        rank = np.clip(np.round(config.rank * n), 1, np.maximum(n, 1))
-        quantile = config.rank
-        events = thresholds.indicator_covariance(correlation, quantile, n_channel)
-        effective = effective_number(exists, events)
-        factor, level = np.full(len(n), np.inf), np.ones(len(n))
-        factor[judged], level[judged] = thresholds.os_factor(config.false_alarm, rank[judged], n[judged], effective[judged], n_channel)
-        usable = window.usable & judged[pattern]
-        self._reciprocal = np.where(usable, (1.0 / factor)[pattern], 0.0).astype(np.float32)
-        self._rank = np.where(usable, rank[pattern], len(window.shifts) + 1).astype(np.uint16)
+        rank = np.clip(np.round(config.rank * exists.sum(axis=1)), 1, None).astype(np.int32)
+        factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
+        self.factor = np.where(window.usable, factor[pattern], np.inf)
+        judged = np.isfinite(self.factor)
+        self._reciprocal = np.where(judged, 1.0 / np.where(judged, self.factor, 1.0), 0.0).astype(np.float32)
+        self._rank = np.where(judged, rank[pattern], len(window.offsets) + 1).astype(np.int32)
         self._level = level[pattern].astype(np.float32)
-        self.factor = factor[pattern]
 
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
         """Mask of the cells above their threshold, shape (n_speed, n_range)."""
         window = self._window
-        threshold = window.flat(power * self._reciprocal)
-        count = np.zeros(threshold.shape, np.uint8 if len(window.shifts) < 256 else np.uint16)
-        below = np.empty(threshold.shape, np.bool_)
-        as_number = below.view(np.uint8)
-        for training in window.each(window.pad(power, np.inf)):
-            np.less(training, threshold, out=below)
-            np.add(count, as_number, out=count)
-        return np.asarray(window.unflat(count) >= self._rank)
+        padded = self._run.pad(power, window.usable, window.half, np.inf)
+        mask: NDArray[np.bool_] = self._run.rank_test(padded, power * self._reciprocal, self._rank, window.offsets, window.half)
+        return mask
 
     def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
         """Estimated noise power at single cells, shape (n_cells,)."""
-        training = np.sort(self._window.gather(self._window.pad(power, np.inf), cells), axis=1)
-        rank = self._rank[cells].astype(np.intp)
-        return np.asarray(training[np.arange(len(rank)), rank - 1] / self._level[cells], np.float32)
+        window = self._window
+        padded = self._run.pad(power, window.usable, window.half, np.inf)
+        level: FloatMap = self._run.ordered(padded, cells, window.offsets, window.half, self._rank[cells])
+        return level / self._level[cells]
 
 
-class CellAverage:
-    """Cell-averaging CFAR; parameters as `OrderedStatistic`."""
+class Average:
+    """Cell-averaging CFAR, and the greater or the smaller of the averages on both sides; parameters as `OrderedStatistic`."""
 
-    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: NDArray[np.float64], n_channel: int) -> None:
-        self._window = window
+    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int, backend: str) -> None:
+        self._window, self._run = window, OPERATIONS[backend]
         exists, pattern = window.patterns()
-        n = exists.sum(axis=1)
-        factor = np.where(
-            n >= MIN_TRAINING, thresholds.ca_factor(config.false_alarm, effective_number(exists, correlation), n_channel), np.inf
-        )
-        self._mean_of_sum = (1.0 / np.maximum(n, 1)).astype(np.float32)[pattern]
+        factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
         self.factor = np.where(window.usable, factor[pattern], np.inf)
         self._judged = np.isfinite(self.factor)
         self._factor = np.where(self._judged, self.factor, 1.0).astype(np.float32)
+        self._mean_level = level[pattern].astype(np.float32)
+        sides = [window.side, ~window.side] if config.algorithm != "ca" else [np.ones(len(window.side), np.bool_)]
+        self._parts = []
+        for side in sides:
+            n = exists[:, side].sum(axis=1)
+            n[n < (window.least if config.algorithm != "ca" else 1)] = 0
+            self._parts.append((np.ascontiguousarray(window.offsets[side]), n[pattern].astype(np.float32)))
+        self._choose = np.fmax if config.algorithm == "go" else np.fmin
 
-    def _noise(self, power: FloatMap) -> FloatMap:
-        # Direct sums: running sums lose everything beside one strong cell in float32.
-        views = self._window.each(self._window.pad(power, 0.0))
-        total = np.zeros(views[0].shape, np.float32)
-        for training in views:
-            total += training
-        return np.asarray(self._window.unflat(total) * self._mean_of_sum, np.float32)
+    def _level(self, power: FloatMap) -> FloatMap:
+        window = self._window
+        padded = self._run.pad(power, window.usable, window.half, 0.0)
+        means = [
+            np.divide(self._run.sums(padded, offsets, window.half), n, out=np.full(n.shape, np.nan, np.float32), where=n > 0)
+            for offsets, n in self._parts
+        ]
+        level: FloatMap = means[0] if len(means) == 1 else self._choose(*means)  # NaN where a side is not compared
+        return level
 
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
         """Mask of the cells above their threshold, shape (n_speed, n_range)."""
-        noise = self._noise(power)
-        return np.asarray((power > self._factor * noise) & (noise > 0) & self._judged)
+        level = self._level(power)
+        return np.asarray((power > self._factor * level) & (level > 0) & self._judged)
 
     def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
         """Estimated noise power at single cells, shape (n_cells,)."""
-        training = self._window.gather(self._window.pad(power, 0.0), cells)
-        return np.asarray(training.sum(axis=1, dtype=np.float32) * self._mean_of_sum[cells])
+        return np.asarray((self._level(power) / self._mean_level)[cells], np.float32)
 
 
-ALGORITHMS: dict[str, type[OrderedStatistic] | type[CellAverage]] = {"os": OrderedStatistic, "ca": CellAverage}
+def _factors(
+    config: CfarConfig,
+    window: TrainingWindow,
+    exists: NDArray[np.bool_],
+    pattern: NDArray[np.intp],
+    correlation: Correlation,
+    n_channel: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Threshold factor and mean level of every pattern of training cells, shape (n_patterns,); infinite where there are too few."""
+    factor, level = np.full(len(exists), np.inf), np.ones(len(exists))
+    key = tuple(c.tobytes() for c in correlation)
+    share = np.bincount(pattern.ravel(), minlength=len(exists)) / pattern.size
+    for p, training in enumerate(exists):
+        numbers = thresholds.NUMBERS if share[p] > _USUAL else thresholds.NUMBERS // 5
+        if training.sum() >= MIN_TRAINING:
+            offsets = _canonical(window.offsets[training])
+            factor[p], level[p] = _design(
+                config.algorithm, config.rank, config.false_alarm, n_channel, window.least, numbers, offsets, *key
+            )
+    return factor, level
 
 
-def effective_number(exists: NDArray[np.bool_], correlation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Count the independent cells whose mean varies as much as that of the correlated ones.
+def _canonical(offsets: NDArray[np.intp]) -> tuple[tuple[int, int], ...]:
+    """One of the four mirror images of a pattern: noise has no direction, so they share a threshold."""
+    images = [tuple(sorted(map(tuple, (offsets * (a, b)).tolist()))) for a in (1, -1) for b in (1, -1)]
+    return min(images)
 
-    Parameters
-    ----------
-    exists : ndarray of bool, shape (n_patterns, n_offsets)
-        Training cells that exist.
-    correlation : ndarray, shape (n_offsets, n_offsets)
-        Correlation coefficients of what is averaged.
 
-    Returns
-    -------
-    ndarray, shape (n_patterns,)
-        Effective number, between 1 and the number of cells.
-    """
-    member = exists.astype(np.float64)
-    total = np.einsum("pi,ij,pj->p", member, correlation, member, optimize=True)
-    n = member.sum(axis=1)
-    return np.asarray(np.where(n > 0, n**2 / np.maximum(total, 1e-9), 1.0), np.float64)
+@functools.lru_cache(maxsize=4096)
+def _design(
+    algorithm: str,
+    rank: float,
+    false_alarm: float,
+    n_channel: int,
+    least: int,
+    numbers: int,
+    offsets: tuple[tuple[int, int], ...],
+    speed: bytes,
+    distance: bytes,
+) -> tuple[float, float]:
+    """Threshold factor and mean level for a pattern of training cells; kept, because every baseband with these settings asks again."""
+    place = np.array([(0, 0), *offsets])
+    axes = np.frombuffer(speed, np.complex128), np.frombuffer(distance, np.complex128)
+    lag = place[:, None, :] - place[None, :, :]
+    correlation = axes[0][lag[..., 0] % len(axes[0])] * axes[1][lag[..., 1] % len(axes[1])]
+    along = np.where(place[1:, 1] != 0, place[1:, 1], place[1:, 0]) > 0
+    k = max(int(np.round(rank * len(offsets))), 1)
+
+    def level(power: NDArray[Any]) -> NDArray[np.float64]:
+        if algorithm == "os":
+            return np.asarray(np.partition(power, k - 1, axis=1)[:, k - 1], np.float64)
+        if algorithm == "ca":
+            return np.asarray(power.mean(axis=1), np.float64)
+        sides = [power[:, side].mean(axis=1) for side in (along, ~along) if side.sum() >= least]
+        return np.asarray(functools.reduce(np.maximum if algorithm == "go" else np.minimum, sides), np.float64)
+
+    return thresholds.design(correlation, level, false_alarm, n_channel, numbers)
 
 
 def make_detector(
-    config: CfarConfig,
-    usable: NDArray[np.bool_],
-    correlation: tuple[NDArray[np.complex128], NDArray[np.complex128]],
-    n_channel: int,
+    config: CfarConfig, usable: NDArray[np.bool_], correlation: Correlation, n_channel: int, backend: str = "numba"
 ) -> Detector:
-    """Make the CFAR algorithm that the configuration names.
+    """Make the CFAR detector that the configuration names.
 
     Parameters
     ----------
     config : CfarConfig
-        Algorithm and its settings.
+        Algorithm, window and their settings.
     usable : ndarray of bool, shape (n_speed, n_range)
         False where the coupling is suppressed.
     correlation : tuple of ndarray, shapes (n_speed,) and (n_range,)
         Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), per axis.
     n_channel : int
         Number of integrated channels.
+    backend : str
+        ``numba`` or ``numpy``; both give the same mask.
 
     Raises
     ------
@@ -261,6 +278,5 @@ def make_detector(
             f"a spectrum of {usable.shape[0]} x {usable.shape[1]} cells (speed x range) leaves no cell {MIN_TRAINING} training cells; "
             "lower cfar.guard_*, raise cfar.training_*, shrink the coupling region, or use more samples and chirps"
         )
-    lag = window.offsets[:, None, :] - window.offsets[None, :, :]
-    squared = np.abs(correlation[0][lag[..., 0] % usable.shape[0]] * correlation[1][lag[..., 1] % usable.shape[1]]) ** 2
-    return ALGORITHMS[config.algorithm](config, window, np.minimum(squared, 1.0), n_channel)
+    kind = OrderedStatistic if config.algorithm == "os" else Average
+    return kind(config, window, correlation, n_channel, backend)

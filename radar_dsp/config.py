@@ -19,7 +19,9 @@ class SpectrumConfig:
         "nuttall", doc="window over the samples of a chirp (scipy name, parameters after colons); low side lobes keep the coupling down"
     )
     speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name, parameters after colons)")
-    fft: str = knob("scipy", choices=("scipy", "numpy", "fftw", "fixed"), doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA")
+    fft: str = knob(
+        "scipy", choices=("scipy", "numpy", "fftw", "fixed"), doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA"
+    )
     word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
     static: str = knob(
         "keep", choices=("keep", "remove"), doc="remove: take out the mean over the chirps, that is all that stands still, people included"
@@ -73,7 +75,9 @@ class CfarConfig:
 class TdmConfig:
     """What transmitters taking turns does to moving echoes (thesis, figure A.17)."""
 
-    compensate: str = knob("tdm", choices=("tdm", "none"), doc="tdm: take out the phase by which echoes turn between two transmitters' turns")
+    compensate: str = knob(
+        "tdm", choices=("tdm", "none"), doc="tdm: take out the phase by which echoes turn between two transmitters' turns"
+    )
     unfold: bool = knob(False, doc="find the range rate beyond the unambiguous one by which of its hypotheses the array's phases fit best")
 
 
@@ -84,7 +88,8 @@ class DoaConfig:
     mode: str = knob(
         "auto",
         choices=DOA_MODES,
-        doc="auto: whatever the array can measure; azimuth: elevation is NaN and points lie at the sensor's height; void: x, y, z are NaN",
+        doc="auto: whatever the array can measure; azimuth: elevation is NaN and points lie at the sensor's height; "
+        "elevation: azimuth is NaN, and x, y, z with it; void: x, y, z are NaN",
     )
     method: str = knob(
         "dml",
@@ -115,7 +120,9 @@ class BasebandConfig:
         doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
     )
     refine: str = knob(
-        "none", choices=("none", "ml"), doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound"
+        "none",
+        choices=("none", "ml"),
+        doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound",
     )
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
     min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")

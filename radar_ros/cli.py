@@ -371,5 +371,50 @@ def scenes() -> None:
         print(f"{path.stem:16} {first.lstrip('# ') if first.startswith('#') else ''}")
 
 
+@app.command()
+def calibrate(
+    recordings: Annotated[list[Path], typer.Argument(help="one recording of a turntable, or one per sweep, azimuth first")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="file for the calibration (.npz); a picture is drawn beside it")],
+    azimuth: Annotated[str | None, typer.Option(help="start:stop:step in degrees; default: turntable.yaml in the recording")] = None,
+    elevation: Annotated[str | None, typer.Option(help="the same of the sweep in elevation")] = None,
+    dwell: Annotated[float, typer.Option(help="with these: seconds at each angle")] = 1.0,
+    settle: Annotated[float, typer.Option(help="with these: seconds at either end of a dwell that are left out")] = 0.0,
+    distance: Annotated[float, typer.Option(help="where the reflector stands [m]; 0: the strongest echo")] = 0.0,
+    offsets: Annotated[bool, typer.Option("--offsets", help="also fit constant mounting offsets")] = False,
+    method: Annotated[str, typer.Option(help="fit; or outer: also the thesis's table of both sweeps")] = "fit",
+) -> None:
+    """Find gain, phase and position of every channel from a corner reflector on a turntable (docs/calibration.md).
+
+    Examples: `handwave calibrate chamber -o array.npz` · `handwave calibrate az el -o a.npz --azimuth -60:60:1 --elevation -30:30:1`
+    """
+    from radar_dsp.calibration import Calibration
+    from radar_ros.calibrate import calibrate as fit
+    from radar_ros.calibrate import sweep_options
+
+    settings = Calibration(method=method, distance=distance, offsets=offsets)
+    report = fit(recordings, out, sweep_options(azimuth, elevation, dwell, settle), settings)
+    print("\n".join(report.lines()))
+    print(f"calibration in {out}, ambiguity functions in {out.with_suffix('.png')}")
+
+
+@app.command()
+def turntable(
+    out: Annotated[Path, typer.Option(help="folder of the new bag")],
+    config: Annotated[Path | None, typer.Option("--config", "-c", help="YAML with the knobs of radar_sim.turntable.Turntable")] = None,
+) -> None:
+    """Simulate a recording of a corner reflector seen from a turntable by a radar with errors, for `handwave calibrate`."""
+    from rich.progress import track
+
+    from radar_core.config import load_file
+    from radar_ros.calibrate import record_turntable
+    from radar_sim.turntable import Turntable, TurntableSimulator
+
+    settings = load_file(Turntable, config) if config is not None else Turntable()
+    total = TurntableSimulator(settings).n_frames
+    for _ in track(record_turntable(settings, out), total=total, description="turning"):
+        pass
+    print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
+
+
 if __name__ == "__main__":
     main()

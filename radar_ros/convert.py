@@ -6,6 +6,7 @@ Here are the types of `radar_core`; each stage has a ``messages.py`` for its own
 from __future__ import annotations
 
 import array
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -63,7 +64,7 @@ def unpack(field: Any, dtype: Any) -> NDArray[Any]:
 def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
     """Describe a radar in a message."""
     w, a, m = info.waveform, info.array, info.mount
-    tx, rx, shift = (np.asarray(p, np.float64).reshape(-1, 2) for p in (a.tx, a.rx, a.channel_shift))
+    tx, rx = np.asarray(a.tx, np.float64), np.asarray(a.rx, np.float64)
     return RadarInfoMsg(
         header=header(stamp_ns, info.frame_id),
         modulation=w.modulation,
@@ -83,10 +84,7 @@ def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
         tx_power_dbm=a.tx_power,
         fov_azimuth_rad=a.fov_azimuth,
         fov_elevation_rad=a.fov_elevation,
-        channel_gain_db=pack(np.asarray(a.channel_gain, np.float64), "d"),
-        channel_phase_rad=pack(np.asarray(a.channel_phase, np.float64), "d"),
-        channel_shift_y_m=pack(shift[:, 0], "d"),
-        channel_shift_z_m=pack(shift[:, 1], "d"),
+        channel_error=pack(_channel_error(a), "d"),
         full_scale=info.full_scale,
         mount_x_m=m.x,
         mount_y_m=m.y,
@@ -104,6 +102,10 @@ def info_from_msg(msg: Any) -> RadarInfo:
     ConfigError
         When the description makes no sense.
     """
+    error = np.asarray(msg.channel_error, np.float64)
+    if len(error) % 4:
+        raise DataError(f"radar/info has {len(error)} calibration values; expected four per virtual channel, or none")
+    error = error.reshape(4, -1)
     return RadarInfo(
         frame_id=msg.header.frame_id,
         waveform=Waveform(
@@ -125,16 +127,34 @@ def info_from_msg(msg: Any) -> RadarInfo:
             tx_power=msg.tx_power_dbm,
             fov_azimuth=msg.fov_azimuth_rad,
             fov_elevation=msg.fov_elevation_rad,
-            channel_gain=tuple(map(float, msg.channel_gain_db)),
-            channel_phase=tuple(map(float, msg.channel_phase_rad)),
-            channel_shift=_pairs(msg.channel_shift_y_m, msg.channel_shift_z_m),
+            channel_gain=tuple(error[0].tolist()),
+            channel_phase=tuple(error[1].tolist()),
+            channel_shift=_pairs(error[2], error[3]),
         ),
         mount=Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad),
         full_scale=msg.full_scale,
     )
 
 
+def _channel_error(array: AntennaArray) -> NDArray[np.float64]:
+    """Gains, phases and shifts of all channels; empty for an ideal array, zeros for a kind that alone is left out."""
+    if not (array.channel_gain or array.channel_phase or array.channel_shift):
+        return np.empty(0)
+    error = np.zeros((4, array.n_tx * array.n_rx))
+    if array.channel_gain:
+        error[0] = array.channel_gain
+    if array.channel_phase:
+        error[1] = array.channel_phase
+    if array.channel_shift:
+        error[2:] = np.transpose(array.channel_shift)
+    return error.ravel()
+
+
 def _pairs(first: Any, second: Any) -> tuple[tuple[float, float], ...]:
+    if len(first) != len(second):
+        raise DataError(
+            f"radar/info gives {len(first)} y but {len(second)} z coordinates of elements; its driver is broken or of another version"
+        )
     return tuple((float(y), float(z)) for y, z in zip(first, second, strict=True))
 
 
@@ -163,10 +183,10 @@ def frame_from_msg(msg: Any) -> RadarFrame:
     """
     shape = (msg.n_tx, msg.n_chirp, msg.n_rx, msg.n_sample)
     samples = np.frombuffer(msg.data, np.complex64) if len(msg.data) % 2 == 0 and len(msg.data) else np.empty(0, np.complex64)
-    if samples.size != np.prod(shape, dtype=np.int64) or len(msg.data) % 2:
+    if samples.size != math.prod(shape) or len(msg.data) % 2:
         raise DataError(
             f"frame {msg.sequence} of {msg.header.frame_id!r} says {shape} (tx, chirp, rx, sample) but carries {len(msg.data)} floats, "
-            f"not {2 * int(np.prod(shape, dtype=np.int64))}; its driver is broken or of another version"
+            f"not {2 * math.prod(shape)}; its driver is broken or of another version"
         )
     return RadarFrame(
         cube=samples.reshape(shape),

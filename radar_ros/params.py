@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import dataclasses
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.parameter import Parameter
 
-from radar_core import ConfigError
+from radar_core import ConfigError, HandwaveError
 from radar_core.config import describe, load, nest
 
 T = TypeVar("T")
 _OWN = ("use_sim_time", "start_type_description_service")  # declared or read by rclpy itself
 
 
-def declare(node: Any, name: str, default: Any, doc: str, *, unit: str = "", low: float | None = None, high: float | None = None) -> Any:
-    """Declare one parameter and return its value.
+def declare(
+    node: Any,
+    name: str,
+    default: Any,
+    doc: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    changeable: bool = False,
+) -> Any:
+    """Declare one parameter and return its value; it is read only unless ``changeable``.
 
     Raises
     ------
     ConfigError
         Naming the parameter, when the value given is of the wrong type or out of range.
     """
-    descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=True, dynamic_typing=True)
+    descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=not changeable, dynamic_typing=True)
     if isinstance(default, float) and (low is not None or high is not None):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=-1e308 if low is None else float(low), to_value=1e308 if high is None else float(high))
@@ -40,7 +53,7 @@ def declare(node: Any, name: str, default: Any, doc: str, *, unit: str = "", low
         raise ConfigError(f"parameter {name} of node {node.get_name()}{shown}: {error}; {doc}") from None
 
 
-def declare_config(node: Any, cls: type[T], prefix: str = "") -> T:
+def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: bool = False) -> T:
     """Declare one parameter per knob of ``cls`` and build it from their values.
 
     Parameters
@@ -51,6 +64,8 @@ def declare_config(node: Any, cls: type[T], prefix: str = "") -> T:
         A class made with `radar_core.config.config`.
     prefix : str
         Put before every name, e.g. ``"tracker."``.
+    changeable : bool
+        Whether they may be set while the node runs; then call `on_change` too.
 
     Raises
     ------
@@ -58,20 +73,101 @@ def declare_config(node: Any, cls: type[T], prefix: str = "") -> T:
         Naming the parameter that makes no sense.
     """
     values: dict[str, Any] = {}
+    for name, field, default in _knobs(cls):
+        meta = field.metadata
+        values[name] = declare(
+            node,
+            prefix + name,
+            default,
+            meta.get("doc", name),
+            unit=meta.get("unit", ""),
+            low=meta.get("low"),
+            high=meta.get("high"),
+            changeable=changeable,
+        )
+    return _build(node, cls, values)
+
+
+def on_change(node: Any, current: T, prepare: Callable[[T], Callable[[], None]], prefix: str = "") -> None:
+    """Let the parameters of a configuration be set while the node runs, all that come in one call together or not at all.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Its parameters were declared with ``declare_config(..., changeable=True)``.
+    current : dataclass
+        The configuration that `declare_config` gave.
+    prepare : callable
+        Called with the new configuration. It makes whatever the node needs to work with it, changing nothing yet, and returns a function
+        that puts it in place; that one is called, between two callbacks of the node, once nobody refuses the new values. A `HandwaveError`
+        refuses them: its text goes to whoever set the parameters, and the node works on with the old ones. So does any other error,
+        because a trial must not end a running node.
+    prefix : str
+        As given to `declare_config`.
+    """
+    cls = type(current)
+    names = {prefix + name: name for name, _, _ in _knobs(cls)}
+    held = current
+    apply: Callable[[], None] | None = None
+
+    def check(parameters: Sequence[Any]) -> SetParametersResult:
+        nonlocal held, apply
+        apply = None
+        ours = [p for p in parameters if p.name in names]
+        if not ours:
+            return SetParametersResult(successful=True)
+        said = ", ".join(f"{p.name} = {p.value!r}" for p in ours)
+        try:
+            wanted = _changed(node, cls, names, ours)
+            if wanted == held:
+                return SetParametersResult(successful=True)
+            place = prepare(wanted)
+        except HandwaveError as error:
+            node.get_logger().error(f"refused {said}: {error}")
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            node.get_logger().error(f"refused {said}, because of a fault of this program:\n{traceback.format_exc()}")
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
+
+        def apply_all() -> None:
+            nonlocal held
+            place()
+            held = wanted
+            node.get_logger().info(f"works with {said} from now on")
+
+        apply = apply_all
+        return SetParametersResult(successful=True)
+
+    def put_in_place(_: Sequence[Any]) -> None:
+        if apply is not None:
+            apply()
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(put_in_place)
+
+
+def _knobs(cls: Any) -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
+    """List the knobs that can be ROS parameters, which are never empty or nested (the others are set in files): name, field, default."""
     for name, field, _ in describe(cls):
         default = list(field.default) if isinstance(field.default, tuple) else field.default
-        if (
-            default is None
-            or default is dataclasses.MISSING
-            or (isinstance(default, list) and default and isinstance(default[0], (list, tuple)))
-        ):
-            continue  # ROS parameters are never empty or nested: such knobs are set in files
-        meta = field.metadata
-        value = declare(
-            node, prefix + name, default, meta.get("doc", name), unit=meta.get("unit", ""), low=meta.get("low"), high=meta.get("high")
-        )
-        values[name] = list(value) if isinstance(default, list) else value
-    return load(cls, nest(values), f"parameters of node {node.get_name()}")
+        nested = isinstance(default, list) and bool(default) and isinstance(default[0], (list, tuple))
+        if default is not None and default is not dataclasses.MISSING and not nested:
+            yield name, field, default
+
+
+def _build(node: Any, cls: type[T], values: Mapping[str, Any]) -> T:
+    plain = {name: list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value for name, value in values.items()}
+    return load(cls, nest(plain), f"parameters of node {node.get_name()}")
+
+
+def _changed(node: Any, cls: type[T], names: Mapping[str, str], given: Sequence[Any]) -> T:
+    """Build the configuration from the node's parameters, those that are about to be set instead of the old ones."""
+    for parameter in given:
+        if parameter.type_ == Parameter.Type.NOT_SET:
+            raise ConfigError(f"parameter {parameter.name} of node {node.get_name()} cannot be deleted; set it to its default instead")
+    values = {name: node.get_parameter(full).value for full, name in names.items()}
+    values.update({names[parameter.name]: parameter.value for parameter in given})
+    return _build(node, cls, values)
 
 
 def refuse_unknown(node: Any) -> None:

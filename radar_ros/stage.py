@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 for _pool in ("OMP", "OPENBLAS", "MKL"):  # before numpy's libraries start their pools: second threads only fight at these sizes
@@ -30,11 +31,61 @@ from radar_ros.params import declare, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
 _REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
+_BUDGET = 0.8  # of the frame interval; above that, a little more load loses frames
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
 
 
+@dataclass
+class Period:
+    """What happened since the last diagnostics.
+
+    Attributes
+    ----------
+    started : float
+        On CLOCK_MONOTONIC [s].
+    processed, dropped : int
+        The stage's counts at that time.
+    compute, compute_max : float
+        Time spent on all messages since then, and on the slowest of them [s].
+    """
+
+    started: float
+    processed: int
+    dropped: int
+    compute: float = 0.0
+    compute_max: float = 0.0
+
+    def figures(self, now: float, processed: int, dropped: int, frame_interval: float) -> tuple[dict[str, Any], list[str]]:
+        """Values and warnings at its end; ``frame_interval`` [s] is 0 where the stage does not know its radar (yet)."""
+        count, drops = processed - self.processed, dropped - self.dropped
+        mean = self.compute / count if count else 0.0
+        values: dict[str, Any] = {
+            "rate_hz": f"{count / max(now - self.started, 1e-3):.1f}",
+            "dropped": drops,
+            "dropped_total": dropped,
+            "processed_total": processed,
+            "compute_ms": f"{mean * 1e3:.3f}",
+            "compute_max_ms": f"{self.compute_max * 1e3:.3f}",
+        }
+        warnings = [f"{drops} dropped"] if drops else []
+        if frame_interval > 0:
+            share = mean / frame_interval
+            values["budget_percent"] = f"{share * 100:.1f}"
+            if share > _BUDGET:
+                warnings.append(f"a frame takes {mean * 1e3:.3g} ms of the {frame_interval * 1e3:.3g} ms until the next one")
+        return values, warnings
+
+
 class StageMixin:
-    """Plumbing of one stage; mixed into `Node` or `LifecycleNode`."""
+    """Plumbing of one stage; mixed into `Node` or `LifecycleNode`.
+
+    Attributes
+    ----------
+    processed, dropped : int
+        Messages finished and messages lost or refused so far.
+    frame_interval : float
+        Time that there is for one frame [s], against which `diagnostics` sets the time spent; `InfoKeeper` sets it. 0: not known.
+    """
 
     def start_stage(self: Any, stage: str) -> None:
         """Declare the shared parameters and make the shared publishers; call first."""
@@ -43,9 +94,9 @@ class StageMixin:
         self.dropped = 0
         self._sequence: int | None = None
         self._stamp_ns = -1
+        self.frame_interval = 0.0
         self._problems: dict[str, tuple[float, int]] = {}
-        self._compute = 0.0
-        self._last = (0, 0)
+        self._period = Period(time.monotonic(), 0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
         self._status = self.create_publisher(StageStatusMsg, "stage_status", qos.stream_out())
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
@@ -59,7 +110,8 @@ class StageMixin:
         now = time.monotonic_ns()
         compute = (now - started_ns) * 1e-9
         self.processed += 1
-        self._compute += compute
+        self._period.compute += compute
+        self._period.compute_max = max(self._period.compute_max, compute)
         status = StageStatus(stamp_ns, self.stage, sequence, self.processed, self.dropped, compute, now)
         self._status.publish(status_to_msg(status))
 
@@ -84,29 +136,45 @@ class StageMixin:
         return back
 
     def problem(self: Any, text: str) -> None:
-        """Log a problem once, and again only when it goes on for long; texts that differ only in their numbers are one problem."""
+        """Log an error once, and again only when it goes on for long; texts that differ only in their numbers are one problem."""
+        said = self._not_again(text)
+        if said:
+            self.get_logger().error(said)
+
+    def caution(self: Any, text: str) -> None:
+        """Log a warning as `problem` logs an error: for what is processed all the same."""
+        said = self._not_again(text)
+        if said:
+            self.get_logger().warning(said)
+
+    def _not_again(self: Any, text: str) -> str:
+        """Make the text to log; empty when the same was logged a moment ago."""
         kind = re.sub(r"\d+", "#", text)
         now = time.monotonic()
         last, hidden = self._problems.get(kind, (-1e9, 0))
         if now - last < _REPEAT_AFTER:
             self._problems[kind] = (last, hidden + 1)
-            return
+            return ""
         self._problems[kind] = (now, 0)
-        self.get_logger().error(f"{text} ({hidden} more like this since the last time)" if hidden else text)
+        return f"{text} ({hidden} more like this since the last time)" if hidden else text
+
+    def extra_diagnostics(self: Any) -> tuple[dict[str, Any], list[str]]:
+        """Values of the stage's own for the period that ends, and what to warn of; overridden where there is such a thing."""
+        return {}, []
 
     def _diagnose(self: Any) -> None:
-        count, drops = self.processed - self._last[0], self.dropped - self._last[1]
-        self._last = (self.processed, self.dropped)
-        mean = self._compute / count if count else 0.0
-        self._compute = 0.0
-        level, message = (DiagnosticStatus.WARN, f"{drops} dropped") if drops else (DiagnosticStatus.OK, "running" if count else "idle")
-        values = {"rate_hz": count, "dropped_total": self.dropped, "processed_total": self.processed, "compute_ms": f"{mean * 1e3:.3f}"}
+        period, now = self._period, time.monotonic()
+        self._period = Period(now, self.processed, self.dropped)
+        values, warnings = period.figures(now, self.processed, self.dropped, self.frame_interval)
+        idle = self.processed == period.processed
+        more, worse = self.extra_diagnostics()
+        warnings += worse
         status = DiagnosticStatus(
-            level=level,
+            level=DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK,
             name=f"{self.get_fully_qualified_name().lstrip('/')}",
-            message=message,
+            message="; ".join(warnings) or ("idle" if idle else "running"),
             hardware_id=self.stage,
-            values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
+            values=[KeyValue(key=k, value=str(v)) for k, v in {**values, **more}.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
@@ -132,12 +200,25 @@ class InfoKeeper:
     node : StageNode
         Subscribes and logs.
     ready : callable
-        Called with the first info.
+        Called with the first info. A `HandwaveError` refuses it, and the next one is as good as the first.
+
+    Attributes
+    ----------
+    info : RadarInfo or None
+        What data is processed with.
+    refused : bool
+        Whether another radar is there now.
+    unusable : RadarInfo or None
+        The last info that ``ready`` refused.
+    reason : str
+        Why it did.
     """
 
     def __init__(self, node: Any, ready: Callable[[RadarInfo], None]) -> None:
         self.info: RadarInfo | None = None
         self.refused = False
+        self.unusable: RadarInfo | None = None
+        self.reason = ""
         self._node, self._ready = node, ready
         self._waiting_since: float | None = None
         node.create_subscription(RadarInfoMsg, "radar/info", self._take, qos.LATCHED)
@@ -145,12 +226,11 @@ class InfoKeeper:
     def _take(self, msg: Any) -> None:
         try:
             info = info_from_msg(msg)
-        except HandwaveError as error:
+        except (HandwaveError, ValueError) as error:
             self._node.problem(f"radar/info makes no sense: {error}")
             return
         if self.info is None:
-            self.info = info
-            self._ready(info)
+            self._try(info)
         elif info != self.info:
             self.refused = True
             self._node.problem(
@@ -159,11 +239,28 @@ class InfoKeeper:
             )
         else:
             self.refused = False
-        if self.info is not None and not self.refused:
             self._node.ready()
+
+    def _try(self, info: RadarInfo) -> None:
+        try:
+            self._ready(info)
+        except HandwaveError as error:
+            self.unusable, self.reason = info, str(error)
+            self._node.problem(f"{self._node.get_name()} cannot work with the radar of radar/info: {error}")
+        else:
+            self.accept(info)
+
+    def accept(self, info: RadarInfo) -> None:
+        """Work with this radar from now on; tells that the node is ready."""
+        self.info, self.unusable, self.reason = info, None, ""
+        self._node.frame_interval = info.waveform.frame_interval
+        self._node.ready()
 
     def usable(self) -> bool:
         """Whether data can be processed; says once why not."""
+        if self.unusable is not None:
+            self._node.problem(f"data is refused, because {self._node.get_name()} cannot work with its radar: {self.reason}")
+            return False
         if self.info is None and self._waiting_since is None:
             self._waiting_since = time.monotonic()
         if self.info is None and self._waiting_since is not None and time.monotonic() - self._waiting_since > _INFO_GRACE:

@@ -1,5 +1,7 @@
 """Moving scatterers to beat signals: radar equation and chirp-sequence FMCW with TDM (thesis, sections 2.1.3, 2.2 and 2.3).
 
+Other modulations are in `radar_sim.modulation`.
+
 A sample at time T, ``t`` after its chirp began, has the phase 2 pi (f_min tau(T) + slope tau(T) t). The residual video phase, pi slope
 tau^2, is left out as in (2.11): at 6 m it is 0.11 rad and changes by 0.004 rad from one range bin to the next. Three models, chosen by name
 in `Scene.model`, differ in how they follow tau through a frame; docs/simulator.md has what each costs and gives.
@@ -13,7 +15,7 @@ in `Scene.model`, differ in how they follow tau through a frame; docs/simulator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +55,12 @@ def strength(info: RadarInfo, rcs: Float64Array) -> Float64Array:
 
 
 def visible(info: RadarInfo, position: Float64Array) -> NDArray[np.bool_]:
-    """Which positions (n, 3) of the sensor frame echo at all: before the array, and nearer than `Waveform.max_range`.
+    """Which positions (n, 3) of the sensor frame echo at all: before the array, and for FMCW nearer than `Waveform.max_range`.
 
     The array lies in a plane that shields what is behind it. The receiver has an ideal anti-aliasing filter: a beat frequency above the
-    sample rate is gone, it does not fold back.
+    sample rate is gone, it does not fold back. A tone has no such limit, and OFDM's echoes beyond it do fold back.
     """
-    limit = info.waveform.max_range
+    limit = info.waveform.max_range if info.waveform.modulation == "fmcw" else math.inf
     seen: NDArray[np.bool_] = (position[:, 0] > 0) & ((position**2).sum(-1) < limit**2)
     return seen
 
@@ -133,20 +135,37 @@ def exact(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> 
     ndarray of complex64, shape (tx, chirp, rx, sample)
         Samples [V]; computed in float64.
     """
-    w, array = info.waveform, info.array
-    cube = np.zeros((w.n_chirp, w.n_tx, array.n_rx, w.n_sample), np.complex128)
+    w = info.waveform
+    cube = np.zeros((w.n_chirp, w.n_tx, info.array.n_rx, w.n_sample), np.complex128)
     t = np.arange(w.n_sample) / w.n_sample * w.chirp_duration
+    for delay, drift, amplitude in paths(info, positions, strengths):
+        tau = delay[..., None] + drift[..., None] * t
+        phase = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * t
+        cube += amplitude[..., None] * np.exp(2j * np.pi * (phase - np.rint(phase)))
+    return np.ascontiguousarray(cube.transpose(1, 0, 2, 3)).astype(np.complex64)
+
+
+def paths(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> Iterator[tuple[Float64Array, Float64Array, Float64Array]]:
+    """Follow every scatterer through the frame.
+
+    Parameters
+    ----------
+    info, positions, strengths
+        As for `exact`.
+
+    Yields
+    ------
+    tuple of ndarray of float64, each of shape (chirp, tx, rx)
+        Delay of the true path at the beginning of each chirp [s], its rate of change during the chirp, amplitude [V].
+    """
+    w, array = info.waveform, info.array
     tx, rx = (np.insert(np.asarray(elements, np.float64), 0, 0.0, axis=-1) for elements in (array.tx, array.rx))
     for n, strength_n in enumerate(strengths):
         start = positions[:-1:2, n].reshape(w.n_chirp, w.n_tx, 3)
         end = positions[2::2, n].reshape(w.n_chirp, w.n_tx, 3)
         begins, ends = (_norm(p - tx)[..., None] + _norm(p[:, :, None, :] - rx) for p in (start, end))
         delay, drift = begins / SPEED_OF_LIGHT, (ends - begins) / (SPEED_OF_LIGHT * w.chirp_interval)
-        tau = delay[..., None] + drift[..., None] * t
-        phase = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * t
-        amplitude = strength_n / np.maximum(begins / 2, NEAR) ** 2
-        cube += amplitude[..., None] * np.exp(2j * np.pi * (phase - np.rint(phase)))
-    return np.ascontiguousarray(cube.transpose(1, 0, 2, 3)).astype(np.complex64)
+        yield delay, drift, strength_n / np.maximum(begins / 2, NEAR) ** 2
 
 
 def _norm(vector: Float64Array) -> Float64Array:

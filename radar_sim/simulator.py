@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radar_core import NO_GESTURE, DataError, RadarFrame
 from radar_sim.body import Body, Pose
 from radar_sim.effects import leakage, thermal_noise, two_way_gain
+from radar_sim.modulation import MODELS, ofdm_leakage
 from radar_sim.propagation import exact, separable, strength, visible
 from radar_sim.scene import Scene
 from radar_sim.truth import SimulatedFrame, Truth
@@ -67,11 +68,14 @@ class Simulator:
         self._point = np.array([p.position for p in scene.points], np.float64).reshape(-1, 3)
         self._point_velocity = np.array([p.velocity for p in scene.points], np.float64).reshape(-1, 3)
         self._point_rcs = np.array([p.rcs for p in scene.points], np.float64)
-        self._blocks = {"separable": 1, "blocks": scene.blocks, "exact": w.n_tx * w.n_chirp}[scene.model]
-        self._model = exact if scene.model == "exact" else separable
+        # A tone and OFDM have one model, which follows every chirp as the exact one does.
+        model = scene.model if w.modulation == "fmcw" else "exact"
+        self._blocks = {"separable": 1, "blocks": scene.blocks, "exact": w.n_tx * w.n_chirp}[model]
+        self._model = MODELS.get(w.modulation, exact if model == "exact" else separable)
         self._offsets = np.linspace(0.0, w.acquisition_time, 2 * self._blocks + 1)
         coupling = scene.effects.coupling
-        self._leakage = None if coupling is None else leakage(coupling, self.info)
+        leak = ofdm_leakage if w.modulation == "ofdm" else leakage
+        self._leakage = None if coupling is None else leak(coupling, self.info)
 
     def process(self, sequence: int) -> SimulatedFrame:
         """Simulate one frame: a function of the scene and ``sequence`` only, whatever was simulated before.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import PointCloud
+from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import cartesian_to_spherical
 
 Float32Array = NDArray[np.float32]
@@ -59,6 +60,6 @@ def cloud_from_ti(
         distance, azimuth, elevation = cartesian_to_spherical(position)
     else:
         distance, azimuth, elevation = spherical[:, 0], -spherical[:, 1], spherical[:, 2]
-    fields = [np.ascontiguousarray(f, np.float32) for f in (*position.T, distance, azimuth, elevation, radial_speed, snr)]
-    fields.append(np.full(len(snr), noise, np.float32))
-    return PointCloud(stamp_ns, sequence, "radar", *fields)
+    columns = (*position.T, distance, azimuth, elevation, radial_speed, snr, np.full(len(snr), noise))
+    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in zip(ARRAY_FIELDS, columns, strict=False)}
+    return PointCloud(stamp_ns, sequence, "radar", **named)

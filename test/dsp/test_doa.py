@@ -95,15 +95,17 @@ def test_more_steps_only_refine():
 
 
 def test_auto_mode_is_what_the_array_can_do():
-    """Two rows give both angles, a horizontal line azimuth, one element (or a vertical line) nothing."""
+    """Two rows give both angles, a horizontal line azimuth, a vertical one elevation, one element nothing."""
     upright = np.array([[0.0, i * HALF] for i in range(4)])
     assert resolve_mode("auto", INFO.array.virtual, LAMBDA) == "azimuth_elevation"
     assert resolve_mode("auto", LINE.array.virtual, LAMBDA) == "azimuth"
     assert resolve_mode("auto", SINGLE.array.virtual, LAMBDA) == "void"
-    assert resolve_mode("auto", upright, LAMBDA) == "void"
+    assert resolve_mode("auto", upright, LAMBDA) == "elevation"
 
 
-@pytest.mark.parametrize(("info", "mode"), [(LINE, "azimuth_elevation"), (SINGLE, "azimuth"), (SINGLE, "azimuth_elevation")])
+@pytest.mark.parametrize(
+    ("info", "mode"), [(LINE, "azimuth_elevation"), (LINE, "elevation"), (SINGLE, "azimuth"), (SINGLE, "azimuth_elevation")]
+)
 def test_refuses_what_the_array_cannot_do(info, mode):
     """With the mode that would work in the message."""
     with pytest.raises(ConfigError, match=r"doa.mode is .* can only give"):

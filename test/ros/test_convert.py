@@ -57,7 +57,9 @@ def numbers(rng, *shape, dtype=np.float64):
 def test_point_cloud(stamp, n, seed):
     """Clouds of any size, also empty, with any bits."""
     rng = np.random.default_rng(seed)
-    cloud = PointCloud(stamp, 7, "left/radar", **{name: numbers(rng, n, dtype=np.float32) for name in ARRAY_FIELDS}, quality=Quality(seed % 32))
+    cloud = PointCloud(
+        stamp, 7, "left/radar", **{name: numbers(rng, n, dtype=np.float32) for name in ARRAY_FIELDS}, quality=Quality(seed % 32)
+    )
     same(convert.cloud_from_msg(through(convert.cloud_to_msg(cloud))), cloud)
 
 
@@ -66,7 +68,13 @@ def test_point_cloud(stamp, n, seed):
 def test_radar_frame(stamp, seed, shape):
     """Frames of any shape and any bits."""
     cube = numbers(np.random.default_rng(seed), *shape, 2, dtype=np.float32).view(np.complex64)[..., 0]
-    frame = RadarFrame(cube=np.ascontiguousarray(cube), stamp_ns=stamp, sequence=3, frame_id="radar", missing=np.arange(seed % (shape[0] * shape[1] + 1), dtype=np.uint32))
+    frame = RadarFrame(
+        cube=np.ascontiguousarray(cube),
+        stamp_ns=stamp,
+        sequence=3,
+        frame_id="radar",
+        missing=np.arange(seed % (shape[0] * shape[1] + 1), dtype=np.uint32),
+    )
     same(convert.frame_from_msg(through(convert.frame_to_msg(frame))), frame)
 
 
@@ -75,11 +83,27 @@ def test_radar_info():
     info = RadarInfo(
         frame_id="right/radar",
         waveform=Waveform(
-            modulation="ofdm", code_seed=7, carrier=24.1e9, bandwidth=77 / 64e-6, chirp_duration=64e-6, chirp_pause=1e-7, frame_interval=0.05, n_tx=1, n_chirp=33, n_sample=77
+            modulation="ofdm",
+            code_seed=7,
+            carrier=24.1e9,
+            bandwidth=77 / 64e-6,
+            chirp_duration=64e-6,
+            chirp_pause=1e-7,
+            frame_interval=0.05,
+            n_tx=1,
+            n_chirp=33,
+            n_sample=77,
         ),
         array=AntennaArray(
-            tx=((0.1, -0.2),), rx=((0.0, 1e-9), (0.3, 0.4), (1 / 3, 2 / 3)), gain=3.3, tx_power=-1.5, fov_azimuth=1.1, fov_elevation=0.3,
-            channel_gain=(0.1, -0.2, 1 / 3), channel_phase=(0.1, 2.0, -3.0), channel_shift=((1e-4, 0.0), (0.0, 2e-4), (1e-5, 1 / 7)),
+            tx=((0.1, -0.2),),
+            rx=((0.0, 1e-9), (0.3, 0.4), (1 / 3, 2 / 3)),
+            gain=3.3,
+            tx_power=-1.5,
+            fov_azimuth=1.1,
+            fov_elevation=0.3,
+            channel_gain=(0.1, -0.2, 1 / 3),
+            channel_phase=(0.1, 2.0, -3.0),
+            channel_shift=((1e-4, 0.0), (0.0, 2e-4), (1e-5, 1 / 7)),
         ),
         mount=Pose(x=1.5, y=-2.5, z=0.7, yaw=-1.2, tilt=0.3),
         full_scale=1.25,

@@ -134,7 +134,7 @@ def test_tiny_frames(n_chirp, n_sample):
     try:
         baseband = Baseband(BasebandConfig(coupling=CouplingConfig(range_extent=0.0)), info)
     except ConfigError as error:
-        if "training cells" in str(error):
+        if "training cells" in str(error) or (n_sample == 1 and "measures no range" in str(error)):
             return
         raise
     rng = np.random.default_rng(7)
@@ -173,12 +173,18 @@ def test_many_detections_stay_bounded():
 @pytest.mark.parametrize("false_alarm", [1e-12, 1e-6, 0.1])
 @pytest.mark.parametrize("n_channel", [1, 8, 256])
 def test_thresholds_over_many_orders(false_alarm, n_channel):
-    """From one to 256 channels and down to 1e-12 the solved factor gives the wanted probability back (1e-6 relative)."""
-    k, n, eff = np.array([54.0]), np.array([72.0]), np.array([20.0])
-    factor, level = thresholds.os_factor(false_alarm, k, n, eff, n_channel)
-    assert thresholds.os_false_alarm(factor, k, n, eff, n_channel)[0] == pytest.approx(false_alarm, rel=1e-6)
-    assert 0.9 < level[0] < 2
-    assert np.isfinite(thresholds.ca_factor(false_alarm, eff, n_channel)).all()
+    """From one to 256 channels and down to 1e-12 the solved factor is the closed form's, also where the cells are nearly copies."""
+    average = lambda p: p.mean(axis=1).astype(float)  # noqa: E731
+    factor, level = thresholds.design(np.eye(25, dtype=complex), average, false_alarm, n_channel)
+    assert factor == pytest.approx(thresholds.ca_factor(false_alarm, np.array([24.0]), n_channel)[0], rel=0.01)
+    assert 0.9 < level < 1.1
+    alike = np.full((25, 25), 1 - 1e-9, complex)
+    alike[0] = alike[:, 0] = 0
+    np.fill_diagonal(alike, 1)
+    found = thresholds.design(alike, average, false_alarm, n_channel)[0]
+    assert found > factor
+    if n_channel >= 8 and false_alarm >= 1e-6:  # beyond, the tail of one cell is heavier than the draws reach
+        assert found == pytest.approx(thresholds.ca_factor(false_alarm, np.array([1.0]), n_channel)[0], rel=0.05)
 
 
 def test_large_frame():

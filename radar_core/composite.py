@@ -1,0 +1,147 @@
+"""The clouds of several sensors as one (thesis, figure A.16, TargetsComposite)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.checks import require_shape
+from radar_core.cloud import ARRAY_FIELDS, PointCloud, Quality
+from radar_core.errors import ConfigError, DataError
+from radar_core.pose import Pose
+
+_SECOND = 1_000_000_000  # ns
+
+
+@dataclass(frozen=True)
+class CloudSource:
+    """Where the points of one sensor came from: the sensor, its mount, and the cloud that was merged."""
+
+    frame_id: str
+    mount: Pose
+    stamp_ns: int
+    sequence: int
+    quality: Quality
+
+
+def _nobody() -> NDArray[np.int32]:
+    return np.empty(0, np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class CloudComposite(PointCloud):
+    """Clouds of several sensors that are used like one `PointCloud` in ``room``; made by `merge`.
+
+    Positions are in ``room``. What a sensor measured (range, azimuth, elevation, radial_speed and their standard deviations) stays
+    relative to that sensor; `sensor` says to which.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        The latest of the sources' stamps [ns], so that the stamps of a stream of composites never go back.
+    sequence : int
+        Of the first source; another count: ``dataclasses.replace(composite, sequence=...)``.
+    quality : Quality
+        What is wrong with any of the sources.
+    sensor : ndarray of int32, shape (n_points,)
+        Index into `sources` of the sensor that saw the point.
+    sources : tuple of CloudSource
+        The sensors, in the order of the merged clouds.
+    """
+
+    sensor: NDArray[np.int32] = field(default_factory=_nobody)
+    sources: tuple[CloudSource, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_shape("CloudComposite.sensor", self.sensor, (len(self.x),))
+        if self.sensor.dtype != np.int32:
+            raise DataError(f"CloudComposite.sensor is {self.sensor.dtype}, expected int32")
+        if len(self.sensor) and not (self.sensor.min() >= 0 and self.sensor.max() < len(self.sources)):
+            raise DataError(f"CloudComposite.sensor has entries outside 0..{len(self.sources) - 1}, the indices of its sources")
+
+    def select(self, index: NDArray[np.generic]) -> CloudComposite:
+        """Keep the points that a mask or an index array picks, in its order; the sources stay."""
+        return replace(self, sensor=self.sensor[index], **{name: getattr(self, name)[index] for name in ARRAY_FIELDS})
+
+    @property
+    def parts(self) -> tuple[PointCloud, ...]:
+        """The points of each source as a cloud of its own in ``room``, with that source's stamp, sequence and quality."""
+        return tuple(self._part(number, source) for number, source in enumerate(self.sources))
+
+    def _part(self, number: int, source: CloudSource) -> PointCloud:
+        own = self.sensor == number
+        arrays = {name: getattr(self, name)[own] for name in ARRAY_FIELDS}
+        return PointCloud(source.stamp_ns, source.sequence, self.frame_id, **arrays, quality=source.quality)
+
+
+def merge(clouds: Sequence[PointCloud], mounts: Sequence[Pose], tolerance: float = 0.02) -> CloudComposite:
+    """Put the clouds that several sensors made at about the same time into one, in ``room``.
+
+    Parameters
+    ----------
+    clouds : sequence of PointCloud
+        At least one, in sensor frames, or in ``room`` already. Composites may be merged again.
+    mounts : sequence of Pose
+        Where each sensor stands; not used for a cloud that is in ``room`` already.
+    tolerance : float
+        How far apart the stamps may lie [s]. Nothing is moved in time: at 4 m/s the default of 20 ms is a step of 80 mm at most.
+
+    Returns
+    -------
+    CloudComposite
+        The points of the first cloud, then those of the second, and so on. With one cloud: the points of ``cloud.to_room(mount)``.
+
+    Raises
+    ------
+    DataError
+        When there is no cloud, not one mount for each, or stamps lie further apart than ``tolerance``.
+    ConfigError
+        When ``tolerance`` is negative or not finite.
+    """
+    if not (math.isfinite(tolerance) and tolerance >= 0):
+        raise ConfigError(f"tolerance is {tolerance}; it must be a finite number of seconds, 0 or more")
+    if not clouds or len(clouds) != len(mounts):
+        raise DataError(f"{len(clouds)} clouds with {len(mounts)} mounts cannot be merged; give at least one cloud, and one mount for each")
+    sources = [_sources(cloud, mount) for cloud, mount in zip(clouds, mounts, strict=True)]
+    every = [source for group in sources for source in group]
+    _refuse_apart(every, tolerance)
+    levelled = [cloud.to_room(mount) for cloud, mount in zip(clouds, mounts, strict=True)]
+    first = np.cumsum([0, *map(len, sources)])  # number of each cloud's first source
+    quality = Quality.GOOD
+    for source in every:
+        quality |= source.quality
+    return CloudComposite(
+        stamp_ns=max(source.stamp_ns for source in every),
+        sequence=every[0].sequence,
+        frame_id="room",
+        **{name: np.concatenate([getattr(cloud, name) for cloud in levelled]) for name in ARRAY_FIELDS},
+        quality=quality,
+        sensor=np.concatenate([start + _sensor(cloud) for start, cloud in zip(first, clouds, strict=False)]).astype(np.int32),
+        sources=tuple(every),
+    )
+
+
+def _sources(cloud: PointCloud, mount: Pose) -> tuple[CloudSource, ...]:
+    if isinstance(cloud, CloudComposite):
+        return cloud.sources
+    return (CloudSource(cloud.frame_id, mount, cloud.stamp_ns, cloud.sequence, cloud.quality),)
+
+
+def _sensor(cloud: PointCloud) -> NDArray[np.int32]:
+    return cloud.sensor if isinstance(cloud, CloudComposite) else np.zeros(len(cloud), np.int32)
+
+
+def _refuse_apart(sources: Sequence[CloudSource], tolerance: float) -> None:
+    """Raise `DataError` naming the earliest and the latest when they lie too far apart."""
+    early, late = min(sources, key=lambda s: s.stamp_ns), max(sources, key=lambda s: s.stamp_ns)
+    apart = late.stamp_ns - early.stamp_ns
+    if apart > round(tolerance * _SECOND):
+        raise DataError(
+            f"cloud {late.sequence} of {late.frame_id!r} is {apart / _SECOND:.6g} s younger than cloud {early.sequence} of "
+            f"{early.frame_id!r}, more than the tolerance of {tolerance:g} s; pair clouds by their stamps, or synchronise the clocks"
+        )

@@ -1,0 +1,155 @@
+"""Calibrations on disk, and putting one into a radar's description."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radar_core import AntennaArray, ConfigError, HandwaveError, RadarInfo
+from radar_core.config import load
+from radar_dsp.calibration import CalibratedArray
+from radar_dsp.steering_table import SteeringTable
+
+FORMAT: Final = 1
+"""Version of the file; a reader refuses every other."""
+
+_ARRAYS: Final = ("dead", "phase_residual", "gain_residual", "gain_std", "phase_std", "shift_std", "offset", "offset_std")
+_TABLE: Final = ("azimuth", "elevation", "vectors")
+_ADVICE: Final = "make one with `handwave calibrate RECORDING -o array.npz`"
+_SAME: Final = 1e-6
+"""Positions differ when they do by more than this [m]; carriers, by more than a thousandth."""
+
+
+def save_array(result: CalibratedArray, path: str | Path) -> None:
+    """Write a calibration to ``path`` (.npz): plain arrays and JSON text, no pickles.
+
+    Parameters
+    ----------
+    result : CalibratedArray
+        What to write.
+    path : str or Path
+        Target; its folder is made.
+
+    Raises
+    ------
+    ConfigError
+        When it cannot be written.
+    """
+    path = Path(path)
+    about = {
+        "array": dataclasses.asdict(result.array),
+        "carrier": result.carrier,
+        "observed": list(result.observed),
+        "condition": result.condition,
+        "structure": result.structure,
+        "range": result.range,
+        "n_snapshot": result.n_snapshot,
+    }
+    content: dict[str, Any] = {name: getattr(result, name) for name in _ARRAYS}
+    if result.table is not None:
+        content |= {f"table_{name}": getattr(result.table, name) for name in _TABLE}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb") as file:
+            np.savez(file, allow_pickle=False, format=np.int64(FORMAT), about=np.array(json.dumps(about)), **content)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot write the calibration ({error.strerror or error}); choose another place") from None
+
+
+def load_array(path: str | Path) -> CalibratedArray:
+    """Read a calibration.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such file, it is no calibration, or it is of another version; the message says what to do.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {key: file[key] for key in file.files}
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such calibration; check the path, or {_ADVICE}") from None
+    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise ConfigError(f"{path}: not a calibration ({error}); {_ADVICE}") from None
+    missing = {"format", "about", *_ARRAYS} - content.keys()
+    if missing:
+        raise ConfigError(f"{path}: not a calibration: it has no {', '.join(sorted(missing))}; {_ADVICE}")
+    if content["format"].shape != () or int(content["format"]) != FORMAT:
+        raise ConfigError(f"{path}: calibration format {content['format']}, but this version of Handwave reads format {FORMAT}; {_ADVICE}")
+    try:
+        return _build(content)
+    except (HandwaveError, KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: not a calibration that can be used ({error}); {_ADVICE}") from None
+
+
+def _build(content: dict[str, Any]) -> CalibratedArray:
+    about = json.loads(str(content["about"]))
+    array = load(AntennaArray, about["array"])
+    n = array.n_tx * array.n_rx
+    for name in _ARRAYS:
+        wanted: tuple[int | None, ...] = (None, 2) if name.startswith("offset") else (n, 2) if name == "shift_std" else (n,)
+        shape = content[name].shape
+        if len(shape) != len(wanted) or any(w not in (None, g) for w, g in zip(wanted, shape, strict=True)):
+            raise ConfigError(f"{name} has shape {shape} for {n} channels")
+    table = None
+    if "table_vectors" in content:
+        table = SteeringTable(*(content[f"table_{name}"] for name in _TABLE))
+    return CalibratedArray(
+        array=array,
+        carrier=float(about["carrier"]),
+        observed=(bool(about["observed"][0]), bool(about["observed"][1])),
+        condition=float(about["condition"]),
+        structure=float(about["structure"]),
+        range=float(about["range"]),
+        n_snapshot=int(about["n_snapshot"]),
+        table=table,
+        **{name: content[name] for name in _ARRAYS},
+    )
+
+
+def calibrate_info(info: RadarInfo, result: CalibratedArray) -> RadarInfo:
+    """Put a calibration into a radar's description; one that it carries is replaced.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        The radar; its mount, power and field of view stay.
+    result : CalibratedArray
+        The calibration.
+
+    Returns
+    -------
+    RadarInfo
+        With `AntennaArray.channel_gain`, ``channel_phase`` and ``channel_shift``.
+
+    Raises
+    ------
+    ConfigError
+        When the calibration is of another array or another carrier.
+    """
+    for name in ("tx", "rx"):
+        own, other = (np.asarray(getattr(array, name), np.float64) for array in (info.array, result.array))
+        if own.shape != other.shape or np.abs(own - other).max() > _SAME:
+            raise ConfigError(
+                f"the calibration is of an array with other {name} positions ({len(other)} elements) than that of radar "
+                f"{info.frame_id!r} ({len(own)}); calibrate this radar, or correct its array"
+            )
+    carrier = info.waveform.carrier
+    if abs(carrier - result.carrier) > 1e-3 * carrier:
+        raise ConfigError(
+            f"the calibration holds at {result.carrier * 1e-9:.3f} GHz, but the radar's carrier is {carrier * 1e-9:.3f} GHz; the phases of "
+            "its lines change with it: calibrate at that carrier"
+        )
+    array = dataclasses.replace(
+        info.array,
+        channel_gain=result.array.channel_gain,
+        channel_phase=result.array.channel_phase,
+        channel_shift=result.array.channel_shift,
+    )
+    return dataclasses.replace(info, array=array)
