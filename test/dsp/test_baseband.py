@@ -170,7 +170,7 @@ def test_back_ends_agree():
     clouds = [Baseband(BasebandConfig(backend=backend, grouping="none"), INFO).process(given) for backend in ("numba", "numpy")]
     assert len(clouds[0]) == len(clouds[1]) > 50
     for name in ARRAY_FIELDS:
-        np.testing.assert_allclose(getattr(clouds[0], name), getattr(clouds[1], name), rtol=1e-4, atol=1e-5, err_msg=name)
+        np.testing.assert_allclose(getattr(clouds[0], name), getattr(clouds[1], name), rtol=1e-5, atol=1e-6, err_msg=name)
 
 
 def test_quality():
