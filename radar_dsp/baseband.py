@@ -97,9 +97,12 @@ class Baseband:
 
     def _first_frame(self) -> None:
         """Run everything once: what is compiled at its first call must not make a live radar's first frames late."""
+        w = self.info.waveform
         rng = np.random.default_rng(0)
-        noise = rng.standard_normal((*self.info.cube_shape[:-1], 2 * self.info.waveform.n_sample), np.float32)
-        self.process(RadarFrame(noise.view(np.complex64), 0, 0, self.info.frame_id))
+        noise = rng.standard_normal((*self.info.cube_shape[:-1], 2 * w.n_sample), np.float32).view(np.complex64)
+        # An echo, so that there is something to locate: a quarter of a turn from chirp to chirp and from sample to sample.
+        tone = np.exp(0.5j * np.pi * (np.arange(w.n_chirp)[:, None, None] + np.arange(w.n_sample)))
+        self.process(RadarFrame(noise + 30 * tone.astype(np.complex64), 0, 0, self.info.frame_id))
         self.n_capped = 0
 
     def process(self, frame: RadarFrame) -> PointCloud:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -68,12 +69,18 @@ class BasebandNode(StageNode):
         self._config = declare_config(self, BasebandConfig, changeable=True)
         self._calibration = str(declare(self, "calibration", "", "file of handwave calibrate for this radar's array (.npz); empty: none"))
         self._baseband: Baseband | None = None
+        self._warm_up()
         self._tally = Tally()
         self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
         on_change(self, self._config, self._prepare)
         self.create_subscription(RadarFrameMsg, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
+
+    def _warm_up(self) -> None:
+        """Compile and design thresholds before subscribing: a driver that waits for its readers then loses no frame meanwhile."""
+        with contextlib.suppress(HandwaveError):  # what suits no usual radar may suit the one that comes, and is refused there
+            Baseband(self._config, RadarInfo())
 
     def _configure(self, info: RadarInfo) -> None:
         self._baseband = self._make(self._config, info)
