@@ -18,7 +18,7 @@ def main() -> int:
     """Parse the command line, run the benchmark, print JSON or a table."""
     import benchmarks
 
-    skip = {"__main__", "report", "plot", "document", "dsp_accuracy", "dsp_frames"}
+    skip = {"__main__", "report", "plot", "document", "dsp_accuracy", "dsp_frames", "propagation", "synthesis"}
     names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name not in skip)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure Handwave: figures, and accuracy beside time.")
     parser.add_argument("name", choices=names, help="what to measure")

@@ -1,114 +1,150 @@
-"""Scenes to raw frames: what each model of the echoes costs, and how far it is from the exact one.
+"""Scenes to raw frames: what each model of propagation and each effect costs, and what it gives.
 
-Times are of one frame of the demo scene's two gesturing people without effects, poses and truth included, beside the bare complex64
-matrix product that the separable model comes down to. Accuracies are relative root-mean-square errors of raw frames against the exact
-model, over frames spread over the scene's gestures. The flat keys have the whole simulator's time with all of the demo's effects, that of
-the echoes alone, and the signal-to-noise ratios of the demo's people.
+Times of the models are beside the bare complex64 matrix product (or the bare NUFFT) that they come down to; errors are relative
+root-mean-square errors of samples. Of effects, "accuracy" is what leaving the effect out changes. The real-time factors are of the whole
+simulator: postures, skeleton, surface, occlusion, propagation, effects, truth; one person who gestures at 2.3 m, 50 frames a second.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.report import choice, measure, measure_together
-from radar_sim import Effects, Scene, Simulator, load_scene
-from radar_sim.body import PARTS
-from radar_sim.propagation import separable, strength
+from benchmarks import propagation, synthesis
+from benchmarks.report import choice, measure_together
+from radar_core import RadarFrame
+from radar_sim import (
+    Action,
+    Coupling,
+    Echoes,
+    Effects,
+    Losses,
+    Noise,
+    Occlusion,
+    Pattern,
+    Person,
+    Scene,
+    SimulatedFrame,
+    Simulator,
+    load_scene,
+)
+from radar_sim.link import strength
+from radar_sim.probe import NAMES, Probe, switched
 
-BLOCKS = (2, 4, 8, 16)
-
-
-def models(scene: Scene) -> dict[str, Simulator]:
-    """One simulator per choice, without effects."""
-    bare = dataclasses.replace(scene, effects=Effects())
-    result = {"model=separable": Simulator(bare)}
-    result |= {f"model=blocks blocks={n}": Simulator(dataclasses.replace(bare, model="blocks", blocks=n)) for n in BLOCKS}
-    return result | {"model=exact": Simulator(dataclasses.replace(bare, model="exact"))}
-
-
-def error(cubes: list[NDArray[np.complex64]], references: list[NDArray[np.complex64]]) -> float:
-    """Root of the summed squared differences over that of the references."""
-    pairs = [(c.astype(np.complex128), r.astype(np.complex128)) for c, r in zip(cubes, references, strict=True)]
-    return float(np.sqrt(sum((np.abs(c - r) ** 2).sum() for c, r in pairs) / sum((np.abs(r) ** 2).sum() for _, r in pairs)))
-
-
-def bare_product(simulator: Simulator, n: int) -> Callable[[], Any]:
-    """Return the matrix product of ``n`` scatterers that no separable model can do without."""
-    w, rng = simulator.info.waveform, np.random.default_rng(0)
-    sizes = ((w.n_tx * w.n_chirp, n), (n, simulator.info.array.n_rx * w.n_sample))
-    slow, fast = ((rng.standard_normal(s) + 1j * rng.standard_normal(s)).astype(np.complex64) for s in sizes)
-    return lambda: slow @ fast
+DEFAULT = Effects(occlusion=Occlusion(), doppler_in_chirp=True, pattern=Pattern(), losses=Losses(), coupling=Coupling(), noise=Noise())
+"""Effects that our scenes with people name."""
+MIDDLE = 105
+"""Frame in the middle of the push."""
 
 
-def seen(simulator: Simulator, sequence: int) -> int:
-    """Scatterers that echo."""
-    return int((simulator.scatterers(sequence).rcs > 0).sum())
+def one_person(body: str, effects: Effects) -> Scene:
+    """One person at 2.3 m who pushes half a second into the scene."""
+    person = Person(position=(2.3, 0.2), body=body, script=(Action(gesture="push", at=2.0),))
+    return Scene(duration=3.0, people=(person,), effects=effects)
 
 
-def echoes_alone(simulator: Simulator, sequence: int) -> Callable[[], Any]:
-    """Separable echoes of the visible scatterers, poses given."""
-    everything = simulator.scatterers(sequence)
-    use = everything.rcs > 0
-    positions, strengths = everything.positions[:, use], strength(simulator.info, everything.rcs[use])
-    return lambda: separable(simulator.info, positions, strengths)
+def by_hand(simulator: Simulator, sequence: int) -> Callable[[], Any]:
+    """Do what a simulator without effects comes down to, without any place where effects could be."""
+    w, world, mount = simulator.info.waveform, simulator.world, simulator.info.mount
+    time, span, empty = sequence * simulator.interval, w.acquisition_time, np.empty(0, np.uint32)
+
+    def frame() -> Any:
+        poses = world.poses(time + span / 2, span)
+        seen = simulator._facing(world.scatterers(time + span / 2, span, poses))
+        rcs = seen.towards(mount.origin)
+        seen = dataclasses.replace(seen, rcs=rcs).select(np.flatnonzero(rcs > 0))
+        motion = seen.motion.turned(mount.rotation, mount.origin)
+        strengths = strength(simulator.info, seen.rcs).astype(np.complex128)
+        echoes = Echoes(motion, motion, strengths, seen.owner, np.arange(len(seen), dtype=np.int32))
+        echoes = echoes if (echoes.range < w.max_range).all() else Echoes.none()
+        start = round(time * 1e9)
+        made = RadarFrame(simulator.propagator.process(echoes), start, sequence, simulator.info.frame_id, empty)
+        return SimulatedFrame(made, world.truth(w, start, sequence, poses, seen))
+
+    return frame
 
 
-def cell_snr(scene: Scene, sequence: int, person: int, part: slice) -> float:
-    """Signal-to-noise ratio in dB per channel of a part's strongest cell behind Hann windows, by the scene's own noise and losses."""
-    simulator, w = Simulator(dataclasses.replace(scene, effects=Effects())), scene.radar.waveform
-    everything, noise, losses = simulator.scatterers(sequence), scene.effects.noise, scene.effects.losses
-    count = sum(n * {"torso": 1, "head": 1}.get(name, 2) for name, (n, _) in PARTS.items())
-    pick = np.arange(person * count, (person + 1) * count)[part]
-    cube = separable(simulator.info, everything.positions[:, pick], strength(simulator.info, everything.rcs[pick]))
-    window = np.hanning(w.n_chirp)[:, None, None] * np.hanning(w.n_sample)
-    power = np.abs(np.fft.fft2(cube * window, axes=(1, 3))) ** 2
-    assert noise is not None
-    floor = 50 * 1.380649e-23 * noise.temperature * w.n_sample / w.chirp_duration * 10 ** (noise.noise_figure / 10) * (window**2).sum()
-    return float(10 * np.log10(power.mean(axis=(0, 2)).max() / floor) - (losses.level if losses else 0.0))
+def paired(one: Callable[[], Any], other: Callable[[], Any], repeat: int) -> float:
+    """Median ratio of times of pairs of calls; each is first in every second pair, because the second finds warmer caches."""
+    ratios = []
+    for k in range(-3, repeat):
+        calls = {"one": one, "other": other} if k % 2 else {"other": other, "one": one}
+        times = measure_together(calls, repeat=1, warmup=0)
+        if k >= 0:
+            ratios.append(times["one"][0] / times["other"][0])
+    return float(np.median(ratios))
+
+
+def whole(quick: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
+    """Time the whole simulator."""
+    repeat = 10 if quick else 200
+    plain = Simulator(one_person("ellipsoids", Effects()))
+    simulators = {
+        "body=ellipsoids": Simulator(one_person("ellipsoids", DEFAULT)),
+        "body=mesh": Simulator(one_person("mesh", DEFAULT)),
+    }
+    times = measure_together({n: (lambda s=s: s.process(MIDDLE)) for n, s in {"plain": plain, **simulators}.items()}, repeat=repeat)
+    interval = plain.interval * 1e3
+    keys = {
+        "unused_effects_overhead": paired(lambda: plain.process(MIDDLE), by_hand(plain, MIDDLE), repeat),
+        "realtime_factor_one_person": float(interval / np.median(times["body=ellipsoids"])),
+        "realtime_factor_one_person_mesh": float(interval / np.median(times["body=mesh"])),
+        "frame_ms_one_person": float(np.median(times["body=ellipsoids"])),
+        "frame_ms_one_person_mesh": float(np.median(times["body=mesh"])),
+    }
+    rows = []
+    for name, simulator in simulators.items():
+        seen = len(simulator.process(MIDDLE).truth.scatterer_rcs)
+        rows.append(choice("simulator", name, accuracy=("visible scatterers", seen, ""), times_ms=times[name], reference_ms=times["plain"]))
+    return keys, rows
+
+
+def effects(quick: bool) -> list[dict[str, Any]]:
+    """Time a frame of the crowded living room with each effect and without, and say what leaving it out changes."""
+    scene = dataclasses.replace(load_scene("side_by_side"), walls=load_scene("empty_room").walls, effects=Effects())
+    probe = Probe(scene)
+    rows = []
+    for name in NAMES:
+        with_it, without = probe.simulator(switched(Effects(), name, True)), probe.simulator(Effects())
+        k = with_it.n_frames // 2
+        pair = {"with": lambda s=with_it, k=k: s.process(k), "without": lambda s=without, k=k: s.process(k)}
+        times = measure_together(pair, repeat=3 if quick else 30)
+        change = ("rms change of the samples", probe.change(name), "")
+        rows.append(choice("simulator", f"effect={name}", accuracy=change, times_ms=times["with"], reference_ms=times["without"]))
+    return rows
+
+
+def crowd_memory(frames: int, points: int = 50_000) -> dict[str, float]:
+    """Peak memory [MB] of a process that simulates a scene of many points, start and libraries included, and its time a frame [ms]."""
+    code = (
+        "import time; import numpy as np; from radar_sim import *\n"
+        f"rng, n = np.random.default_rng(0), {points}\n"
+        "places = np.column_stack([rng.uniform(1, 5, n), rng.uniform(-2, 2, n), rng.uniform(0, 2, n)]).tolist()\n"
+        "points = tuple(Point(position=tuple(p), velocity=(0.3, 0.1, 0.0)) for p in places)\n"
+        f"simulator = Simulator(Scene(duration={frames} * 0.02, points=points, effects=Effects(doppler_in_chirp=True)))\n"
+        "start = time.perf_counter()\n"
+        "for k in range(simulator.n_frames): simulator.process(k)\n"
+        "taken = time.perf_counter() - start\n"
+        "print(next(line for line in open('/proc/self/status') if line.startswith('VmHWM')).split()[1], taken)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    peak, taken = done.stdout.split()
+    return {
+        "crowd_points": points,
+        "crowd_frames": frames,
+        "crowd_peak_mb": float(peak) / 1024,
+        "crowd_frame_ms": float(taken) / frames * 1e3,
+    }
 
 
 def run(quick: bool) -> dict[str, Any]:
     """Measure and return the figures."""
-    scene = load_scene("demo")
-    simulators = models(scene)
-    frames = list(range(320, 1450, 400 if quick else 45))
-    cubes = {name: [s.process(k).frame.cube for k in frames] for name, s in simulators.items()}
-    n = seen(simulators["model=separable"], 450)
-    reference = f"bare complex64 product of {n} scatterers"
-    calls = {reference: bare_product(simulators["model=separable"], n)}
-    calls |= {name: (lambda s=s: s.process(450)) for name, s in simulators.items() if name != "model=exact"}
-    echoes = echoes_alone(simulators["model=separable"], 450)
-    calls |= {"echoes": echoes}
-    times = measure_together(calls, repeat=5 if quick else 100)
-    times["model=exact"] = measure(lambda: simulators["model=exact"].process(450), repeat=1 if quick else 5, warmup=0)
-    full = Simulator(scene)
-    whole = measure(lambda: full.process(450), repeat=5 if quick else 200)
-    torso, hand = slice(0, PARTS["torso"][0]), slice(PARTS["torso"][0] + PARTS["head"][0] + PARTS["upper"][0], None)
-    hand = slice(hand.start, hand.start + PARTS["fore"][0] + PARTS["hand"][0])
-    strokes = [int(s.start * 50) + 12 for s in full._bodies[0].timeline.segments if s.kind == "gesture"]
-    snr = {name: float(np.median([cell_snr(scene, k, 0, part) for k in strokes])) for name, part in (("torso", torso), ("hand", hand))}
-    label = "relative RMS error against exact"
-    return {
-        "simulator_frame_ms": float(np.median(whole)),
-        "simulator_frame_p95_ms": float(np.percentile(whole, 95)),
-        "simulator_scatterers": n,
-        "simulator_real_time_factor": float(scene.radar.waveform.frame_interval * 1e3 / np.median(whole)),
-        "simulator_echoes_ratio_to_bare_product": float(np.median(times["echoes"]) / np.median(times[reference])),
-        "torso_snr_db": snr["torso"],
-        "hand_snr_db": snr["hand"],
-        "choices": [
-            choice(
-                "simulator",
-                name,
-                accuracy=(label, error(cubes[name], cubes["model=exact"]), ""),
-                times_ms=times[name],
-                reference_ms=times[reference],
-            )
-            for name in simulators
-        ],
-    }
+    dial = propagation.run(quick)
+    keys, rows = whole(quick)
+    keys |= synthesis.measure(2 if quick else 10) | crowd_memory(3 if quick else 1000)
+    return {**dial, **keys, "choices": [*dial["choices"], *rows, *effects(quick)]}

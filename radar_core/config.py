@@ -7,10 +7,11 @@ line and key, and a node declares one ROS parameter per knob with the same descr
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -85,11 +86,18 @@ def check_knobs(instance: Any) -> None:
         where = f"{type(instance).__name__}.{field.name}"
         value = getattr(instance, field.name)
         if meta["choices"] is not None and value not in meta["choices"]:
-            raise ConfigError(f"{where} is {value!r}; choose one of {', '.join(map(repr, meta['choices']))}")
+            choices = ", ".join(map(repr, meta["choices"]))
+            raise ConfigError(f"{where} is {value!r}{_nearest(value, meta['choices'])}; choose one of {choices}")
         for number in _numbers(value):
             if not math.isfinite(number):
                 raise ConfigError(f"{where} is {number}; it must be a finite number")
             _check_range(where, number, meta)
+
+
+def _nearest(given: Any, known: Sequence[Any]) -> str:
+    """Name what was probably meant; nothing where nothing is near."""
+    near = difflib.get_close_matches(str(given), [str(name) for name in known if name is not None], n=1)
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -154,12 +162,13 @@ def load_file(cls: type[T], path: str | Path) -> T:
 
 def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> str:
     location = [part for part in problem["loc"] if not str(part).startswith("function-")]
+    location += getattr(problem.get("ctx", {}).get("error"), "key", ())
     line = _line_of(lines, location)
     where = f"{source}:{line}" if line else source
     key = ".".join(map(str, location)) or "(top level)"
     if problem["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
         known = _known_keys(cls, location[:-1])
-        return f"{where}: unknown key '{key}'" + (f"; known here: {', '.join(known)}" if known else "")
+        return f"{where}: unknown key '{key}'{_nearest(location[-1], known)}" + (f"; known here: {', '.join(known)}" if known else "")
     if problem["type"] in ("missing", "missing_argument"):
         return f"{where}: '{key}' is missing; add it"
     message = str(problem["msg"]).removeprefix("Value error, ")
@@ -192,10 +201,32 @@ def _child(node: yaml.Node, part: Any) -> yaml.Node | None:
 
 def _known_keys(cls: Any, location: Sequence[Any]) -> list[str]:
     for part in location:
-        if not (dataclasses.is_dataclass(cls) and isinstance(part, str)):
-            return []
-        cls = get_type_hints(cls).get(part)
+        if isinstance(part, str):
+            if not dataclasses.is_dataclass(cls):
+                return []
+            cls = get_type_hints(cls).get(part)
+        cls = _configuration(cls)
     return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+
+
+def _configuration(hint: Any) -> Any:
+    """Find the configuration in ``X | None``, ``tuple[X, ...]`` and the like; None: there is none."""
+    if dataclasses.is_dataclass(hint):
+        return hint
+    return next((found for found in map(_configuration, get_args(hint)) if found is not None), None)
+
+
+def plain(instance: Any) -> Any:
+    """Turn a configuration into what its YAML file would hold: mappings, lists and scalars, without what has its default.
+
+    `load` makes an equal configuration of it.
+    """
+    if isinstance(instance, tuple):
+        return [plain(entry) for entry in instance]
+    if not dataclasses.is_dataclass(instance):
+        return instance
+    given = {field.name: (field, getattr(instance, field.name)) for field in dataclasses.fields(instance)}
+    return {name: plain(value) for name, (field, value) in given.items() if value != field.default}
 
 
 def describe(cls: Any, prefix: str = "") -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 class HandwaveError(ValueError):
     """Something the user gave cannot be used.
@@ -12,7 +14,19 @@ class HandwaveError(ValueError):
 
 
 class ConfigError(HandwaveError):
-    """A configuration value, parameter or scene file that does not make sense."""
+    """A configuration value, parameter or scene file that does not make sense.
+
+    Parameters
+    ----------
+    message : str
+        What was wrong, where, and what to do.
+    key : sequence of (str or int)
+        Place of the value within what was checked, so that the message of a file can name its line.
+    """
+
+    def __init__(self, message: str, key: Sequence[str | int] = ()) -> None:
+        super().__init__(message)
+        self.key = tuple(key)
 
 
 class DataError(HandwaveError):

@@ -45,6 +45,8 @@ class BagSource:
         connection, _, raw = next(self._reader.messages(connections=self._connections(place + "radar/info")))
         self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
         self.n_frames: int | None = sum(c.msgcount for c in self._frames)
+        self.interval: float = self.info.waveform.frame_interval
+        self.delay: float = 0.0
         self._next = 0
         self._messages: Iterator[Any] = iter(())
 

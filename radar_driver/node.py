@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import Quaternion as QuaternionMsg
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from handwave.msg import RadarFrame as RadarFrameMsg
@@ -67,7 +68,8 @@ class DriverNode(StageMixin, LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
         try:
-            self._source = SimSource(self._scene) if self._source_kind == "sim" else BagSource(Path(self._bag), self.get_namespace())
+            space = self.get_namespace()
+            self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
         except HandwaveError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
@@ -85,7 +87,8 @@ class DriverNode(StageMixin, LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Resume: frames come from now on."""
         assert self._source is not None
-        self._interval_ns = round(self._info.waveform.frame_interval * 1e9 / self._speed)
+        self._interval_ns = round(self._source.interval * 1e9 / self._speed)
+        self._delay_ns = round(self._source.delay * 1e9 / self._speed)
         self._start_ns = self.get_clock().now().nanoseconds
         self._done = 0  # frames due since activation that were made or skipped
         self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
@@ -150,7 +153,7 @@ class DriverNode(StageMixin, LifecycleNode):
         if not self._connected:
             self._await_readers(elapsed)
             return
-        due = elapsed // self._interval_ns  # acquisitions that have ended
+        due = (elapsed - self._delay_ns) // self._interval_ns  # acquisitions that have ended
         if due > self._done:
             self._publish_frame(due)
         elif self._prefetched is None and self._made and not self._over():
@@ -176,13 +179,16 @@ class DriverNode(StageMixin, LifecycleNode):
         if self._ended():
             return
         frame, truth = self._fetch(self._position)
-        stamp = self._start_ns + (due - 1) * self._interval_ns
+        stamp = self._start_ns + self._delay_ns + (due - 1) * self._interval_ns
+        later = stamp - frame.stamp_ns
         frame = replace(frame, stamp_ns=stamp, sequence=self._count, frame_id=self._info.frame_id)
         self._frames.publish(frame_to_msg(frame))
         self.finish(stamp, self._count, started)
         if truth is not None:
             middle = stamp + self._info.waveform.acquisition_ns // 2
-            self._truths.publish(truth_to_msg(replace(truth, stamp_ns=middle, sequence=self._count)))
+            began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
+            moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)
+            self._truths.publish(truth_to_msg(moved))
         self._count += 1
         self._position += 1
         self._made = True

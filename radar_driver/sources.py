@@ -18,10 +18,16 @@ class FrameSource(Protocol):
         What the radar is and where it stands.
     n_frames : int or None
         How many frames there are; None: no end.
+    interval : float
+        From one frame to the next [s]: what the device's own clock makes of the waveform's frame interval.
+    delay : float
+        From power-up to the first frame [s].
     """
 
     info: RadarInfo
     n_frames: int | None
+    interval: float
+    delay: float
 
     def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
         """Frame ``sequence`` (from 0) and, where known, what is true in its middle; stamps count from the source's own start."""
@@ -39,6 +45,8 @@ class SimSource:
     ----------
     scene : str or Path
         Scene file, or one of ours by name.
+    namespace : str
+        Which radar of the scene, where it has several, e.g. ``left``; the only one is taken whatever its namespace.
 
     Raises
     ------
@@ -46,10 +54,13 @@ class SimSource:
         Naming file, line and key.
     """
 
-    def __init__(self, scene: str | Path) -> None:
-        self._simulator = Simulator(load_scene(scene))
+    def __init__(self, scene: str | Path, namespace: str = "") -> None:
+        loaded = load_scene(scene)
+        self._simulator = Simulator(loaded, namespace.strip("/") if len(loaded.radars) > 1 else "")
         self.info: RadarInfo = self._simulator.info
         self.n_frames: int | None = self._simulator.n_frames
+        self.interval: float = self._simulator.interval
+        self.delay: float = self._simulator.radar.trigger_offset
 
     def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
         """Simulate one frame."""

@@ -7,6 +7,7 @@ that training sees what the recogniser will see: events cut too early, points lo
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,9 +23,29 @@ from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_gestures.samples import chunk_path, load_samples, open_folder, write_chunk
 from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
-from radar_sim import GESTURE_DURATION, Action, Coupling, Draw, Effects, Losses, Noise, Person, Scene, Simulator, Truth, Walk
-from radar_sim.scene import SHAPES
-from radar_sim.script import Timeline
+from radar_gestures.workers import work_through
+from radar_sim import (
+    GESTURE_DURATION,
+    VARIANTS,
+    Action,
+    Coupling,
+    Draw,
+    Effects,
+    Losses,
+    Noise,
+    Occlusion,
+    Pattern,
+    Person,
+    Scene,
+    SceneRadar,
+    Simulator,
+    Truth,
+    Variation,
+    Walk,
+)
+from radar_sim.motions.library import library_hash
+from radar_sim.motions.script import Timeline
+from radar_sim.people import SHAPES
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
 _WALKING = 6  # every sixth scene is one of walkers
@@ -72,36 +93,23 @@ def generate(
     ConfigError
         When the folder holds samples made with another seed, radar or other settings.
     """
-    from joblib import Parallel, delayed, parallel_config
-
     settings = settings if settings is not None else GestureConfig()
     info = info if info is not None else RadarInfo()
-    manifest = {"seed": seed, "settings": feature_settings(settings), "radar": dataclasses.asdict(info)}
+    manifest = {"seed": seed, "settings": feature_settings(settings), "radar": dataclasses.asdict(info), "motions": library_hash()}
     place = open_folder(folder, manifest)
     todo = [number for number in range(n_scenes) if not chunk_path(place, number).exists()]
-    jobs = (delayed(_make_chunk)(place, seed, number, settings, info) for number in todo)
-    with parallel_config("loky", inner_max_num_threads=1):  # the cores are taken by scenes
-        done = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
-        for _ in _tracked(done, len(todo), n_scenes, progress):
-            pass
+    work_through(
+        functools.partial(_make_chunk, place, seed, settings=settings, info=info),
+        todo,
+        n_total=n_scenes,
+        n_jobs=n_jobs,
+        progress=progress,
+        title="simulating scenes",
+    )
     return len(load_samples(place).label)
 
 
-def _tracked(done: Iterable[None], n_todo: int, n_scenes: int, progress: bool) -> Iterable[None]:
-    """Pass on what is done, with a progress bar that also counts what an earlier run had done."""
-    if not progress or not n_todo:
-        yield from done
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    with Progress("simulating scenes", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
-        task = bar.add_task("", total=n_scenes, completed=n_scenes - n_todo)
-        for item in done:
-            bar.advance(task)
-            yield item
-
-
-def _make_chunk(folder: Path, seed: int, number: int, settings: GestureConfig, info: RadarInfo) -> None:
+def _make_chunk(folder: Path, seed: int, number: int, *, settings: GestureConfig, info: RadarInfo) -> None:
     rng = np.random.default_rng([seed, number])
     recording = record(walking_scene(rng, info) if number % _WALKING == _WALKING - 1 else random_scene(rng, info))
     columns = label_events(find_events(recording, settings), truth_segments(recording.truths))
@@ -131,7 +139,7 @@ def random_scene(rng: np.random.Generator, info: RadarInfo) -> Scene:
     return Scene(
         duration=1.0 + max(Timeline(person, 0).segments[-1].end for person in people),
         seed=int(rng.integers(1 << 31)),
-        radar=info,
+        radars=(SceneRadar.of(info),),
         people=people,
         effects=_random_effects(rng),
     )
@@ -156,7 +164,8 @@ def walking_scene(rng: np.random.Generator, info: RadarInfo) -> Scene:
             script.append(Action(walk=Walk(to=way, speed=float(rng.uniform(0.5, 1.5)))))
         people.append(Person(id=number, height=float(rng.uniform(1.5, 1.95)), position=ways[0], script=tuple(script)))
     duration = max(Timeline(person, 0).segments[-1].end for person in people)
-    return Scene(duration=duration, seed=int(rng.integers(1 << 31)), radar=info, people=tuple(people), effects=_random_effects(rng))
+    seed, effects = int(rng.integers(1 << 31)), _random_effects(rng)
+    return Scene(duration=duration, seed=seed, radars=(SceneRadar.of(info),), people=tuple(people), effects=effects)
 
 
 def _random_place(rng: np.random.Generator) -> NDArray[np.float64]:
@@ -172,6 +181,8 @@ def _random_person(rng: np.random.Generator, number: int, place: NDArray[np.floa
     if rng.random() < 0.4:  # a drawing hand is no gesture
         shape = SHAPES[int(rng.integers(len(SHAPES)))]
         script.append(Action(draw=Draw(shape=shape, duration=2.5, size=float(rng.uniform(0.2, 0.35)), speed=float(rng.uniform(0.5, 1.0)))))
+    if rng.random() < 0.3:
+        script.insert(int(rng.integers(len(script))), Action(fidget=float(rng.uniform(1.0, 3.0))))
     start = (x, y)
     if rng.random() < 0.4:
         script.insert(0, _walk_to(rng, x, y))
@@ -184,7 +195,9 @@ def _random_person(rng: np.random.Generator, number: int, place: NDArray[np.floa
         position=start,
         heading=float(math.atan2(-y, -x) + math.radians(np.clip(rng.normal(0.0, 10.0), -25.0, 25.0))),
         arm="right" if rng.random() < 0.75 else "left",
-        jitter=float(rng.uniform(0.01, 0.05)),
+        sex="male" if rng.random() < 0.5 else "female",
+        build=float(rng.uniform(0.1, 0.9)),
+        variation=Variation(path=float(rng.uniform(0.01, 0.05)), sway=float(rng.uniform(0.5, 1.5))),
         script=(Action(stand=float(rng.uniform(0.3, 1.5))), *script),
     )
 
@@ -196,6 +209,7 @@ def _random_stroke(rng: np.random.Generator, name: str) -> Action:
         duration=GESTURE_DURATION[name] * slower,
         size=float(rng.uniform(0.85, 1.1)),
         tilt=float(np.clip(rng.normal(0.0, 0.12), -0.3, 0.3)),
+        variant=int(rng.integers(VARIANTS.get(name, 1))),
     )
 
 
@@ -206,8 +220,11 @@ def _walk_to(rng: np.random.Generator, x: float, y: float) -> Action:
 def _random_effects(rng: np.random.Generator) -> Effects:
     """Receivers and losses about those of the demo scene."""
     return Effects(
+        occlusion=Occlusion(),
+        doppler_in_chirp=True,
+        pattern=Pattern(),
         noise=Noise(noise_figure=float(rng.uniform(12.0, 16.0))),
-        losses=Losses(level=float(rng.uniform(22.0, 26.0))),
+        losses=Losses(level=float(rng.uniform(17.0, 21.0))),
         coupling=Coupling(level=-60.0),
     )
 

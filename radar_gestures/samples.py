@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import platform
+import re
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
@@ -62,19 +65,29 @@ class SampleSet:
 def open_folder(folder: str | Path, manifest: Mapping[str, Any]) -> Path:
     """Make a data set folder, or check that an existing one was made with the same settings, so that a stopped run can go on.
 
+    What a killed run left half written is removed.
+
     Raises
     ------
     ConfigError
-        When the folder holds samples made with other settings.
+        When the folder holds samples made with other settings, or cannot be made.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: this folder cannot be made ({error.strerror}); name another one") from None
     file = folder / MANIFEST
     text = json.dumps(dict(manifest), sort_keys=True, indent=1)
     if not file.exists():
-        file.write_text(text + "\n", encoding="utf-8")
+        partial = _partial(file)
+        partial.write_text(text + "\n", encoding="utf-8")
+        partial.replace(file)
     elif file.read_text(encoding="utf-8").strip() != text:
         raise ConfigError(f"{folder}: holds samples made with other settings (see {MANIFEST}); name another folder, or delete this one")
+    for partial in folder.glob("*.part"):
+        if _is_left(partial):
+            partial.unlink(missing_ok=True)
     return folder
 
 
@@ -84,11 +97,34 @@ def chunk_path(folder: Path, number: int) -> Path:
 
 
 def write_chunk(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write one chunk; it appears under its name only when complete, so that a killed run leaves no broken file."""
-    partial = path.with_suffix(f".{os.getpid()}.part")
-    with partial.open("wb") as file:
-        np.savez(file, **dict[str, Any](columns))
-    partial.replace(path)
+    """Write one chunk; it appears under its name only when complete, so that a killed run leaves no broken file.
+
+    The same columns give the same bytes: numpy dates the members of every file alike.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be written, as on a full disk.
+    """
+    partial = _partial(path)
+    try:
+        with partial.open("wb") as file:
+            np.savez(file, **dict[str, Any](columns))
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise DataError(f"{path}: cannot be written ({error.strerror}); make room or rights, then start again: it goes on here") from None
+
+
+def _partial(path: Path) -> Path:
+    """Name that no other process uses, on whatever machine of a cluster that shares the folder."""
+    return path.with_suffix(f".{platform.node()}.{os.getpid()}.part")
+
+
+def _is_left(partial: Path) -> bool:
+    """Whether the process that began a file is gone; it must have been one of this machine, of others we cannot know."""
+    begun_by = re.fullmatch(rf".*\.{re.escape(platform.node())}\.(\d+)\.part", partial.name)
+    return begun_by is not None and not psutil.pid_exists(int(begun_by[1]))
 
 
 def load_samples(folder: str | Path) -> SampleSet:

@@ -21,6 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from radar_core import DataError
 from radar_core.paths import share_dir
+from radar_ros.interrupts import unbroken
 
 TYPES: Mapping[str, str] = {
     "radar/info": "handwave/msg/RadarInfo",
@@ -118,17 +119,19 @@ class BagWriter:
         data : bytes
             The message in CDR, as ROS sends it.
         """
-        if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=typestore())
-            self.counts[topic] = 0
-        self._writer.write(self._connections[topic], stamp_ns, data)
-        self.counts[topic] += 1
+        with unbroken():
+            if topic not in self._connections:
+                self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=typestore())
+                self.counts[topic] = 0
+            self._writer.write(self._connections[topic], stamp_ns, data)
+            self.counts[topic] += 1
 
     def flush(self) -> None:
         """Bring everything to the file; a crash from now on does not lose it."""
-        if self._storage.chunk.msgs:
-            self._storage.close_chunk()
-        self._storage.bio.flush()
+        with unbroken():
+            if self._storage.chunk.msgs:
+                self._storage.close_chunk()
+            self._storage.bio.flush()
 
     def close(self) -> None:
         """Finish the bag; may be called twice."""

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
+from radar_ros import dataset_commands, scene_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -33,8 +34,11 @@ Configs = Annotated[
 
 def main() -> None:
     """Run the command; what the user got wrong ends in one message and status 2, never in a traceback."""
+    from radar_ros.interrupts import interruptible
+
     try:
-        app()
+        with interruptible():  # so that what a command writes is whole when it is told to stop
+            app()
     except HandwaveError as error:
         print(f"handwave: {error}", file=sys.stderr)
         sys.exit(2)
@@ -267,23 +271,6 @@ def process(
 
 
 @app.command()
-def simulate(
-    scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")],
-    out: Annotated[Path, typer.Option(help="folder of the new bag")],
-) -> None:
-    """Simulate a scene into a bag of raw frames with truth, without a graph, as fast as the machine can."""
-    from rich.progress import track
-
-    from radar_ros.offline import simulate as frames
-    from radar_sim import Simulator, load_scene
-
-    total = Simulator(load_scene(scene)).n_frames
-    for _ in track(frames(scene, out), total=total, description=f"simulating {scene}"):
-        pass
-    print(f"{total} frames in {out}")
-
-
-@app.command()
 def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -> None:
     """Show what a recording holds, and what can be done with it."""
     from rich.console import Console
@@ -362,16 +349,6 @@ def train(
 
 
 @app.command()
-def scenes() -> None:
-    """List the scenes that come with Handwave."""
-    from radar_core.paths import share_dir
-
-    for path in sorted((share_dir() / "config" / "scenes").glob("*.yaml")):
-        first = path.read_text(encoding="utf-8").splitlines()[0]
-        print(f"{path.stem:16} {first.lstrip('# ') if first.startswith('#') else ''}")
-
-
-@app.command()
 def calibrate(
     recordings: Annotated[list[Path], typer.Argument(help="one recording of a turntable, or one per sweep, azimuth first")],
     out: Annotated[Path, typer.Option("--out", "-o", help="file for the calibration (.npz); a picture is drawn beside it")],
@@ -414,6 +391,10 @@ def turntable(
     for _ in track(record_turntable(settings, out), total=total, description="turning"):
         pass
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
+
+
+for command in (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, dataset_commands.synthesise):
+    app.command()(command)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,26 @@ INTERRUPTED = 130
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+class _Shield:
+    """How many blocks that must not be broken are being run, and whether a signal waits for their end."""
+
+    depth = 0
+    told = False
+
+
+@contextmanager
+def unbroken() -> Iterator[None]:
+    """Let a signal that `interruptible` would raise at once wait until the block is done: half a record would spoil a recording."""
+    _Shield.depth += 1
+    try:
+        yield
+    finally:
+        _Shield.depth -= 1
+        if _Shield.told and _Shield.depth == 0:
+            _Shield.told = False
+            raise KeyboardInterrupt
+
+
 @contextmanager
 def interruptible() -> Iterator[None]:
     """Raise `KeyboardInterrupt` at the first SIGINT, SIGTERM or SIGHUP and ignore the next: nodes are stopped in order."""
@@ -23,6 +43,9 @@ def interruptible() -> Iterator[None]:
     def stop(*_: Any) -> None:
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
+        if _Shield.depth:
+            _Shield.told = True
+            return
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, stop) for number in _SIGNALS}

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
-from radar_core.config import load, nest
+from radar_core.config import load, nest, plain
 from radar_gestures.messages import gesture_to_msg
 from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, local, read, require_topics
 from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
-from radar_sim import Simulator, load_scene
+from radar_sim import SimulatedFrame, Simulator, load_scene
 from radar_sim.messages import truth_to_msg
 from radar_tracking.messages import hand_to_msg, tracks_to_msg
 
+_FLUSH = 50
+"""Frames after which a recording is brought to the file, so that a crash costs no more."""
 _PARTS = {"baseband": "baseband", "tracking": "tracker", "gestures": "gestures", "hand": "hand"}  # node to part of the configuration
 
 
@@ -125,22 +128,44 @@ def write_results(writer: BagWriter, stamp_ns: int, result: PipelineResult) -> N
         writer.write(f"/{topic}", TYPES[topic], stamp_ns, serialize_message(msg))
 
 
-def simulate(scene: str, out: Path) -> Iterator[int]:
-    """Simulate a scene into a bag of raw frames, info and truth, as fast as it goes; yields the number of each frame written.
+def simulators(scene: str | Path) -> list[Simulator]:
+    """Make one simulator for every radar of a scene.
 
     Raises
     ------
     ConfigError
         When the scene makes no sense.
+    """
+    loaded = load_scene(scene)
+    first = Simulator(loaded)
+    return [first, *(Simulator(first.scene, radar.frame_id) for radar in loaded.radars[1:])]
+
+
+def simulate(radars: Sequence[Simulator], out: Path) -> Iterator[SimulatedFrame]:
+    """Simulate a scene into a bag of raw frames, info and truth, as fast as it goes; yields each frame once it is written.
+
+    Parameters
+    ----------
+    radars : sequence of Simulator
+        As `simulators` gives them; several write into the namespaces that their frame_ids begin with.
+    out : Path
+        Folder of the new bag.
+
+    Raises
+    ------
     DataError
         When the bag exists already.
     """
-    simulator = Simulator(load_scene(scene))
+    spaces = [f"/{radar.radar.namespace}".rstrip("/") for radar in radars]
+    order = sorted((round((r.radar.trigger_offset + k * r.interval) * 1e9), i, k) for i, r in enumerate(radars) for k in range(r.n_frames))
     with BagWriter(Path(out)) as writer:
-        writer.write("/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(simulator.info, 0)))
-        for sequence in range(simulator.n_frames):
-            simulated = simulator.process(sequence)
-            stamp = simulated.frame.stamp_ns
-            writer.write("/radar/frame", TYPES["radar/frame"], stamp, serialize_message(frame_to_msg(simulated.frame)))
-            writer.write("/truth", TYPES["truth"], simulated.truth.stamp_ns, serialize_message(truth_to_msg(simulated.truth)))
-            yield sequence
+        (Path(out) / "scene.yaml").write_text(yaml.safe_dump(plain(radars[0].scene), sort_keys=False), encoding="utf-8")
+        for radar, space in zip(radars, spaces, strict=True):
+            writer.write(f"{space}/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(radar.info, 0)))
+        for stamp, i, sequence in order:
+            simulated = radars[i].process(sequence)
+            writer.write(f"{spaces[i]}/radar/frame", TYPES["radar/frame"], stamp, serialize_message(frame_to_msg(simulated.frame)))
+            writer.write(f"{spaces[i]}/truth", TYPES["truth"], simulated.truth.stamp_ns, serialize_message(truth_to_msg(simulated.truth)))
+            if sequence % _FLUSH == 0:
+                writer.flush()
+            yield simulated

@@ -1,39 +1,71 @@
 """Scenes to raw frames: bodies, motions, propagation, effects, and the truth alongside."""
 
-from radar_sim.scene import (
-    GESTURE_DURATION,
-    Action,
+from radar_sim.effects.config import (
+    ChannelErrors,
+    ChirpFaults,
+    Clutter,
+    Converter,
     Coupling,
-    Draw,
     Effects,
+    FieldOfView,
+    HighPass,
+    Interference,
+    IqImbalance,
     Losses,
+    Multipath,
     Noise,
+    Occlusion,
     Pattern,
-    Person,
-    Point,
-    Scene,
-    Walk,
-    load_scene,
+    PhaseNoise,
+    Swerling,
 )
-from radar_sim.simulator import Scatterers, Simulator
+from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Play, Reach, Variation, Walk
+from radar_sim.scatterers import Echoes, Motion, Scatterers
+from radar_sim.scene import Fidelity, Scene, SceneRadar, Transmitter, load_scene
+from radar_sim.simulator import Simulator
+from radar_sim.things import Corner, Furniture, Point, Wall
 from radar_sim.truth import SimulatedFrame, Truth
 
 __all__ = [
     "GESTURE_DURATION",
+    "VARIANTS",
     "Action",
+    "ChannelErrors",
+    "ChirpFaults",
+    "Clutter",
+    "Converter",
+    "Corner",
     "Coupling",
     "Draw",
+    "Echoes",
     "Effects",
+    "Fidelity",
+    "FieldOfView",
+    "Furniture",
+    "HighPass",
+    "Interference",
+    "IqImbalance",
     "Losses",
+    "Motion",
+    "Multipath",
     "Noise",
+    "Occlusion",
     "Pattern",
     "Person",
+    "PhaseNoise",
+    "Play",
     "Point",
+    "Reach",
     "Scatterers",
     "Scene",
+    "SceneRadar",
     "SimulatedFrame",
     "Simulator",
+    "Swerling",
+    "Transmitter",
     "Truth",
+    "Variation",
     "Walk",
+    "Wall",
     "load_scene",
 ]

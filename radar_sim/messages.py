@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from handwave.msg import Truth as TruthMsg
 
-from radar_ros.convert import from_time, header, pack, unpack
+from radar_ros.convert import from_time, header, pack, to_time, unpack
 from radar_sim.truth import Truth
 
 
@@ -25,6 +25,13 @@ def truth_to_msg(truth: Truth) -> TruthMsg:
         gesture_index=pack(truth.gesture_index, "I"),
         walking=truth.walking.tolist(),
         drawing=truth.drawing.tolist(),
+        gesture_start=[to_time(stamp) for stamp in truth.gesture_start_ns.tolist()],
+        gesture_end=[to_time(stamp) for stamp in truth.gesture_end_ns.tolist()],
+        other_hand_position=pack(truth.other_hand_position, "d"),
+        other_hand_velocity=pack(truth.other_hand_velocity, "d"),
+        scatterer_position=pack(truth.scatterer_position, "f"),
+        scatterer_owner=pack(truth.scatterer_owner, "i"),
+        scatterer_rcs=pack(truth.scatterer_rcs, "f"),
     )
 
 
@@ -45,4 +52,11 @@ def truth_from_msg(msg: Any) -> Truth:
         gesture_index=unpack(msg.gesture_index, np.uint32),
         walking=np.array(msg.walking, bool),
         drawing=np.array(msg.drawing, bool),
+        gesture_start_ns=np.array([from_time(time) for time in msg.gesture_start], np.int64),
+        gesture_end_ns=np.array([from_time(time) for time in msg.gesture_end], np.int64),
+        other_hand_position=unpack(msg.other_hand_position, np.float64).reshape(-1, 3),
+        other_hand_velocity=unpack(msg.other_hand_velocity, np.float64).reshape(-1, 3),
+        scatterer_position=unpack(msg.scatterer_position, np.float32).reshape(-1, 3),
+        scatterer_owner=unpack(msg.scatterer_owner, np.int32),
+        scatterer_rcs=unpack(msg.scatterer_rcs, np.float32),
     )

@@ -1,7 +1,7 @@
-"""Echoes of moving scatterers behind other waveforms than FMCW: a tone (CW) and OFDM, with TDM (thesis, figure A.14).
+"""Echoes behind other waveforms than FMCW: a tone (CW) and OFDM, with TDM (thesis, figure A.14).
 
-Both models follow every scatterer along its true path from chirp to chirp, like `radar_sim.propagation.exact`, and let it move evenly
-within one. As everywhere, the phase of an echo is the conjugate of the physical one: +2 pi f tau, so that a receding target turns forward.
+Both follow every echo along its true path from chirp to chirp, whatever a scene says of physics and fidelity, and let it move evenly within
+one. As everywhere, the phase of an echo is the conjugate of the physical one: +2 pi f tau, so that a receding target turns forward.
 
 * cw: a sample at time T has the phase 2 pi carrier tau(T).
 * ofdm: carrier k of `Waveform.n_sample` has the frequency ``f_min + k / chirp_duration`` with ``f_min = carrier - bandwidth / 2``. A
@@ -14,88 +14,86 @@ within one. As everywhere, the phase of an echo is the conjugate of the physical
 
 from __future__ import annotations
 
-import math
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform, known_symbols
-from radar_sim.propagation import IMPEDANCE, Float64Array, Model, paths
-from radar_sim.scene import Coupling
+from radar_core import SPEED_OF_LIGHT, Waveform, known_symbols
+from radar_sim.propagation.base import NEAR, Float64Array, Physics, Sampling
+from radar_sim.propagation.exact import Exact
+from radar_sim.propagation.kernels import chunks, times
+from radar_sim.propagation.reference import Leg
+from radar_sim.scatterers import Echoes
+
+_VALUES = 1 << 19
+"""Samples of echoes that are held at once."""
 
 
-def tone(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:
-    """Echoes of a continuous wave.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        The radar.
-    positions : ndarray, shape (2 n_tx n_chirp + 1, n, 3)
-        In the sensor frame [m]: where every stretch of the tone begins, in its middle, and where the next one begins.
-    strengths : ndarray, shape (n,)
-        See `radar_sim.propagation.strength` [V m^2].
-
-    Returns
-    -------
-    ndarray of complex64, shape (tx, chirp, rx, sample)
-        Samples [V].
-    """
-    w = info.waveform
-    cube = np.zeros((w.n_chirp, w.n_tx, info.array.n_rx, w.n_sample), np.complex128)
-    t = np.arange(w.n_sample) / w.n_sample * w.chirp_duration
-    for delay, drift, amplitude in paths(info, positions, strengths):
-        cube += amplitude[..., None] * _phasor(w.carrier * (delay[..., None] + drift[..., None] * t))
-    return _frame(cube)
-
-
-def ofdm(info: RadarInfo, positions: Float64Array, strengths: Float64Array) -> NDArray[np.complex64]:
-    """Echoes of OFDM symbols, as samples of each symbol without its cyclic prefix.
+class Tone:
+    """Echoes of a continuous wave: those of a sweep that does not sweep.
 
     Parameters
     ----------
-    info, positions, strengths
-        As for `tone`; an echo's mean power over a symbol is that of an FMCW echo.
-
-    Returns
-    -------
-    ndarray of complex64, shape (tx, chirp = symbol, rx, sample)
-        Samples [V].
+    sampling : Sampling
+        When and where samples are taken.
     """
-    w = info.waveform
-    cube = np.zeros((w.n_chirp, w.n_tx, info.array.n_rx, w.n_sample), np.complex128)
-    symbols = known_symbols(w).conj().transpose(1, 0, 2)[:, :, None, :]
-    since_middle = (np.arange(w.n_sample) / w.n_sample - 0.5) * w.chirp_duration
-    for delay, drift, amplitude in paths(info, positions, strengths):
-        middle = delay + drift * w.chirp_duration / 2
-        carriers = symbols * _phasor(middle[..., None] * _frequencies(w))
-        doppler = _phasor(w.carrier * drift[..., None] * since_middle)
-        cube += amplitude[..., None] * np.fft.fft(carriers, norm="ortho") * doppler
-    return _frame(cube)
+
+    def __init__(self, sampling: Sampling) -> None:
+        self._model = Exact(Physics.all(), sampling)
+
+    def process(self, echoes: Echoes, late: Float64Array | None = None) -> NDArray[np.complex64]:
+        """Superpose echoes, as `radar_sim.propagation.base.Propagator.process`."""
+        return self._model.process(echoes, late)
 
 
-def ofdm_leakage(coupling: Coupling, info: RadarInfo) -> NDArray[np.complex64]:
-    """Leakage from the transmitters into the receivers, shape (tx, symbol, 1, sample) [V]; it differs by symbol because the code does."""
-    w = info.waveform
-    power = 1e-3 * 10 ** ((info.array.tx_power + coupling.level) / 10)
-    turned = known_symbols(w).conj() * _phasor(2 * coupling.distance / SPEED_OF_LIGHT * _frequencies(w))
-    samples: NDArray[np.complex128] = math.sqrt(power * IMPEDANCE) * np.fft.fft(turned, norm="ortho")
-    return samples[:, :, None, :].astype(np.complex64)
+class Ofdm:
+    """Echoes of OFDM symbols, as samples of each symbol without its cyclic prefix; an echo's mean power is that of an FMCW echo.
+
+    Parameters
+    ----------
+    sampling : Sampling
+        When and where samples are taken.
+    """
+
+    def __init__(self, sampling: Sampling) -> None:
+        self._sampling, self._since, self._fast = sampling, sampling.since, sampling.fast
+        self._frequencies = frequencies(sampling.info.waveform)
+        self._symbols = known_symbols(sampling.info.waveform).conj().transpose(1, 0, 2)[:, :, None, :]
+
+    def process(self, echoes: Echoes, late: Float64Array | None = None) -> NDArray[np.complex64]:
+        """Superpose echoes, as `radar_sim.propagation.base.Propagator.process`; shape (tx, chirp = symbol, rx, sample)."""
+        w = self._sampling.info.waveform
+        middle = times(self._since, late)[None, :, :, None, None]
+        total = np.zeros((w.n_chirp, w.n_tx, len(self._sampling.rx), w.n_sample), np.complex128)
+        for part in chunks(len(echoes), max(_VALUES // total.size, 1)):
+            total += self._samples(echoes.select(np.arange(part.start, part.stop)), middle).sum(0)
+        return np.ascontiguousarray(total.transpose(1, 0, 2, 3)).astype(np.complex64)
+
+    def _samples(self, echoes: Echoes, middle: Float64Array) -> NDArray[np.complex128]:
+        """Compute samples of single echoes, shape (n, chirp, tx, rx, sample)."""
+        w = self._sampling.info.waveform
+        out, back = Leg(echoes.out, curved=True), Leg(echoes.back, curved=True)
+        half = w.chirp_duration / 2
+        delay = self._delay(out, back, middle)
+        doppler = w.carrier * (self._delay(out, back, middle + half) - self._delay(out, back, middle - half)) / w.chirp_duration
+        carriers = np.fft.fft(self._symbols * _phasor(delay * self._frequencies), norm="ortho") * _phasor(doppler * self._fast)
+        amplitude = echoes.strength[:, None, None, None, None] / (
+            np.maximum(out.length(middle), NEAR) * np.maximum(back.length(middle), NEAR)
+        )
+        if echoes.envelope is not None:
+            amplitude = amplitude * echoes.envelope.transpose(2, 0, 1)[..., None, None]
+        return np.asarray(amplitude * carriers)
+
+    def _delay(self, out: Leg, back: Leg, time: Float64Array) -> Float64Array:
+        """Delay of every channel, shape (n, chirp, tx, rx, 1) [s]."""
+        there = out.length(time) + out.nearer(self._sampling.tx[None, None, :, None, None, :], time, sphere=True)
+        again = back.length(time) + back.nearer(self._sampling.rx[None, None, None, :, None, :], time, sphere=True)
+        return np.asarray((there + again) / SPEED_OF_LIGHT)
 
 
-def _frequencies(waveform: Waveform) -> Float64Array:
-    return waveform.carrier - waveform.bandwidth / 2 + np.arange(waveform.n_sample) / waveform.chirp_duration
+def frequencies(waveform: Waveform) -> Float64Array:
+    """Frequencies of OFDM's carriers, shape (n_sample,) [Hz]."""
+    return np.asarray(waveform.carrier - waveform.bandwidth / 2 + np.arange(waveform.n_sample) / waveform.chirp_duration, np.float64)
 
 
 def _phasor(turns: Float64Array) -> NDArray[np.complex128]:
-    result: NDArray[np.complex128] = np.exp(2j * np.pi * (turns - np.rint(turns)))
-    return result
-
-
-def _frame(cube: NDArray[np.complex128]) -> NDArray[np.complex64]:
-    return np.ascontiguousarray(cube.transpose(1, 0, 2, 3)).astype(np.complex64)
-
-
-MODELS: Final[dict[str, Model]] = {"cw": tone, "ofdm": ofdm}
-"""Of every modulation but FMCW, which has three."""
+    return np.asarray(np.exp(2j * np.pi * (turns - np.rint(turns))))

@@ -1,167 +1,134 @@
-"""Scenes: what stands where, what people do, and which effects are simulated."""
+"""Scenes: what stands where, what people do, which effects are simulated, and how exactly."""
 
 from __future__ import annotations
 
-import math
+import dataclasses
 from pathlib import Path
+from typing import Annotated, Any
 
-from radar_core import GESTURES, ConfigError, RadarInfo
+from pydantic import BeforeValidator
+
+from radar_core import ConfigError, RadarInfo
 from radar_core.config import config, knob, load_file
 from radar_core.paths import find_config
+from radar_sim.effects.config import Effects, EffectsKnob
+from radar_sim.geometry import check_places
+from radar_sim.people import Action, Person
+from radar_sim.things import Corner, Furniture, Point, Wall
 
-GESTURE_DURATION = {
-    "random": 1.0,
-    "pull": 0.5,
-    "push": 0.5,
-    "swipe_up": 0.7,
-    "swipe_down": 0.7,
-    "swipe_right": 0.7,
-    "swipe_left": 0.7,
-    "rotate": 0.95,
-    "wave": 1.3,
-    "push_pull": 0.85,
-}
-"""How long a stroke takes unless the scene says otherwise [s]."""
-
-SHAPES = ("circle", "line_up", "line_side", "eight")
-"""What a hand can draw."""
-
-MODELS = ("separable", "blocks", "exact")
+MODELS = ("separable", "nufft", "blocks", "exact", "reference")
 """How echoes are computed, cheapest first."""
 
 
 @config
-class Walk:
-    """Go somewhere in a straight line."""
+class Fidelity:
+    """How exactly, and how fast, echoes are computed: docs/simulator.md shows what each choice costs and gives."""
 
-    to: tuple[float, float] = knob(unit="m", low=-100.0, high=100.0, doc="(x, y) in the room to walk to")
-    speed: float = knob(1.0, unit="m/s", low=0.05, high=4.0, doc="walking speed between the ramps at both ends")
-
-
-@config
-class Draw:
-    """Use the hand as an analogue input: it follows a shape in the person's frontal plane again and again."""
-
-    shape: str = knob("circle", choices=SHAPES, doc="what the hand draws")
-    duration: float = knob(6.0, unit="s", low=0.5, high=1e4, doc="how long")
-    size: float = knob(0.28, unit="m", low=0.05, high=0.35, doc="radius of the circle, half the length of a line")
-    speed: float = knob(0.7, unit="m/s", low=0.05, high=3.0, doc="mean speed of the hand along the shape")
-
-
-@config
-class Action:
-    """One step of a person's script: exactly one of walk, stand, gesture and draw."""
-
-    at: float | None = knob(None, unit="s", low=0.0, high=1e5, doc="scene time of its start (a gesture's: of the stroke); empty: at once")
-    walk: Walk | None = None
-    stand: float | None = knob(None, unit="s", low=0.0, high=1e5, doc="time to stand still")
-    gesture: str | None = knob(None, choices=(None, *GESTURES), doc="arm gesture to perform")
-    draw: Draw | None = None
-    duration: float | None = knob(None, unit="s", low=0.2, high=10.0, doc="of the gesture's stroke; empty: the usual for this gesture")
-    size: float = knob(1.0, low=0.4, high=1.2, doc="amplitude of the gesture relative to the usual")
-    tilt: float = knob(
-        0.0, unit="rad", low=-1.6, high=1.6, doc="turns the gesture about the forward axis through the shoulder, left side up"
+    model: str = knob(
+        "auto",
+        choices=("auto", *MODELS),
+        doc="auto: the cheapest within the scene's tolerance; separable: matrix product, few points; nufft: many points; blocks: parts "
+        "of a frame; exact: phase recurrence; reference: float64 at every sample",
     )
+    blocks: int = knob(4, low=1, high=1024, doc="blocks only: parts of a frame, each with its own range, range rate and direction")
+    order: int = knob(2, low=0, high=2, doc="blocks only: order to which migration within a part and array squint are followed")
+
+
+@config
+class Transmitter:
+    """How the transmitters' amplitude is modulated, and whether they take turns."""
+
+    amplitude: str = knob(
+        "constant",
+        choices=("constant", "intra", "inter"),
+        doc="intra: tapered over each chirp; inter: from chirp to chirp of a frame",
+    )
+    taper: str = knob("hann", doc="intra, inter: scipy's name of the taper, parameters after colons, e.g. chebwin:60")
+    together: tuple[tuple[float, float], ...] = knob(
+        (),
+        unit="m",
+        low=-10.0,
+        high=10.0,
+        doc="no multiplexing: (y, z) of elements that send every chirp at once, at tx_power in all; empty: array.tx take turns (TDM)",
+    )
+
+
+@config
+class SceneRadar(RadarInfo):
+    """A radar in a scene: what `RadarInfo` says, and what only a simulation knows."""
+
+    transmitter: Transmitter = Transmitter()
+    trigger_offset: float = knob(0.0, unit="s", low=0.0, high=100.0, doc="scene time at which its first frame begins")
+    clock_drift: float = knob(0.0, low=-0.01, high=0.01, doc="its clock is slow by this share: frames come that much later each")
 
     def validate(self) -> None:
-        """Raise `ConfigError` unless exactly one thing is done, and only a gesture has a gesture's knobs."""
-        done = [name for name in ("walk", "stand", "gesture", "draw") if getattr(self, name) is not None]
-        if len(done) != 1:
-            raise ConfigError(f"Action: it says {' and '.join(done) or 'nothing'}; say exactly one of walk, stand, gesture, draw")
-        if self.gesture is None and (self.duration is not None or self.size != 1.0 or self.tilt != 0.0):
-            raise ConfigError(f"Action: duration, size and tilt belong to a gesture; put those of draw inside it ({done[0]})")
+        """Raise `ConfigError` when it takes no samples, or elements that send together are also to take turns."""
+        super().validate()
+        if self.waveform.n_sample == 0:
+            raise ConfigError("waveform.n_sample is 0; a simulated radar needs samples, e.g. 64")
+        if self.transmitter.together and self.waveform.n_tx != 1:
+            raise ConfigError(
+                f"transmitter.together: elements that send at once cannot take {self.waveform.n_tx} turns; set waveform.n_tx to 1 and "
+                "array.tx to the one place that stands for them"
+            )
+
+    @property
+    def info(self) -> RadarInfo:
+        """What the radar says of itself."""
+        return RadarInfo(**{f.name: getattr(self, f.name) for f in dataclasses.fields(RadarInfo)})
+
+    @classmethod
+    def of(cls, info: RadarInfo, **more: Any) -> SceneRadar:
+        """Put a radar into a scene; ``more`` are the fields that only a simulation knows."""
+        return cls(**{f.name: getattr(info, f.name) for f in dataclasses.fields(RadarInfo)}, **more)
+
+    @property
+    def namespace(self) -> str:
+        """Where its topics go: ``left`` for the frame ``left/radar``; empty for a radar alone."""
+        return self.frame_id.rpartition("/")[0]
 
 
-@config
-class Person:
-    """A person and a script."""
-
-    id: int = knob(1, low=0, high=(1 << 32) - 1, doc="number of the person in the truth")
-    height: float = knob(1.75, unit="m", low=0.8, high=2.3, doc="body height")
-    arm: str = knob("right", choices=("right", "left"), doc="arm that acts")
-    position: tuple[float, float] = knob((2.5, 0.0), unit="m", low=-100.0, high=100.0, doc="(x, y) in the room at the start")
-    heading: float | None = knob(
-        None, unit="rad", low=-2 * math.pi, high=2 * math.pi, doc="direction the person faces while standing; empty: the radar"
-    )
-    jitter: float = knob(
-        0.02, unit="m", low=0.0, high=0.1, doc="standard deviation by which one performance of a gesture differs from another"
-    )
-    script: tuple[Action, ...] = knob((), doc="what the person does, in order")
-
-
-@config
-class Point:
-    """A point scatterer that moves evenly."""
-
-    position: tuple[float, float, float] = knob(unit="m", low=-1e4, high=1e4, doc="(x, y, z) in the room at time 0")
-    velocity: tuple[float, float, float] = knob((0.0, 0.0, 0.0), unit="m/s", low=-1e3, high=1e3, doc="velocity in the room")
-    rcs: float = knob(0.1, unit="m^2", low=0.0, high=1e6, doc="radar cross-section")
-
-
-@config
-class Noise:
-    """Thermal noise of the receivers, k T F B."""
-
-    noise_figure: float = knob(12.0, unit="dB", low=0.0, high=60.0, doc="noise figure of the receiver")
-    temperature: float = knob(290.0, unit="K", low=0.0, high=1e4, doc="reference temperature")
-
-
-@config
-class Coupling:
-    """Leakage from every transmitter into every receiver: a strong echo near zero range that stands still."""
-
-    level: float = knob(-60.0, unit="dB", low=-300.0, high=0.0, doc="leaked over transmitted power")
-    distance: float = knob(0.03, unit="m", low=0.0, high=10.0, doc="range at which the leakage appears")
-
-
-@config
-class Pattern:
-    """Element pattern: the gain falls off the boresight as powers of the cosines of azimuth and elevation."""
-
-    edge: float = knob(
-        -3.0, unit="dB", low=-60.0, high=0.0, doc="one-way gain at half the field of view relative to the boresight, in each plane"
-    )
-
-
-@config
-class Losses:
-    """What a board loses against the radar equation, in one figure: radome, feed lines, polarisation, clothing, converter, phase noise."""
-
-    level: float = knob(
-        25.0, unit="dB", low=0.0, high=100.0, doc="echoes are that much weaker than the radar equation says, both ways together"
-    )
-
-
-@config
-class Effects:
-    """Effects act only where they are named: one that is absent costs nothing and changes nothing."""
-
-    noise: Noise | None = None
-    coupling: Coupling | None = None
-    pattern: Pattern | None = None
-    losses: Losses | None = None
+def _short(value: Any) -> Any:
+    return {"model": value} if isinstance(value, str) else value
 
 
 @config
 class Scene:
-    """A room with a radar, people and point scatterers; build it in Python or load it from YAML with `load_scene`."""
+    """A room with radars, people and things; build it in Python or load it from YAML with `load_scene`."""
 
     duration: float = knob(10.0, unit="s", low=0.0, high=1e6, doc="length of the scene")
     seed: int = knob(0, low=0, high=1 << 62, doc="of everything random")
-    radar: RadarInfo = RadarInfo()
+    radars: tuple[SceneRadar, ...] = knob((SceneRadar(),), doc="radars in the room; several need frame_ids such as left/radar")
     people: tuple[Person, ...] = knob((), doc="who is in the room")
     points: tuple[Point, ...] = knob((), doc="point scatterers")
-    effects: Effects = Effects()
-    model: str = knob("separable", choices=MODELS, doc="how echoes are computed: see docs/simulator.md for what each costs and gives")
-    blocks: int = knob(4, low=1, high=64, doc="blocks only: parts of a frame that each get their own range and speed")
+    corners: tuple[Corner, ...] = knob((), doc="corner reflectors")
+    walls: tuple[Wall, ...] = knob((), doc="upright walls")
+    furniture: tuple[Furniture, ...] = knob((), doc="boxes")
+    effects: EffectsKnob = Effects()
+    fidelity: Annotated[Fidelity, BeforeValidator(_short)] = Fidelity()
+    tolerance: float = knob(
+        0.02,
+        low=1e-6,
+        high=1.0,
+        doc="relative rms error of samples that may be made, by fidelity auto and by leaving effects out",
+    )
 
     def validate(self) -> None:
-        """Raise `ConfigError` when two people share a number or the radar takes no samples."""
+        """Raise `ConfigError` when two of a kind share a name, there is no radar, or a person is where none can be."""
+        if not self.radars:
+            raise ConfigError("Scene.radars is empty; leave it out for the default radar, or name one", key=("radars",))
+        names = [radar.frame_id for radar in self.radars]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise ConfigError(
+                    f"radars.{i}.frame_id is {name!r}, as that of radar {names.index(name)}; give each its own, e.g. left/radar",
+                    key=("radars", i, "frame_id"),
+                )
         ids = [person.id for person in self.people]
-        if len(set(ids)) != len(ids):
-            raise ConfigError(f"Scene.people: ids {ids} repeat; give each person a number of their own")
-        if self.radar.waveform.n_sample == 0:
-            raise ConfigError("Scene.radar.waveform.n_sample is 0; a simulated radar needs samples, e.g. 64")
+        for i, number in enumerate(ids):
+            if number in ids[:i]:
+                raise ConfigError(f"people.{i}.id: ids {ids} repeat; give each person a number of their own", key=("people", i, "id"))
+        check_places(self.people, self.walls, self.furniture)
 
 
 def load_scene(name: str | Path) -> Scene:
@@ -172,4 +139,14 @@ def load_scene(name: str | Path) -> Scene:
     ConfigError
         Naming file, line and key.
     """
-    return load_file(Scene, find_config(name, "scenes", ".yaml"))
+    path = find_config(name, "scenes", ".yaml")
+    scene = load_file(Scene, path)
+    people = tuple(dataclasses.replace(p, script=tuple(_beside(action, path.parent) for action in p.script)) for p in scene.people)
+    return dataclasses.replace(scene, people=people)
+
+
+def _beside(action: Action, folder: Path) -> Action:
+    """Take a motion capture's path as relative to the scene's file."""
+    if action.play is None:
+        return action
+    return dataclasses.replace(action, play=dataclasses.replace(action.play, file=str(folder / action.play.file)))

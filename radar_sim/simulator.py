@@ -2,80 +2,78 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from radar_core import NO_GESTURE, DataError, RadarFrame
-from radar_sim.body import Body, Pose
-from radar_sim.effects import leakage, thermal_noise, two_way_gain
-from radar_sim.modulation import MODELS, ofdm_leakage
-from radar_sim.propagation import exact, separable, strength, visible
-from radar_sim.scene import Scene
-from radar_sim.truth import SimulatedFrame, Truth
-
-Float64Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Scatterers:
-    """Everything that echoes during one frame.
-
-    Attributes
-    ----------
-    positions : ndarray of float64, shape (n_times, n, 3)
-        In the sensor frame at even steps over the acquisition [m].
-    rcs : ndarray of float64, shape (n,)
-        Radar cross-section towards the radar in the middle of the frame [m^2].
-    """
-
-    positions: Float64Array
-    rcs: Float64Array
+from radar_core import ConfigError, DataError, RadarFrame
+from radar_sim.bodies.base import Pose
+from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.chain import make_chain
+from radar_sim.effects.channel_errors import elements
+from radar_sim.effects.converter import full_scale
+from radar_sim.link import strength
+from radar_sim.propagation.base import Physics, Propagator, Sampling
+from radar_sim.propagation.choose import make_propagator
+from radar_sim.scatterers import Echoes, Scatterers
+from radar_sim.scene import Scene, SceneRadar
+from radar_sim.truth import SimulatedFrame
+from radar_sim.world import World
 
 
 class Simulator:
-    """Make raw frames of a scene.
+    """Make one radar's raw frames of a scene.
 
     Parameters
     ----------
     scene : Scene
         What to simulate.
+    radar : str
+        Which radar, by its frame_id or its namespace (``left`` for ``left/radar``); empty: the first.
 
     Attributes
     ----------
     scene : Scene
-        As given.
+        With ``effects: auto`` replaced by the effects that were chosen.
     info : RadarInfo
-        Of the scene's radar.
+        What the radar says of itself.
+    radar : SceneRadar
+        The radar.
     n_frames : int
         Frames that start within the scene's duration.
+    interval : float
+        Scene time from one frame to the next [s]: the waveform's frame interval by the radar's own clock.
+    world : World
+        People and things.
+    propagator : Propagator
+        The model of propagation.
 
     Raises
     ------
     ConfigError
-        When a person's script cannot be kept.
+        When there is no such radar, a person's script cannot be kept, or effects and fidelity do not go together.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, radar: str = "") -> None:
+        if scene.effects.auto:
+            from radar_sim.auto import choose_effects  # it uses simulators itself
+
+            scene = choose_effects(scene, radar).scene
         self.scene = scene
-        self.info = scene.radar
-        mount, w = self.info.mount, self.info.waveform
-        self.n_frames = math.floor(scene.duration / w.frame_interval + 1e-9)
-        self._bodies = [Body(person, scene.seed, (mount.x, mount.y)) for person in scene.people]
-        self._ids = np.array([person.id for person in scene.people], np.uint32)
-        self._point = np.array([p.position for p in scene.points], np.float64).reshape(-1, 3)
-        self._point_velocity = np.array([p.velocity for p in scene.points], np.float64).reshape(-1, 3)
-        self._point_rcs = np.array([p.rcs for p in scene.points], np.float64)
-        # A tone and OFDM have one model, which follows every chirp as the exact one does.
-        model = scene.model if w.modulation == "fmcw" else "exact"
-        self._blocks = {"separable": 1, "blocks": scene.blocks, "exact": w.n_tx * w.n_chirp}[model]
-        self._model = MODELS.get(w.modulation, exact if model == "exact" else separable)
-        self._offsets = np.linspace(0.0, w.acquisition_time, 2 * self._blocks + 1)
-        coupling = scene.effects.coupling
-        leak = ofdm_leakage if w.modulation == "ofdm" else leakage
-        self._leakage = None if coupling is None else leak(coupling, self.info)
+        self.setting = Setting(scene, *_find(scene, radar))
+        self.info = self.setting.info
+        effects = scene.effects
+        if effects.converter is not None:
+            self.info = dataclasses.replace(self.info, full_scale=full_scale(effects.converter))
+        self.world = World(scene, self.setting.radar)
+        self._chain = make_chain(self.setting)
+        self.propagator: Propagator = make_propagator(scene.fidelity, Physics.of(effects), self._sampling(), scene.tolerance)
+        self.radar = self.setting.radar
+        w = self.info.waveform
+        self.interval = w.frame_interval * (1.0 + self.radar.clock_drift)
+        self.n_frames = max(math.floor((scene.duration - self.radar.trigger_offset) / self.interval + 1e-9), 0)
+        self._limit = w.max_range if w.modulation == "fmcw" else math.inf
 
     def process(self, sequence: int) -> SimulatedFrame:
         """Simulate one frame: a function of the scene and ``sequence`` only, whatever was simulated before.
@@ -83,90 +81,83 @@ class Simulator:
         Parameters
         ----------
         sequence : int
-            Number of the frame, 0 to ``n_frames - 1``; it starts at ``sequence * frame_interval``.
+            Number of the frame, 0 to ``n_frames - 1``.
 
         Returns
         -------
         SimulatedFrame
-            Raw samples in volts at 50 ohm, and what is true in the middle of the acquisition.
+            Raw samples in volts at 50 ohm (in counts where the scene names a converter), and what is true in the middle of the acquisition.
 
         Raises
         ------
         DataError
             When the scene has no such frame.
         """
+        moment = self._moment(sequence)
+        start_ns = round(moment.time * 1e9)
+        poses, seen = self._see(moment)
+        late = None if self._chain.faults is None else self._chain.faults.late(moment)
+        cube = self.propagator.process(self._hear(seen, moment), late)
+        signal = Signal(cube, np.empty(0, np.uint32))
+        for effect in self._chain.signal:
+            effect.process(signal, moment)
+        frame = RadarFrame(signal.cube, start_ns, sequence, self.info.frame_id, signal.missing)
+        return SimulatedFrame(frame, self.world.truth(self.info.waveform, start_ns, sequence, poses, seen))
+
+    def echoes(self, sequence: int) -> Echoes:
+        """Return what comes back to the radar during a frame; for figures and for checking one model against another."""
+        moment = self._moment(sequence)
+        return self._hear(self._see(moment)[1], moment)
+
+    def _moment(self, sequence: int) -> Moment:
         if not 0 <= sequence < self.n_frames:
             raise DataError(f"there is no frame {sequence}: the scene has frames 0 to {self.n_frames - 1}; lengthen its duration for more")
-        start_ns = round(sequence * self.info.waveform.frame_interval * 1e9)
-        times = start_ns * 1e-9 + self._offsets
-        poses = [body.pose(times) for body in self._bodies]
-        cube = self._echoes(self._scatterers(times, poses))
-        noise = self.scene.effects.noise
-        if self._leakage is not None:
-            cube += self._leakage
-        if noise is not None:
-            cube += thermal_noise(noise, self.info, self.scene.seed, sequence)
-        frame = RadarFrame(cube=cube, stamp_ns=start_ns, sequence=sequence, frame_id=self.info.frame_id)
-        return SimulatedFrame(frame, self._truth(times, poses, start_ns, sequence))
+        time = self.radar.trigger_offset + sequence * self.interval
+        return Moment(sequence, time, self.scene.seed, self.setting.index)
 
-    def scatterers(self, sequence: int) -> Scatterers:
-        """Everything that could echo during a frame, visible or not; for figures and for checking the model against others."""
-        times = round(sequence * self.info.waveform.frame_interval * 1e9) * 1e-9 + self._offsets
-        return self._scatterers(times, [body.pose(times) for body in self._bodies])
+    def _see(self, moment: Moment) -> tuple[list[Pose], Scatterers]:
+        """Skeletons, and what of everything the radar sees, with cross-sections towards it."""
+        span, mount = self.info.waveform.acquisition_time, self.info.mount
+        middle = moment.time + span / 2
+        poses = self.world.poses(middle, span)
+        seen = self._facing(self.world.scatterers(middle, span, poses))
+        for effect in self._chain.scene:
+            seen = effect.process(seen, moment)
+        rcs = seen.towards(mount.origin)
+        return poses, dataclasses.replace(seen, rcs=rcs).select(np.flatnonzero(rcs > 0))
 
-    def _scatterers(self, times: Float64Array, poses: list[Pose]) -> Scatterers:
-        points = self._point + times[:, None, None] * self._point_velocity
-        room = np.concatenate([*(pose.scatterers for pose in poses), points], axis=1)
-        rcs = [*(self._rcs(body, pose) for body, pose in zip(self._bodies, poses, strict=True)), self._point_rcs]
-        return Scatterers(self.info.mount.from_room(room), np.concatenate(rcs))
+    def _facing(self, scatterers: Scatterers) -> Scatterers:
+        """Leave out early, because the rest then costs less, what looks away, is behind the array's plane or too far.
 
-    def _rcs(self, body: Body, pose: Pose) -> Float64Array:
-        """Cross-sections of a body's scatterers: shells count by the side they show to the radar."""
-        middle, mount = len(pose.scatterers) // 2, self.info.mount
-        towards = np.array([mount.x, mount.y]) - pose.scatterers[middle, : body.n_shell, :2]
-        facing = (pose.normals[middle] * towards).sum(-1) / np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
-        rcs = body.rcs.copy()
-        rcs[: body.n_shell] *= np.maximum(facing, 0.0)
-        return rcs
+        The array lies in a plane that shields what is behind it. The receiver of an FMCW radar has an ideal anti-aliasing filter: a beat
+        frequency above the sample rate is gone, it does not fold back.
+        """
+        mount = self.info.mount
+        away = scatterers.motion.position - mount.origin
+        inside = (away @ mount.rotation[:, 0] > 0) & ((away**2).sum(-1) < self._limit**2)
+        return scatterers.select(np.flatnonzero(inside & ~((away * scatterers.normal).sum(-1) > 0)))
 
-    def _echoes(self, scatterers: Scatterers) -> NDArray[np.complex64]:
-        middle = scatterers.positions[self._blocks]
-        use = np.flatnonzero((scatterers.rcs > 0) & visible(self.info, middle))
-        if len(use) == 0:
-            return np.zeros(self.info.cube_shape, np.complex64)
-        strengths = strength(self.info, scatterers.rcs[use])
-        pattern = self.scene.effects.pattern
-        if pattern is not None:
-            strengths = strengths * two_way_gain(pattern, self.info, middle[use])
-        losses = self.scene.effects.losses
-        if losses is not None:
-            strengths = strengths * 10 ** (-losses.level / 20)
-        return self._model(self.info, scatterers.positions[:, use], strengths)
+    def _hear(self, seen: Scatterers, moment: Moment) -> Echoes:
+        """Echoes in the sensor frame, by the radar equation and the effects on single echoes."""
+        mount = self.info.mount
+        motion = seen.motion.turned(mount.rotation, mount.origin)
+        source = np.arange(len(seen), dtype=np.int32)
+        echoes = Echoes(motion, motion, strength(self.info, seen.rcs).astype(np.complex128), seen.owner, source)
+        for effect in self._chain.echo:
+            echoes = effect.process(echoes, moment)
+        within = echoes.range < self._limit
+        return echoes if within.all() else echoes.select(np.flatnonzero(within))
 
-    def _truth(self, times: Float64Array, poses: list[Pose], start_ns: int, sequence: int) -> Truth:
-        n, middle, span = len(poses), self._blocks, times[-1] - times[0]
-        gesture, index = np.full(n, NO_GESTURE, np.uint8), np.zeros(n, np.uint32)
-        walking, drawing = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        for i, body in enumerate(self._bodies):
-            segment = body.timeline.at(float(times[middle]))
-            if segment is None:
-                continue
-            if segment.gesture is not None:
-                gesture[i], index[i] = segment.gesture, segment.index
-            walking[i], drawing[i] = segment.kind == "walk", segment.kind == "draw"
-        centre = np.array([pose.centre for pose in poses]).reshape(n, len(times), 3)
-        hand = np.array([pose.hand for pose in poses]).reshape(n, len(times), 3)
-        return Truth(
-            stamp_ns=start_ns + self.info.waveform.acquisition_ns // 2,
-            sequence=sequence,
-            frame_id="room",
-            person_id=self._ids,
-            position=centre[:, middle].copy(),
-            velocity=(centre[:, -1] - centre[:, 0]) / span,
-            hand_position=hand[:, middle].copy(),
-            hand_velocity=(hand[:, -1] - hand[:, 0]) / span,
-            gesture=gesture,
-            gesture_index=index,
-            walking=walking,
-            drawing=drawing,
-        )
+    def _sampling(self) -> Sampling:
+        array, errors = self.setting.array, self.scene.effects.channel_errors
+        if errors is not None:
+            return Sampling(self.info, *elements(errors, self.setting))
+        return Sampling(self.info, np.asarray(array.tx, np.float64), np.asarray(array.rx, np.float64))
+
+
+def _find(scene: Scene, name: str) -> tuple[SceneRadar, int]:
+    """Radar by its frame_id or namespace, and its place."""
+    for index, radar in enumerate(scene.radars):
+        if name in ("", radar.frame_id, radar.namespace):
+            return radar, index
+    raise ConfigError(f"the scene has no radar {name!r}; it has {', '.join(r.frame_id for r in scene.radars)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,16 @@ class Truth:
         Counts this person's scripted gestures.
     walking, drawing : ndarray of bool, shape (n_people,)
         What else the person does.
+    gesture_start_ns, gesture_end_ns : ndarray of int64, shape (n_people,)
+        First and last moment of the gesture being performed, 0 while there is none; empty: not known [ns].
+    other_hand_position, other_hand_velocity : ndarray of float64, shape (n_people, 3)
+        The hand that does not act; empty: not known [m], [m/s].
+    scatterer_position : ndarray of float32, shape (n_scatterers, 3)
+        What the radar sees: surface elements that face it and that nothing hides [m]; empty: not known.
+    scatterer_owner : ndarray of int32, shape (n_scatterers,)
+        Index into `person_id`; negative: a thing.
+    scatterer_rcs : ndarray of float32, shape (n_scatterers,)
+        Radar cross-section towards the radar [m^2].
     """
 
     stamp_ns: int
@@ -48,6 +58,13 @@ class Truth:
     gesture_index: NDArray[np.uint32]
     walking: NDArray[np.bool_]
     drawing: NDArray[np.bool_]
+    gesture_start_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    gesture_end_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    other_hand_position: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    other_hand_velocity: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    scatterer_position: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    scatterer_owner: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
+    scatterer_rcs: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
 
 
 @dataclass(frozen=True, eq=False)

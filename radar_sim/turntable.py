@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
-from radar_sim.effects import two_way_gain
-from radar_sim.propagation import strength
-from radar_sim.scene import Pattern
+from radar_sim.effects.config import Pattern
+from radar_sim.effects.pattern import two_way_gain
+from radar_sim.link import strength
 
 AXES = ("azimuth", "elevation")
 

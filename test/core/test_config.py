@@ -26,7 +26,7 @@ class _Top:
     [
         ("mode: medium\n", r"top\.yaml:1: .*mode is 'medium'; choose one of 'slow', 'fast'"),
         ("mode: fast\nsub:\n  gain: 11\n", r"top\.yaml:\d: sub: _Sub\.gain is 11; it must be between 0 and 10 dB \(how loud\)"),
-        ("mode: fast\nsub:\n  gian: 1\n", r"top\.yaml:3: unknown key 'sub\.gian'; known here: gain, names"),
+        ("mode: fast\nsub:\n  gian: 1\n", r"top\.yaml:3: unknown key 'sub\.gian' \(did you mean 'gain'\?\); known here: gain, names"),
         ("parts:\n  - gain: 1\n  - gain: loud\n", r"top\.yaml:3: parts\.1\.gain: .*valid number.*'loud'"),
         ("sub: 3\n", r"top\.yaml:1: sub: "),
         ("mode: [\n", r"top\.yaml: not valid YAML"),

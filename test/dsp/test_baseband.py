@@ -19,7 +19,7 @@ from radar_dsp.peaks import Interpolator
 from radar_dsp.reference import Scales, integrate
 from radar_dsp.spectrum import Spectrum
 from radar_dsp.windows import make_window
-from radar_sim import Effects, Noise, Point, Scene, Simulator
+from radar_sim import Effects, Noise, Point, Scene, SceneRadar, Simulator
 
 INFO = RadarInfo()
 DATA = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
@@ -211,11 +211,11 @@ def test_other_modulations(modulation):
         waveform = Waveform(modulation="ofdm", chirp_duration=64 / 1.5e9, chirp_pause=116e-6 - 64 / 1.5e9)
     scene = Scene(
         duration=0.02,
-        radar=RadarInfo(waveform=waveform, mount=Pose(z=0.0)),
+        radars=(SceneRadar(waveform=waveform, mount=Pose(z=0.0)),),
         points=(Point(position=(2.0, 0.5, 0.0), velocity=(1.0, 0.25, 0.0), rcs=1.0),),
         effects=Effects(noise=Noise()),
     )
-    cloud = Baseband(BasebandConfig(grouping="peak"), scene.radar).process(Simulator(scene).process(0).frame)
+    cloud = Baseband(BasebandConfig(grouping="peak"), scene.radars[0].info).process(Simulator(scene).process(0).frame)
     i = int(np.argmax(cloud.snr))
     # 20 mm/s and 0.02 rad are five times the bounds of an echo at more than 25 dB per channel.
     assert cloud.radial_speed[i] == pytest.approx(np.hypot(1.0, 0.25), abs=0.02)

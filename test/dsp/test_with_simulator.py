@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import Pose, RadarInfo
+from radar_core import Pose
 from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Action, Coupling, Effects, Noise, Person, Point, Scene, Simulator
+from radar_sim import Action, Coupling, Effects, Noise, Person, Point, Scene, SceneRadar, Simulator
 
 
 @pytest.mark.parametrize("mount", [Pose(), Pose(x=0.5, y=-1.0, z=2.0, yaw=0.4, tilt=-0.3)], ids=["plain", "tilted"])
@@ -15,7 +15,7 @@ def test_point_in_the_room(mount):
     """A moving scatterer is where the scene says at the cloud's stamp: five reported deviations, and 5 mm for the simulator's model."""
     start, velocity = np.array([3.0, 0.3, 1.1]), np.array([-1.5, 0.8, 0.0])
     point = Point(position=tuple(start), velocity=tuple(velocity), rcs=0.1)
-    scene = Scene(duration=0.5, radar=RadarInfo(mount=mount), points=(point,), effects=Effects(noise=Noise()))
+    scene = Scene(duration=0.5, radars=(SceneRadar(mount=mount),), points=(point,), effects=Effects(noise=Noise()))
     simulator = Simulator(scene)
     baseband = Baseband(BasebandConfig(grouping="peak"), simulator.info)
     for sequence in (0, 10, 20):

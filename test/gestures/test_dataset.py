@@ -12,7 +12,7 @@ from radar_gestures.recognizer import TrackEvent
 from radar_gestures.samples import chunk_path, load_samples
 from radar_gestures.scoring import TruthSegment
 from radar_gestures.training import train
-from radar_sim import Action, Effects, Losses, Noise, Person, Scene
+from radar_sim import Action, Effects, Losses, Noise, Person, Scene, SceneRadar
 
 S = 1_000_000_000
 PUSH, PUSH_PULL = GESTURES.index("push"), GESTURES.index("push_pull")
@@ -46,7 +46,7 @@ def test_half_a_gesture_is_no_sample_and_counts_as_missed():
 def small_scene(rng, info):
     """One person two metres away, one push; about a second of work."""
     person = Person(position=(2.0, float(rng.uniform(-0.2, 0.2))), script=(Action(stand=0.5), Action(gesture="push")))
-    return Scene(duration=4.0, seed=int(rng.integers(1000)), radar=info, people=(person,), effects=EFFECTS)
+    return Scene(duration=4.0, seed=int(rng.integers(1000)), radars=(SceneRadar.of(info),), people=(person,), effects=EFFECTS)
 
 
 def test_a_stopped_run_goes_on_and_gives_the_same_samples(tmp_path, monkeypatch):

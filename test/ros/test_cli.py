@@ -45,7 +45,7 @@ def mistakes(tmp_path):
     bad_scene = tmp_path / "bad.yaml"
     bad_scene.write_text("duration: 3\npeeple: []\n")
     wrong_unit = tmp_path / "unit.yaml"
-    wrong_unit.write_text("duration: 3\nradar:\n  waveform: {carrier: 76.75}\n")
+    wrong_unit.write_text("duration: 3\nradars:\n  - waveform: {carrier: 76.75}\n")
     return [
         (("simulate", bad_scene, "--out", tmp_path / "o"), "bad.yaml:2: unknown key 'peeple'"),
         (("simulate", wrong_unit, "--out", tmp_path / "o"), "it must be between 1e+09 and 1e+12 Hz"),

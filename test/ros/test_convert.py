@@ -162,6 +162,13 @@ def test_truth(stamp, n, seed):
         gesture_index=rng.integers(0, 9, n).astype(np.uint32),
         walking=rng.random(n) > 0.5,
         drawing=rng.random(n) > 0.5,
+        gesture_start_ns=rng.integers(0, 10**18, n),
+        gesture_end_ns=rng.integers(0, 10**18, n),
+        other_hand_position=numbers(rng, n, 3),
+        other_hand_velocity=numbers(rng, n, 3),
+        scatterer_position=rng.standard_normal((5 * n, 3)).astype(np.float32),
+        scatterer_owner=rng.integers(-9, 9, 5 * n).astype(np.int32),
+        scatterer_rcs=rng.random(5 * n).astype(np.float32),
     )
     same(truth_from_msg(through(truth_to_msg(truth))), truth)
 

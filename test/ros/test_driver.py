@@ -19,7 +19,7 @@ from radar_core import DataError
 from radar_driver.messages import BagSource
 from radar_ros import bags, qos
 from radar_ros.convert import from_time
-from radar_ros.offline import simulate
+from radar_ros.offline import simulate, simulators
 from radar_sim import Simulator, load_scene
 
 SCENE = "duration: 1.0\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], velocity: [0.5, 0, 0], rcs: 0.1}]\neffects: {noise: {}}\n"
@@ -134,7 +134,7 @@ def test_a_wrong_set_up_is_one_line_and_status_2(start, settings, message):
 def two_radars(scene, tmp_path_factory):
     """One bag with the same radar as left (all frames) and as right (the first five)."""
     folder = tmp_path_factory.mktemp("two")
-    list(simulate(str(scene), folder / "one"))
+    list(simulate(simulators(scene), folder / "one"))
     with bags.BagWriter(folder / "both") as writer:
         counts = {"left": N_FRAMES, "right": 5}
         for item in bags.read(folder / "one", ("radar/info", "radar/frame")):

@@ -1,76 +1,89 @@
 """Simulated echoes of a tone and of OFDM against the physics written out, and through the spectrum that belongs to them."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from truths import first_cube, point_scene
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform, known_symbols
 from radar_core.geometry import spherical_to_cartesian
-from radar_core.pose import Pose
 from radar_dsp import spectrum
 from radar_dsp.config import SpectrumConfig
-from radar_sim import Coupling, Noise, Simulator
-from radar_sim.propagation import strength
-from radar_sim.scene import Effects
+from radar_sim.modulation import Ofdm, Tone
+from radar_sim.propagation.base import Physics, Sampling
+from radar_sim.propagation.choose import make_propagator
+from radar_sim.scatterers import THING, Echoes, Motion
+from radar_sim.scene import Fidelity
 
-CW = RadarInfo(mount=Pose(z=0.0), waveform=Waveform(modulation="cw", chirp_duration=16e-6, chirp_pause=100e-6))
-OFDM = RadarInfo(mount=Pose(z=0.0), waveform=Waveform(modulation="ofdm", chirp_duration=64 / 1.5e9, chirp_pause=116e-6, code_seed=11))
-SLOW_OFDM = RadarInfo(
-    mount=Pose(z=0.0), waveform=Waveform(modulation="ofdm", n_sample=16, n_chirp=8, chirp_duration=16e-6, bandwidth=1e6, chirp_pause=50e-6)
-)
+CW = RadarInfo(waveform=Waveform(modulation="cw", chirp_duration=16e-6, chirp_pause=100e-6))
+OFDM = RadarInfo(waveform=Waveform(modulation="ofdm", chirp_duration=64 / 1.5e9, chirp_pause=116e-6, code_seed=11))
+SLOW_OFDM = RadarInfo(waveform=Waveform(modulation="ofdm", n_sample=16, n_chirp=8, chirp_duration=16e-6, bandwidth=1e6, chirp_pause=50e-6))
 
 
-def true_paths(info: RadarInfo, position, velocity) -> np.ndarray:
-    """Delay of every channel at every sample, shape (tx, chirp, rx, sample) [s]."""
+def sampling(info: RadarInfo) -> Sampling:
+    return Sampling(info, np.asarray(info.array.tx, np.float64), np.asarray(info.array.rx, np.float64))
+
+
+def point(position, velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), strength=1.0) -> Echoes:
+    motion = Motion(*(np.array([x], np.float64) for x in (position, velocity, acceleration)))
+    number = np.full(1, THING, np.int32)
+    return Echoes(motion, motion, np.array([strength], np.complex128), number, number)
+
+
+def cube_of(info: RadarInfo, echoes: Echoes, late=None) -> np.ndarray:
+    return make_propagator(Fidelity(), Physics(), sampling(info), 0.02).process(echoes, late)
+
+
+def true_paths(info: RadarInfo, echoes: Echoes, late=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Delay of every channel at every sample [s], and distance of the middle of every chirp [m]; shapes (tx, chirp, rx, sample or 1)."""
     w = info.waveform
-    t, chirp, fast = np.arange(w.n_tx), np.arange(w.n_chirp), np.arange(w.n_sample) * w.chirp_duration / w.n_sample
-    time = ((chirp[None, :] * w.n_tx + t[:, None]) * w.chirp_interval)[:, :, None] + fast
-    place = np.asarray(position) + time[..., None] * np.asarray(velocity)
+    t, chirp = np.arange(w.n_tx), np.arange(w.n_chirp)
+    fast = np.arange(w.n_sample) * w.chirp_duration / w.n_sample
+    start = (chirp[None, :] * w.n_tx + t[:, None]) * w.chirp_interval - w.acquisition_time / 2 + late
+
+    def place(time: np.ndarray) -> np.ndarray:
+        time = time[..., None]
+        return echoes.out.position[0] + time * (echoes.out.velocity[0] + time / 2 * echoes.out.acceleration[0])
+
     delays = np.empty(info.cube_shape)
+    where = place(start[..., None] + fast)
     for i, (ty, tz) in enumerate(info.array.tx):
         for j, (ry, rz) in enumerate(info.array.rx):
-            out = np.linalg.norm(place[i] - [0.0, ty, tz], axis=-1)
-            delays[i, :, j] = (out + np.linalg.norm(place[i] - [0.0, ry, rz], axis=-1)) / SPEED_OF_LIGHT
-    return delays
+            out = np.linalg.norm(where[i] - [0.0, ty, tz], axis=-1)
+            delays[i, :, j] = (out + np.linalg.norm(where[i] - [0.0, ry, rz], axis=-1)) / SPEED_OF_LIGHT
+    return delays, np.linalg.norm(place(start + w.chirp_duration / 2), axis=-1)[:, :, None, None]
 
 
-def amplitude(info: RadarInfo, distance: float) -> float:
-    return float(strength(info, np.array([0.1]))[0]) / distance**2
+MOTIONS = [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((-2.0, 1.0, 0.5), (0.0, 0.0, 0.0)), ((2.0, 1.0, -0.5), (15.0, -10.0, 8.0))]
 
 
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (2.0, 1.0, -0.5)])
-def test_a_tone_is_the_formula(velocity):
-    """Phase +2 pi f_c tau at every sample; chords of the path leave 1e-5 rad, complex64 1e-7; the amplitude is that of each chirp."""
-    position = (1.4, 0.6, -0.3)
-    cube = first_cube(point_scene(position, velocity, radar=CW))
-    turned = np.exp(2j * np.pi * CW.waveform.carrier * true_paths(CW, position, velocity))
-    np.testing.assert_allclose(cube / np.abs(cube), turned, atol=5e-4)
-    assert np.abs(cube[0, 0]).mean() == pytest.approx(amplitude(CW, math.hypot(*position)), rel=2e-3)
+@pytest.mark.parametrize(("velocity", "acceleration"), MOTIONS)
+@pytest.mark.parametrize("lateness", [0.0, 40e-6])
+def test_a_tone_is_the_formula(velocity, acceleration, lateness):
+    """Phase +2 pi f_c tau at every sample, amplitude over the square of each chirp's distance; float32's recurrence leaves 2e-5."""
+    echoes = point((1.4, 0.6, -0.3), velocity, acceleration, strength=2.0)
+    late = np.random.default_rng(3).uniform(0, 1, (64, 2)) * lateness
+    tau, distance = true_paths(CW, echoes, late.T)
+    expected = 2.0 / distance**2 * np.exp(2j * np.pi * CW.waveform.carrier * tau)
+    np.testing.assert_allclose(cube_of(CW, echoes, late), expected, atol=3e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("info", [OFDM, SLOW_OFDM])
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (-2.0, 1.0, 0.5)])
-def test_ofdm_is_a_delayed_signal_on_every_carrier(info, velocity):
+@pytest.mark.parametrize(("velocity", "acceleration"), MOTIONS)
+def test_ofdm_is_a_delayed_signal_on_every_carrier(info, velocity, acceleration):
     """The conjugate of what a receiver samples when each carrier comes back late by the delay of that very sample; no transform here.
 
     The model lets all carriers turn within a symbol by the Doppler frequency of the middle one. What that leaves out is below 1e-5 rad.
     """
-    w, position = info.waveform, (2.4, 0.6, -0.3)
-    cube = first_cube(point_scene(position, velocity, radar=info))
-    tau = true_paths(info, position, velocity)
+    w, echoes = info.waveform, point((2.4, 0.6, -0.3), velocity, acceleration)
+    tau, distance = true_paths(info, echoes)
     fast = np.arange(w.n_sample) / w.n_sample * w.chirp_duration
     sampled = np.zeros(info.cube_shape, np.complex128)
     for k, sent in enumerate(np.moveaxis(known_symbols(w), -1, 0)):
         f = w.carrier - w.bandwidth / 2 + k / w.chirp_duration
         sampled += sent[:, :, None, None] * np.exp(2j * np.pi * (k / w.chirp_duration * fast - f * tau))
-    expected = sampled.conj() * amplitude(info, math.hypot(*position)) / math.sqrt(w.n_sample)
-    # The amplitude follows the range from chirp to chirp (1.3 % over the frame); the phase is what is tested.
-    scale = (cube * expected.conj()).sum(axis=3, keepdims=True).real / (np.abs(expected) ** 2).sum(axis=3, keepdims=True)
-    np.testing.assert_allclose(scale, 1.0, atol=0.03)
-    np.testing.assert_allclose(cube, scale * expected, atol=1e-4 * np.abs(expected).max())
+    expected = sampled.conj() / (distance**2 * math.sqrt(w.n_sample))
+    np.testing.assert_allclose(cube_of(info, echoes), expected, atol=3e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("info", [CW, OFDM])
@@ -84,9 +97,7 @@ def test_through_the_spectrum(info, rate, azimuth, elevation):
     """
     w = info.waveform
     direction = np.array(spherical_to_cartesian(1.0, azimuth, elevation))
-    place, velocity = 5.0 * direction - rate * w.acquisition_time / 2 * direction, rate * direction
-    cube = first_cube(point_scene(tuple(place.tolist()), tuple(velocity.tolist()), radar=info))
-    result = spectrum.make_spectrum(SpectrumConfig(), info).process(cube)
+    result = spectrum.make_spectrum(SpectrumConfig(), info).process(cube_of(info, point(5.0 * direction, rate * direction)))
     power = (np.abs(result) ** 2).sum(axis=(0, 2))
     speed, distance = np.unravel_index(np.argmax(power), power.shape)
     assert (speed + 32) % 64 - 32 == round(rate / w.speed_resolution)
@@ -97,38 +108,40 @@ def test_through_the_spectrum(info, rate, azimuth, elevation):
     assert abs(fit) > 0.9995
 
 
-@pytest.mark.parametrize("info", [CW, OFDM])
-def test_far_echoes_are_seen(info):
-    """A tone has no largest range; OFDM's echo beyond it folds back into the first period."""
-    cube = first_cube(point_scene((8.0, 0.0, 0.0), radar=info))
-    assert np.sqrt(np.mean(np.abs(cube) ** 2)) == pytest.approx(amplitude(info, 8.0), rel=1e-3)
-    power = np.abs(spectrum.make_spectrum(SpectrumConfig(), info).process(cube)[0, :, 0]) ** 2
-    folded = 0 if info is CW else round((8.0 - info.waveform.max_range) / info.waveform.range_resolution)
+def test_far_ofdm_echoes_fold_back():
+    """An echo beyond the unambiguous range appears in the first period, with the power that its distance gives."""
+    cube = cube_of(OFDM, point((8.0, 0.0, 0.0)))
+    assert np.sqrt(np.mean(np.abs(cube) ** 2)) == pytest.approx(1 / 64, rel=1e-3)
+    power = np.abs(spectrum.make_spectrum(SpectrumConfig(), OFDM).process(cube)[0, :, 0]) ** 2
+    folded = round((8.0 - OFDM.waveform.max_range) / OFDM.waveform.range_resolution)
     assert np.unravel_index(np.argmax(power), power.shape) == (0, folded)
 
 
 @pytest.mark.parametrize("info", [CW, OFDM])
-def test_noise_and_leakage(info):
-    """Thermal noise of the sampled band; leakage stands still in range cell 0 with its level, whatever the code."""
-    w = info.waveform
-    noisy = Simulator(point_scene((3.0, 0.0, 0.0), rcs=0.0, radar=info, effects=Effects(noise=Noise(noise_figure=12.0))))
-    cube = np.stack([noisy.process(k).frame.cube for k in range(2)])
-    wanted = 1.380649e-23 * 290 * (w.n_sample / w.chirp_duration) * 10**1.2 * 50
-    assert np.mean(np.abs(cube) ** 2) == pytest.approx(wanted, rel=0.02)
-    leak = first_cube(point_scene((3.0, 0.0, 0.0), rcs=0.0, radar=info, effects=Effects(coupling=Coupling(level=-50.0, distance=0.0))))
-    volts = math.sqrt(1e-3 * 10 ** ((12.0 - 50.0) / 10) * 50)
-    assert np.sqrt(np.mean(np.abs(leak) ** 2)) == pytest.approx(volts, rel=1e-5)
-    power = np.abs(spectrum.make_spectrum(SpectrumConfig(), info).process(leak)[1, :, 2]) ** 2
-    assert np.unravel_index(np.argmax(power), power.shape) == (0, 0)
-    # Nothing but the two windows' lobes: cells away from them are 80 dB down.
-    assert power[20:40, 20:40].max(initial=0.0) < 1e-8 * power.max()
+def test_envelope_late_chirps_and_legs(info):
+    """Echoes add up, chirp by chirp with their amplitude; a mirrored leg back turns receivers only; nothing echoes to nothing."""
+    rng = np.random.default_rng(5)
+    one, other = point((2.0, 0.4, 0.1), (1.0, 0.0, 0.0)), point((3.0, -0.8, 0.0), (0.0, 1.0, 0.0), strength=1j)
+    envelope = rng.uniform(0, 2, (64, 2, 2)).astype(np.float32)
+    motion, number = Motion.join([one.out, other.out]), np.full(2, THING, np.int32)
+    late = rng.uniform(0, 20e-6, (64, 2))
+    both = Echoes(motion, motion, np.array([1, 1j]), number, number, envelope)
+    parts = [cube_of(info, e, late) * envelope[:, :, k].T[:, :, None, None] for k, e in enumerate((one, other))]
+    whole = cube_of(info, both, late)
+    np.testing.assert_allclose(whole, sum(parts), atol=1e-5 * np.abs(whole).max())
+    mirrored = Echoes(one.out, other.out, one.strength, one.owner, one.source)
+    cube = cube_of(info, mirrored)
+    steer = [
+        np.exp(-2j * np.pi * sampling(info).rx @ leg.position[0, 1:] / np.linalg.norm(leg.position) / info.waveform.wavelength)
+        for leg in (other.out,)
+    ]
+    turn = (cube * cube[:, :, :1].conj()).sum(axis=(0, 1, 3))
+    np.testing.assert_allclose(turn / np.abs(turn), steer[0] / steer[0][0], atol=0.03)  # a sphere at 3 m: 0.02 rad
+    assert not cube_of(info, Echoes.none()).any()
 
 
-def test_frames_are_random_access():
-    """A frame depends on the scene and its number only, and the model knob of FMCW changes nothing."""
-    scene = point_scene((3.0, 0.2, 0.0), (1.0, 0.0, 0.0), radar=SLOW_OFDM)
-    simulator = Simulator(scene)
-    first = simulator.process(2).frame.cube
-    simulator.process(0)
-    np.testing.assert_array_equal(simulator.process(2).frame.cube, first)
-    np.testing.assert_array_equal(Simulator(dataclasses.replace(scene, model="blocks")).process(2).frame.cube, first)
+def test_waveforms_choose_their_own_models():
+    """Fidelity is FMCW's: a tone and OFDM always follow the true path."""
+    for model in ("auto", "separable", "reference"):
+        assert isinstance(make_propagator(Fidelity(model=model), Physics.all(), sampling(CW), 0.02), Tone)
+        assert isinstance(make_propagator(Fidelity(model=model), Physics.all(), sampling(OFDM), 0.02), Ofdm)

@@ -5,16 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from truths import expected_cube, first_cube, peak, point_scene
+from truths import ALL_PHYSICS, a_scene, expected_cube, first_cube, peak, point_scene
 
 from radar_core import RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
 from radar_core.pose import Pose
-from radar_sim import Noise, Point, Scene, Simulator
-from radar_sim.scene import Effects
+from radar_sim import Effects, Fidelity, Noise, Point, Simulator
 
 INFO = RadarInfo(mount=Pose(z=0.0))
 W = INFO.waveform
+PHYSICAL = Effects(**ALL_PHYSICS)
 
 
 def amplitude(distance: float, rcs: float) -> float:
@@ -34,7 +34,8 @@ def test_range(distance):
 @pytest.mark.parametrize("rate", [-3.0, -0.8, 0.7, 3.5])
 def test_receding_is_positive_doppler(rate):
     """Range rate, positive when receding; the beat moves by rate * (carrier / slope), 3.4 mm per m/s, to the far side."""
-    found, speed = peak(first_cube(point_scene((3.0, 0.0, 0.0), (rate, 0.0, 0.0), radar=INFO)), INFO)
+    scene = point_scene((3.0, 0.0, 0.0), (rate, 0.0, 0.0), radar=INFO, effects=Effects(doppler_in_chirp=True))
+    found, speed = peak(first_cube(scene), INFO)
     assert speed == pytest.approx(rate, abs=W.speed_resolution / 12)
     middle = 3.0 + rate * W.acquisition_time / 2
     assert found == pytest.approx(middle + rate * W.carrier / W.slope, abs=0.0075)
@@ -70,7 +71,7 @@ def test_transmitters_take_turns():
 
 def test_frames_follow_each_other():
     """Frame k starts at k frame_interval, and its stamp says so to the nanosecond; the truth is stamped at the middle."""
-    simulator = Simulator(point_scene((2.0, 0.0, 0.0), (1.0, 0.0, 0.0), radar=INFO))
+    simulator = Simulator(point_scene((2.0, 0.0, 0.0), (1.0, 0.0, 0.0), radar=INFO, effects=Effects(doppler_in_chirp=True)))
     assert simulator.n_frames == 50
     frame, truth = (lambda s: (s.frame, s.truth))(simulator.process(37))
     assert frame.stamp_ns == 37 * 20_000_000
@@ -80,17 +81,17 @@ def test_frames_follow_each_other():
     assert peak(frame.cube, INFO)[0] == pytest.approx(2.0 + 0.74 + W.acquisition_time / 2 + W.carrier / W.slope, abs=0.0075)
 
 
-@pytest.mark.parametrize("model", ["separable", "blocks", "exact"])
+@pytest.mark.parametrize("model", ["separable", "nufft", "blocks", "exact", "reference"])
 @pytest.mark.parametrize(("distance", "rcs"), [(1.0, 0.03), (4.0, 0.4)])
 def test_amplitude_obeys_the_radar_equation(model, distance, rcs):
     """Volts at 50 ohm by (2.4); complex64 keeps 7 digits, the aperture of 14 mm changes 1/r^2 by less than 1e-4 at 1 m."""
-    cube = first_cube(point_scene((distance, 0.0, 0.0), rcs=rcs, radar=INFO, model=model))
+    cube = first_cube(point_scene((distance, 0.0, 0.0), rcs=rcs, radar=INFO, fidelity=Fidelity(model=model)))
     np.testing.assert_allclose(np.abs(cube), amplitude(distance, rcs), rtol=2e-4)
 
 
 def test_thermal_noise_is_ktfb():
     """Mean power of 65,536 complex samples is k T F B within five standard deviations (2 %), and white across chirps and samples."""
-    scene = Scene(duration=1.0, radar=INFO, effects=Effects(noise=Noise(noise_figure=13.0)))
+    scene = a_scene(INFO, effects=Effects(noise=Noise(noise_figure=13.0)))
     simulator = Simulator(scene)
     cubes = np.stack([simulator.process(k).frame.cube for k in range(2)]).astype(np.complex128)
     wanted = 1.380649e-23 * 290 * (W.n_sample / W.chirp_duration) * 10**1.3 * 50
@@ -105,7 +106,7 @@ def test_thermal_noise_is_ktfb():
 def test_exact_model_is_the_formula(velocity):
     """The exact model against the phase written out for every sample and channel; complex64 rounds at 1e-7, chords of the path at 1e-5."""
     position = (1.4, 0.6, -0.3)
-    cube = first_cube(point_scene(position, velocity, radar=INFO, model="exact"))
+    cube = first_cube(point_scene(position, velocity, radar=INFO, effects=PHYSICAL, fidelity=Fidelity(model="exact")))
     expected = expected_cube(INFO, position, velocity, 1.0)
     middle = np.asarray(position) + np.asarray(velocity) * W.acquisition_time / 2
     turned = cube / np.abs(cube)
@@ -118,25 +119,23 @@ def rms_error(cube: np.ndarray, reference: np.ndarray) -> float:
 
 
 def test_models_agree_where_they_should():
-    """A still target differs only by squint and near field; a moving one by range migration, which blocks reduce by their number."""
-    still, moving = (3.0, 0.4, 0.2), (2.0, 0.5, 0.0)
-    errors = {
-        (name, n): [
-            rms_error(
-                first_cube(point_scene(still, v, radar=INFO, model=name, blocks=n)),
-                first_cube(point_scene(still, v, radar=INFO, model="exact")),
-            )
-            for v in ((0.0, 0.0, 0.0), moving)
-        ]
-        for name, n in (("separable", 1), ("blocks", 1), ("blocks", 4), ("blocks", 16))
-    }
-    assert errors["separable", 1] == errors["blocks", 1]
-    # Squint: 7.8 mm of aperture over a 0.1 m bin turns by up to +-0.1 rad at the band edges; near field: y^2 / (lambda r), 0.02 rad.
-    assert errors["separable", 1][0] < 0.08
-    # Migration: 2.1 m/s moves 16 mm either way of the middle, a phase of up to 0.5 rad at the band edges.
-    assert 0.1 < errors["separable", 1][1] < 0.4
-    assert errors["blocks", 4][1] < 0.5 * errors["separable", 1][1]
-    assert errors["blocks", 16][1] < 1.1 * errors["blocks", 4][1]
+    """Without physics all models are one; with everything, what the cheapest leaves out shows, and blocks bring most of it back."""
+    still, moving = ((3.0, 0.4, 0.2), (0.0, 0.0, 0.0)), ((3.0, 0.4, 0.2), (2.0, 0.5, 0.0))
+
+    def cube(target, effects, model, **more):
+        return first_cube(point_scene(*target, radar=INFO, effects=effects, fidelity=Fidelity(model=model, **more)))
+
+    for target in (still, moving):
+        truth = cube(target, Effects(), "reference")
+        for model in ("separable", "nufft", "exact"):
+            assert rms_error(cube(target, Effects(), model), truth) < 1e-3
+        truth = cube(target, PHYSICAL, "reference")
+        errors = [rms_error(cube(target, PHYSICAL, "blocks", blocks=n, order=1), truth) for n in (1, 4, 16)]
+        assert rms_error(cube(target, PHYSICAL, "exact"), truth) < 1e-3
+        # Squint: 7.8 mm of aperture over a 0.1 m bin turns by up to +-0.1 rad at the band edges; near field: y^2 / (lambda r), 0.02 rad.
+        assert rms_error(cube(target, Effects(), "separable"), truth) < (0.08 if target is still else 0.4)
+        assert errors[2] <= errors[1] * 1.1 <= errors[0] * 1.21
+        assert errors[1] < 0.02
 
 
 def test_other_waveforms_and_arrays():
@@ -156,6 +155,6 @@ def test_targets_add():
     """Two targets give the sum of their echoes."""
     one, two = ((2.0, 0.5, 0.0), (1.0, 0.0, 0.0)), ((3.5, -0.5, 0.3), (-1.5, 0.2, 0.0))
     points = tuple(Point(position=p, velocity=v) for p, v in (one, two))
-    both = first_cube(Scene(duration=1.0, radar=INFO, points=points))
+    both = first_cube(a_scene(INFO, points=points))
     parts = [first_cube(point_scene(p, v, radar=INFO)) for p, v in (one, two)]
     np.testing.assert_allclose(both, parts[0] + parts[1], atol=1e-5 * np.abs(both).max())

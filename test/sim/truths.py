@@ -5,12 +5,21 @@ import math
 import numpy as np
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo
-from radar_sim import Effects, Point, Scene, Simulator
+from radar_sim import Effects, Point, Scene, SceneRadar, Simulator
+from radar_sim.effects.config import PHYSICS
+
+ALL_PHYSICS = dict.fromkeys(PHYSICS, True)
+"""Every effect on how echoes travel."""
 
 
-def point_scene(position, velocity=(0.0, 0.0, 0.0), *, rcs=0.1, effects=None, **more) -> Scene:
+def a_scene(radar: RadarInfo | None = None, **more) -> Scene:
+    """A scene of one second with one radar."""
+    return Scene(**{"duration": 1.0, "radars": (SceneRadar.of(radar or RadarInfo()),), **more})
+
+
+def point_scene(position, velocity=(0.0, 0.0, 0.0), *, rcs=0.1, effects=None, radar=None, **more) -> Scene:
     """A scene with one point target."""
-    return Scene(duration=1.0, points=(Point(position=position, velocity=velocity, rcs=rcs),), effects=effects or Effects(), **more)
+    return a_scene(radar, points=(Point(position=position, velocity=velocity, rcs=rcs),), effects=effects or Effects(), **more)
 
 
 def first_cube(scene: Scene) -> np.ndarray:
@@ -29,7 +38,8 @@ def expected_cube(info: RadarInfo, position, velocity, amplitude: float, start: 
             out = np.linalg.norm(place[i] - [0.0, ty, tz], axis=-1)
             back = np.linalg.norm(place[i] - [0.0, ry, rz], axis=-1)
             tau = (out + back) / SPEED_OF_LIGHT
-            cube[i, :, j] = amplitude * np.exp(2j * math.pi * ((w.carrier - w.bandwidth / 2) * tau + w.slope * tau * fast))
+            turns = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * fast - w.slope * tau**2 / 2
+            cube[i, :, j] = amplitude * np.exp(2j * math.pi * turns)
     return cube
 
 

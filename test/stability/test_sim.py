@@ -9,14 +9,32 @@ import pytest
 
 from radar_core import RadarInfo, Waveform
 from radar_core.pose import Pose
-from radar_sim import Action, Coupling, Draw, Effects, Noise, Pattern, Person, Point, Scene, Simulator, Walk
+from radar_sim import (
+    Action,
+    Coupling,
+    Draw,
+    Effects,
+    Fidelity,
+    Noise,
+    Pattern,
+    Person,
+    Point,
+    Scene,
+    SceneRadar,
+    Simulator,
+    Variation,
+    Walk,
+)
 
 INFO = RadarInfo(mount=Pose(z=0.0))
-MODELS = pytest.mark.parametrize("model", ["separable", "blocks", "exact"])
+RADARS = (SceneRadar.of(INFO),)
+MODELS = pytest.mark.parametrize("model", ["separable", "nufft", "blocks", "exact", "reference"])
 
 
 def cube_of(*points: Point, model="separable", effects=None, info=INFO, k=0) -> np.ndarray:
-    return Simulator(Scene(duration=100.0, radar=info, points=points, model=model, effects=effects or Effects())).process(k).frame.cube
+    radars, fidelity = (SceneRadar.of(info),), Fidelity(model=model, blocks=min(4, info.waveform.n_chirp))
+    scene = Scene(duration=100.0, radars=radars, points=points, fidelity=fidelity, effects=effects or Effects())
+    return Simulator(scene).process(k).frame.cube
 
 
 @MODELS
@@ -32,7 +50,12 @@ def test_at_the_radar_and_in_the_array_plane(model, position):
 def test_through_the_radar(model):
     """A target that flies through the radar leaves finite frames before, at, and silent ones after."""
     simulator = Simulator(
-        Scene(duration=1.0, radar=INFO, points=(Point(position=(1.0, 0.0, 0.0), velocity=(-2.0, 0.0, 0.0)),), model=model)
+        Scene(
+            duration=1.0,
+            radars=RADARS,
+            points=(Point(position=(1.0, 0.0, 0.0), velocity=(-2.0, 0.0, 0.0)),),
+            fidelity=Fidelity(model=model),
+        )
     )
     power = [float((np.abs(simulator.process(k).frame.cube) ** 2).mean()) for k in (0, 24, 25, 26)]
     assert np.isfinite(power).all()
@@ -76,7 +99,7 @@ def test_empty_scene():
 
 def test_phase_stays_exact_far_into_a_long_run():
     """After 27 hours a still target is the same to the last bits, a stamp is still whole, and noise is still noise."""
-    scene = Scene(duration=1e5, radar=INFO, points=(Point(position=(3.0, 0.2, 0.1)),))
+    scene = Scene(duration=1e5, radars=RADARS, points=(Point(position=(3.0, 0.2, 0.1)),))
     simulator = Simulator(scene)
     np.testing.assert_array_equal(simulator.process(simulator.n_frames - 1).frame.cube, simulator.process(0).frame.cube)
     assert simulator.n_frames == 5_000_000
@@ -89,7 +112,7 @@ def test_phase_stays_exact_far_into_a_long_run():
 def test_moving_target_far_into_a_long_run():
     """float64 seconds lose nothing that matters: at 1e5 s, 1.5e-11 s, a creeping target's phase step is still right."""
     velocity = 2e-5
-    simulator = Simulator(Scene(duration=1e5, radar=INFO, points=(Point(position=(1.0, 0.0, 0.0), velocity=(velocity, 0.0, 0.0)),)))
+    simulator = Simulator(Scene(duration=1e5, radars=RADARS, points=(Point(position=(1.0, 0.0, 0.0), velocity=(velocity, 0.0, 0.0)),)))
     one, two = (simulator.process(k).frame.cube for k in (4_999_000, 4_999_500))
     turn = np.angle((two * one.conj()).sum())
     expected = 4 * math.pi * velocity * 10.0 / INFO.waveform.wavelength
@@ -120,7 +143,13 @@ def test_small_and_tall_people(height, arm):
         Action(walk=Walk(to=(2.5, 0.0))),
         Action(walk=Walk(to=(2.5, 1e-9), speed=4.0)),
     ]
-    person = Person(height=height, arm=arm, position=(2.5, 0.0), jitter=0.1, script=tuple(script))
+    person = Person(
+        height=height,
+        arm=arm,
+        position=(2.5, 0.0),
+        variation=Variation(path=0.1, pace=0.5, size=0.3, start=1.0, sway=3.0),
+        script=tuple(script),
+    )
     simulator = Simulator(Scene(duration=60.0, people=(person,)))
     for k in range(0, simulator.n_frames, 20):
         result = simulator.process(k)
@@ -142,7 +171,7 @@ def test_one_chirp_one_sample_one_channel():
         array=dataclasses.replace(INFO.array, tx=((0.0, 0.0),), rx=((0.0, 0.0),)),
         mount=Pose(z=0.0),
     )
-    for model in ("separable", "blocks", "exact"):
+    for model in ("separable", "nufft", "blocks", "exact", "reference"):
         assert cube_of(Point(position=(0.05, 0.0, 0.0)), info=info, model=model).shape == (1, 1, 1, 1)
 
 

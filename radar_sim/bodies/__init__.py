@@ -1,0 +1,1 @@
+"""Bodies: one skeleton, and surfaces that echo on it."""

@@ -1,0 +1,110 @@
+"""What an effect is: a small class with one of three methods, made only where a scene names it."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import AntennaArray, RadarInfo
+from radar_sim.scatterers import Echoes, Scatterers
+from radar_sim.scene import Scene, SceneRadar
+
+BOLTZMANN = 1.380649e-23
+"""J/K."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What an effect is made for: one radar of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        Everything that the user said.
+    radar : SceneRadar
+        The radar whose frames are simulated.
+    index : int
+        Its place in ``scene.radars``.
+    """
+
+    scene: Scene
+    radar: SceneRadar
+    index: int = 0
+
+    @property
+    def info(self) -> RadarInfo:
+        """What the radar says of itself."""
+        return self.radar.info
+
+    @property
+    def array(self) -> AntennaArray:
+        """The array as drawn."""
+        return self.radar.array
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The frame that is being simulated.
+
+    Attributes
+    ----------
+    sequence : int
+        Number of the frame.
+    time : float
+        Scene time at which its acquisition begins [s].
+    seed, radar : int
+        Of the scene; place of the radar in it.
+    """
+
+    sequence: int
+    time: float
+    seed: int = 0
+    radar: int = 0
+
+    def rng(self, name: str) -> np.random.Generator:
+        """Random numbers of one effect in one frame: the same whatever else is simulated, in whatever order."""
+        return np.random.Generator(np.random.SFC64([self.seed, self.radar, self.sequence, zlib.crc32(name.encode())]))
+
+
+@dataclass(eq=False)
+class Signal:
+    """Samples on their way from the antenna to the computer; effects change it in place.
+
+    Attributes
+    ----------
+    cube : ndarray of complex64, shape (tx, chirp, rx, sample)
+        Volts at 50 ohm, first at the receiver's input, after ``noise`` at the converter's, after ``converter`` in counts.
+    missing : ndarray of uint32, shape (n_missing,)
+        As in `RadarFrame`.
+    """
+
+    cube: NDArray[np.complex64]
+    missing: NDArray[np.uint32]
+
+
+class SceneEffect(Protocol):
+    """Changes what there is to see, in ``room``: occlusion, clutter."""
+
+    def process(self, scatterers: Scatterers, moment: Moment) -> Scatterers:
+        """Return scatterers as the effect leaves them."""
+        ...
+
+
+class EchoEffect(Protocol):
+    """Changes single echoes, in the sensor frame: multipath, pattern, fluctuation, filters of the beat frequency."""
+
+    def process(self, echoes: Echoes, moment: Moment) -> Echoes:
+        """Return echoes as the effect leaves them."""
+        ...
+
+
+class SignalEffect(Protocol):
+    """Changes samples: coupling, noise, mixer, converter."""
+
+    def process(self, signal: Signal, moment: Moment) -> None:
+        """Change ``signal`` in place."""
+        ...

@@ -1,0 +1,1 @@
+"""Motions: what people do, as postures over time."""

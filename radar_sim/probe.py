@@ -1,0 +1,121 @@
+"""How much each effect changes a scene's frames: measured on some of them, with the effect and without."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError
+from radar_sim.effects import config as vocabulary
+from radar_sim.effects.chain import ECHO, SCENE, SIGNAL
+from radar_sim.effects.config import PHYSICS, Effects
+from radar_sim.scene import Fidelity, Scene
+from radar_sim.simulator import Simulator
+
+NAMES: Final[tuple[str, ...]] = (*SCENE, *PHYSICS, *ECHO, *SIGNAL)
+"""Every effect there is, from the room to the converter."""
+_PROBES = 5
+"""Frames that are looked at, evenly over the scene."""
+
+
+def switched(effects: Effects, name: str, on: bool) -> Effects:
+    """Name an effect (as it is named already, else with its defaults), or leave it out."""
+    if is_named(effects, name) == on:
+        return effects
+    change: dict[str, Any] = {name: on if name in PHYSICS else default(name) if on else None}
+    return replace(effects, **change)
+
+
+def default(name: str) -> Any:
+    """Make the effect's configuration with its defaults."""
+    return getattr(vocabulary, "".join(part.capitalize() for part in name.split("_")))()
+
+
+def is_named(effects: Effects, name: str) -> bool:
+    """Whether a scene names an effect."""
+    return bool(getattr(effects, name)) if name in PHYSICS else getattr(effects, name) is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """Some frames of a scene as one radar would see them, with any set of effects.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without ``effects: auto``.
+    radar : str
+        Which radar.
+    """
+
+    scene: Scene
+    radar: str = ""
+
+    def simulator(self, effects: Effects, **more: Any) -> Simulator:
+        """Simulate the scene with other effects."""
+        return Simulator(replace(self.scene, effects=effects, **more), self.radar)
+
+    def frames(self, effects: Effects) -> NDArray[np.complex128]:
+        """Simulate the probed frames [V], shape (frame, tx, chirp, rx, sample), chirp by chirp whatever the scene's fidelity."""
+        simulator = self.simulator(effects, fidelity=Fidelity(model="exact"))
+        n = simulator.n_frames
+        chosen = sorted({round((k + 0.5) * n / _PROBES - 0.5) for k in range(_PROBES)}) if n else []
+        converter = effects.converter
+        volts = 1.0 if converter is None else converter.full_scale / 2 ** (converter.bits - 1)
+        cubes = [simulator.process(k).frame.cube.astype(np.complex128) * volts for k in chosen]
+        return np.stack(cubes) if cubes else np.zeros((0, *simulator.info.cube_shape), np.complex128)
+
+    def bare(self) -> Effects:
+        """Leave out the scene's effects on samples: the others are measured without them."""
+        nothing: dict[str, Any] = dict.fromkeys(SIGNAL)
+        return replace(self.scene.effects, **nothing)
+
+    @cached_property
+    def _echoes(self) -> NDArray[np.complex128]:
+        return self.frames(self.bare())
+
+    def can(self, name: str) -> bool:
+        """Whether this radar can have an effect; some are made for FMCW only.
+
+        Raises
+        ------
+        ConfigError
+            When the scene names an effect that its radar cannot have.
+        """
+        try:
+            self.simulator(switched(self.scene.effects, name, True))
+        except ConfigError:
+            if is_named(self.scene.effects, name):
+                raise
+            return False
+        return True
+
+    def change(self, name: str) -> float:
+        """Measure an effect: the rms of what it changes over the rms of the echoes; infinite where there are no echoes."""
+        if not self.can(name):
+            return 0.0
+        echoes = self._echoes
+        with_it = self.frames(switched(self.bare(), name, True))
+        without = echoes if name in SIGNAL or not is_named(self.scene.effects, name) else self.frames(switched(self.bare(), name, False))
+        changed, reference = (float(np.linalg.norm(x)) for x in (with_it - without, echoes))
+        return changed / reference if reference > 0.0 else (math.inf if changed > 0.0 else 0.0)
+
+    def cost(self, name: str, repeat: int = 9) -> float:
+        """Measure what an effect adds to the time of a frame, with the scene's own fidelity and other effects; at least 0 [ms]."""
+        if not self.can(name):
+            return 0.0
+        pair = [self.simulator(switched(self.scene.effects, name, on)) for on in (False, True)]
+        middle = pair[0].n_frames // 2
+        times: list[list[float]] = [[], []]
+        for _ in range(repeat if pair[0].n_frames else 0):
+            for simulator, taken in zip(pair, times, strict=True):
+                start = time.perf_counter_ns()
+                simulator.process(middle)
+                taken.append((time.perf_counter_ns() - start) * 1e-6)
+        return max(float(np.median(times[1]) - np.median(times[0])), 0.0) if times[0] else 0.0
