@@ -25,11 +25,14 @@ one stage alone: `python -m benchmarks NAME` (`--json`, `--plot PNG`).
 
 def table(choices: list[dict[str, Any]]) -> str:
     """One Markdown row per choice."""
+    several = len({row["stage"] for row in choices}) > 1
     rows = ["| choice | accuracy | median ms | p95 ms | x reference |", "|---|---|---:|---:|---:|"]
     for row in choices:
         accuracy, time = row["accuracy"], row["time_ms"]
+        name = f"{row['stage']}: {row['choice']}" if several else row["choice"]
+        name += f", {row['at']['value']:g} {row['at']['name']}" if "at" in row else ""
         value = f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}".rstrip()
-        rows.append(f"| {row['choice']} | {value} | {time['median']:.3f} | {time['p95']:.3f} | {row['ratio']:.2f} |")
+        rows.append(f"| {name} | {value} | {time['median']:.3f} | {time['p95']:.3f} | {row['ratio']:.2f} |")
     return "\n".join(rows)
 
 

@@ -43,15 +43,33 @@ def draw(choices: list[dict[str, Any]], path: Path) -> None:
     ratios = {"height_ratios": heights}
     figure, axes = plt.subplots(len(panels), 1, figsize=(9, sum(heights)), squeeze=False, layout="constrained", gridspec_kw=ratios)
     for axis, ((stage, label), rows) in zip(axes[:, 0], panels.items(), strict=True):
-        for row, marker in zip(rows, "osD^v<>Pp*hX" * len(rows), strict=False):
-            x, y = row["time_ms"]["median"], row["accuracy"]["value"]
-            spread = [[0], [max(row["time_ms"]["p95"] - x, 0)]]
-            axis.errorbar(x, y, xerr=spread, fmt=marker, markersize=5, capsize=2, label=row["choice"])
-        times = [row["time_ms"]["median"] for row in rows]
-        axis.set(xscale="log" if max(times) > 5 * min(times) else "linear", xlabel="time [ms], bar to the 95th percentile", title=stage)
-        axis.set_ylabel(label, fontsize=8)
+        if "at" in rows[0]:
+            _lines(axis, rows)
+        else:
+            _points(axis, rows)
+            axis.set_ylabel(label, fontsize=8)
+        axis.set_title(stage)
         axis.grid(alpha=0.3)
         axis.margins(0.1)
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
     figure.savefig(path, dpi=90)
     plt.close(figure)
+
+
+def _points(axis: Any, rows: list[dict[str, Any]]) -> None:
+    """Draw accuracy over time, one point per choice."""
+    for row, marker in zip(rows, "osD^v<>Pp*hX" * len(rows), strict=False):
+        x, y = row["time_ms"]["median"], row["accuracy"]["value"]
+        spread = [[0], [max(row["time_ms"]["p95"] - x, 0)]]
+        axis.errorbar(x, y, xerr=spread, fmt=marker, markersize=5, capsize=2, label=row["choice"])
+    times, values = ([row[a][b] for row in rows] for a, b in (("time_ms", "median"), ("accuracy", "value")))
+    axis.set(xscale="log" if max(times) > 5 * min(times) else "linear", xlabel="time [ms], bar to the 95th percentile")
+    axis.set_yscale("log" if min(values) > 0 and max(values) > 100 * min(values) else "linear")
+
+
+def _lines(axis: Any, rows: list[dict[str, Any]]) -> None:
+    """Draw time over what is varied, one line per choice."""
+    for name in dict.fromkeys(row["choice"] for row in rows):
+        own = [row for row in rows if row["choice"] == name]
+        axis.plot([row["at"]["value"] for row in own], [row["time_ms"]["median"] for row in own], "o-", markersize=4, label=name)
+    axis.set(xscale="log", yscale="log", xlabel=rows[0]["at"]["name"], ylabel="time [ms], median")

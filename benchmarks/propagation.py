@@ -184,7 +184,9 @@ def crossover(quick: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
         times = measure_together({"separable": partial(separable.process, echoes), "nufft": partial(nufft.process, echoes)}, repeat=repeat)
         for name, model in (("separable", separable), ("nufft", nufft)):
             accuracy = ("relative rms error against the separable model in float64", error(model.process(echoes), truth), "")
-            rows.append(choice(f"crossover at {n} echoes", name, accuracy=accuracy, times_ms=times[name], reference_ms=times["separable"]))
+            rows.append(
+                choice("crossover", name, accuracy=accuracy, times_ms=times[name], reference_ms=times["separable"], at=("echoes", n))
+            )
         gaps.append(math.log(np.median(times["separable"]) / np.median(times["nufft"])))
     # Between two sizes both grow as powers, so the gap is linear in the logarithms.
     return {"separable_nufft_crossover": float(np.exp(np.interp(0.0, gaps, np.log(sizes))))}, rows

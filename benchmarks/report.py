@@ -36,7 +36,13 @@ def measure_together(calls: dict[str, Callable[[], Any]], *, repeat: int = 50, w
 
 
 def choice(
-    stage: str, name: str, *, accuracy: tuple[str, float, str], times_ms: list[float], reference_ms: list[float] | None = None
+    stage: str,
+    name: str,
+    *,
+    accuracy: tuple[str, float, str],
+    times_ms: list[float],
+    reference_ms: list[float] | None = None,
+    at: tuple[str, float] | None = None,
 ) -> dict[str, Any]:
     """One accuracy knob setting: what it achieves and what it costs.
 
@@ -52,6 +58,8 @@ def choice(
         Milliseconds of the single runs.
     reference_ms : list of float or None
         Milliseconds of the bare reference in the same run; None: this is the reference.
+    at : tuple of (str, float) or None
+        Name and value of what is varied beside the choice, e.g. ``("echoes", 100)``: its rows become lines of time over that value.
     """
     label, value, unit = accuracy
     return {
@@ -60,4 +68,5 @@ def choice(
         "accuracy": {"name": label, "value": float(value), "unit": unit},
         "time_ms": {"median": float(np.median(times_ms)), "p95": float(np.percentile(times_ms, 95))},
         "ratio": float(np.median(times_ms) / np.median(reference_ms)) if reference_ms else 1.0,
+        **({"at": {"name": at[0], "value": at[1]}} if at else {}),
     }

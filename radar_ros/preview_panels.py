@@ -177,8 +177,9 @@ def draw_deeds(ax: Axes, simulator: Simulator, span: tuple[float, float]) -> Non
             ax.text(left + 1 / points, row, deed.name, fontsize=size, va="center", clip_on=True)
     ax.set(xlim=span, ylim=(-0.5, max(n, 1) - 0.5), yticks=range(n), yticklabels=[f"person {p.id}" for p in reversed(people)])
     ax.tick_params(length=0, labelsize=FONT - 1, labelbottom=False)
-    for label, person in zip(ax.get_yticklabels(), reversed(range(n)), strict=True):
-        label.set_color(colour(person))
+    colours = {f"person {person.id}": colour(i) for i, person in enumerate(people)}
+    for label in ax.get_yticklabels():
+        label.set_color(colours[label.get_text()])
     ax.spines[:].set_visible(False)
 
 

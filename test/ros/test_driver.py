@@ -66,7 +66,7 @@ def test_processes_make_clouds_of_a_scene(ros, start, scene):
     start("radar_dsp.node", "reliable:=true")
     start("radar_driver.node", f"scene:={scene}", "at_end:=loop")
     # The middleware may take seconds to connect the processes, and each topic in its own time: hence a loop, and what all have seen.
-    assert ros.spin_until(lambda: len(clouds) >= N_FRAMES and truths and transforms, 60.0)
+    assert ros.spin_until(lambda: min(map(len, (clouds, frames, truths))) >= N_FRAMES and transforms, 60.0)
     info = Simulator(load_scene(scene)).info
     assert transforms[0].transforms[0].child_frame_id == "radar"
     assert transforms[0].transforms[0].transform.translation.z == info.mount.z
