@@ -16,7 +16,7 @@ from benchmarks.report import choice, measure, measure_together
 from radar_core import SPEED_OF_LIGHT, RadarInfo
 from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.blocks import Blocks
-from radar_sim.propagation.choose import Step, make_step
+from radar_sim.propagation.choose import Auto, Step, make_step
 from radar_sim.propagation.exact import Exact
 from radar_sim.propagation.nufft import Nufft
 from radar_sim.propagation.reference import Reference
@@ -37,6 +37,8 @@ DIAL = (
 """What is published, after the product (few echoes) or the transform (many): each has less error than the one before."""
 BESIDE = tuple(Step("blocks", b, o) for b, o in ((2, 0), (2, 1), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1), (16, 2)))
 """Settings off the dial: another one has less error in no more time."""
+TOLERANCES = (0.5, 0.1, 0.02, 0.005, 0.001, 1e-4)
+"""Of scenes; 0.02 is the default."""
 LABEL = "relative rms error against float64 at every sample"
 
 
@@ -167,6 +169,22 @@ def dial(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def automatic(quick: bool) -> list[dict[str, Any]]:
+    """Give error and time of ``fidelity: auto`` by the scene's tolerance, all physics named."""
+    s, rows = sampling(), []
+    for n in (FEW,) if quick else (FEW, 1000):
+        echoes = crowd(n)
+        truth = Reference(Physics.all(), s).sums(echoes)
+        models = {f"auto tolerance={t:g}": Auto(Physics.all(), s, t) for t in TOLERANCES}
+        calls: dict[str, Callable[[], Any]] = {"bare complex64 product": bare_product(n)}
+        calls |= {name: partial(model.process, echoes) for name, model in models.items()}
+        times = measure_together(calls, repeat=3 if quick else 30)
+        for name, model in models.items():
+            accuracy, reference = (LABEL, error(model.process(echoes), truth), ""), times["bare complex64 product"]
+            rows.append(choice(f"fidelity auto of {n} echoes", name, accuracy=accuracy, times_ms=times[name], reference_ms=reference))
+    return rows
+
+
 def _shown(step: Step) -> Physics:
     return SIMPLE if step.model in ("separable", "nufft") else Physics.all()
 
@@ -236,4 +254,4 @@ def run(quick: bool) -> dict[str, Any]:
     """Measure and return the figures."""
     at, rows = crossover(quick)
     flat = ratios(quick) | at | without_migration() | {"reference_ms_per_echo": reference_ms(quick)}
-    return {**flat, **({} if quick else memory()), "choices": [*dial(quick), *rows]}
+    return {**flat, **({} if quick else memory()), "choices": [*dial(quick), *automatic(quick), *rows]}

@@ -25,6 +25,7 @@ from radar_sim import (
     Echoes,
     Effects,
     Losses,
+    Multipath,
     Noise,
     Occlusion,
     Pattern,
@@ -128,6 +129,26 @@ def effects(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def ghosts(quick: bool) -> list[dict[str, Any]]:
+    """Time a person between walls by the level below which mirrored paths are left out, and what that changes against all of them."""
+    walls = load_scene("empty_room").walls
+    scene = dataclasses.replace(one_person("ellipsoids", Effects()), walls=walls)
+    levels = (-10.0, -20.0, -40.0, -60.0, -200.0)
+    simulators = {
+        f"multipath level={level:g} dB": Simulator(dataclasses.replace(scene, effects=Effects(multipath=Multipath(level=level))))
+        for level in levels
+    }
+    times = measure_together({name: (lambda s=s: s.process(MIDDLE)) for name, s in simulators.items()}, repeat=3 if quick else 30)
+    cubes = {name: simulator.process(MIDDLE).frame.cube for name, simulator in simulators.items()}
+    every = f"multipath level={levels[-1]:g} dB"
+    rows = []
+    for name, cube in cubes.items():
+        lost = float(np.linalg.norm(cube - cubes[every]) / np.linalg.norm(cubes[every]))
+        accuracy = ("rms error against all paths", lost, "")
+        rows.append(choice("multipath", name, accuracy=accuracy, times_ms=times[name], reference_ms=times[every]))
+    return rows
+
+
 def crowd_memory(frames: int, points: int = 50_000) -> dict[str, float]:
     """Peak memory [MB] of a process that simulates a scene of many points, start and libraries included, and its time a frame [ms]."""
     code = (
@@ -156,4 +177,4 @@ def run(quick: bool) -> dict[str, Any]:
     dial = propagation.run(quick)
     keys, rows = whole(quick)
     keys |= synthesis.measure(2 if quick else 10) | crowd_memory(3 if quick else 1000)
-    return {**dial, **keys, "choices": [*dial["choices"], *rows, *effects(quick)]}
+    return {**dial, **keys, "choices": [*dial["choices"], *rows, *ghosts(quick), *effects(quick)]}
