@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError
+from radar_core.windows import window_shape
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.scatterers import Echoes
 from radar_sim.scene import Transmitter
@@ -66,20 +67,11 @@ def make_taper(name: str, n: int) -> NDArray[np.float64]:
     ConfigError
         When scipy does not know the name or its parameters, or nothing would be transmitted.
     """
-    from scipy.signal import get_window  # a third of a second to import, for scenes that taper
-
-    label, *parameters = name.split(":")
     try:
-        values = np.asarray(get_window((label, *map(float, parameters)) if parameters else label, n), np.float64)
-    except (ValueError, TypeError) as error:
-        raise ConfigError(
-            f"transmitter.taper {name!r}: {error}; use a name of scipy.signal.get_window, parameters after colons",
-            key=("transmitter", "taper"),
-        ) from None
-    peak = float(np.abs(values).max())
-    if not (math.isfinite(peak) and peak > 0.0):
-        raise ConfigError(f"transmitter.taper {name!r} transmits nothing at length {n}; choose another", key=("transmitter", "taper"))
-    return values / peak
+        shape = window_shape(name, n)
+    except ConfigError as error:
+        raise ConfigError(f"transmitter.taper: {error}", key=("transmitter", "taper")) from None
+    return np.asarray(shape / np.abs(shape).max(), np.float64)
 
 
 class Together:

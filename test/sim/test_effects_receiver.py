@@ -681,7 +681,7 @@ def test_constant_amplitude_changes_nothing():
 @pytest.mark.parametrize("taper", ["hannn", "chebwin", "chebwin:x", "kaiser:1:2"])
 def test_unknown_tapers(taper):
     """Names and parameters that scipy does not know are refused with a remedy."""
-    with pytest.raises(ConfigError, match=r"transmitter.taper .* use a name of scipy"):
+    with pytest.raises(ConfigError, match=r"transmitter\.taper: .* use a name of scipy"):
         tapered("intra", taper)
 
 
