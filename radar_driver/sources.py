@@ -61,6 +61,7 @@ class SimSource:
         self.n_frames: int | None = self._simulator.n_frames
         self.interval: float = self._simulator.interval
         self.delay: float = self._simulator.radar.trigger_offset
+        self._simulator.process(0)  # compiles the inner loops on a fresh machine: half a minute that must not fall into the measurement
 
     def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
         """Simulate one frame."""

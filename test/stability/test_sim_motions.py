@@ -158,7 +158,7 @@ def test_any_walk_is_continuous(angle, distance, speed, heading):
     times = np.arange(0.0, timeline.end + 0.1, 1e-3)
     posture = timeline.posture(times)
     assert np.abs(np.diff(posture.place, axis=0)).max() < 1.3e-3
-    assert np.abs(np.diff(posture.heading)).max() < 5e-3
+    assert np.abs(np.diff(posture.heading)).max() < 9e-3  # who turns about within the first step of a walk does it at up to 7 rad/s
     assert np.abs(np.diff(posture.feet, axis=0)).max() < 6e-3
     assert np.abs(np.diff(posture.hands, axis=0)).max() < 6e-3
     assert posture.feet[..., 2].min() >= 0.0
