@@ -13,13 +13,27 @@ from pathlib import Path
 for _pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"):  # before numpy loads: second threads only fight at these sizes
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
+PARTS = {
+    "__main__",
+    "report",
+    "plot",
+    "document",
+    "dsp_accuracy",
+    "dsp_frames",
+    "propagation",
+    "synthesis",
+    "clustering_parts",
+    "scenarios",
+}
+PARTS |= {"stone_soup", "recordings", "tracking_score", "tracking_suite", "tracking_choices", "tracking_hand"}
+"""Modules here that are no benchmark by themselves."""
+
 
 def main() -> int:
     """Parse the command line, run the benchmark, print JSON or a table."""
     import benchmarks
 
-    skip = {"__main__", "report", "plot", "document", "dsp_accuracy", "dsp_frames", "propagation", "synthesis"}
-    names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name not in skip)
+    names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name not in PARTS)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure Handwave: figures, and accuracy beside time.")
     parser.add_argument("name", choices=names, help="what to measure")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.progress import track
 
-from benchmarks.plot import draw
+from benchmarks.plot import draw, scalars, tables
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("graph", "simulator", "dsp", "tracking", "gestures")
@@ -37,9 +37,13 @@ def table(choices: list[dict[str, Any]]) -> str:
 
 
 def figures(result: dict[str, Any]) -> str:
-    """List the flat figures."""
-    flat = {key: value for key, value in result.items() if key != "choices" and not isinstance(value, (dict, list))}
-    return "\n".join(f"* `{key}`: {value:.4g}" if isinstance(value, float) else f"* `{key}`: {value}" for key, value in flat.items())
+    """List the figures, and make tables of those that are told by two names."""
+    flat = [(key, value) for key, value in scalars(result) if not isinstance(value, list)]
+    found = "\n".join(f"* `{key}`: {value:.4g}" if isinstance(value, float) else f"* `{key}`: {value}" for key, value in flat)
+    for head, *body in tables(result):
+        lines = [head, ["---"] * 2 + ["---:"] * (len(head) - 2), *body]
+        found += "\n\n" + "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return found
 
 
 def sections(text: str) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,13 @@ from rich.table import Table
 def show(result: dict[str, Any]) -> None:
     """Print the flat figures, then one row per choice."""
     console = Console()
-    for key, value in result.items():
-        if key != "choices":
-            console.print(f"{key}: {value:.4g}" if isinstance(value, float) else f"{key}: {value}")
+    for key, value in scalars(result):
+        console.print(f"{key}: {value:.4g}" if isinstance(value, float) else f"{key}: {value}")
+    for rows in tables(result):
+        table = Table(*rows[0])
+        for cells in rows[1:]:
+            table.add_row(*cells)
+        console.print(table)
     table = Table("stage", "choice", "accuracy", "median ms", "p95 ms", "x reference")
     for row in result["choices"]:
         accuracy, time = row["accuracy"], row["time_ms"]
@@ -27,6 +32,32 @@ def show(result: dict[str, Any]) -> None:
             f"{row['ratio']:.2f}",
         )
     console.print(table)
+
+
+def scalars(result: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """List the flat figures, and those of dictionaries with dotted names; what `tables` makes tables of is left out."""
+    for key, value in result.items():
+        if isinstance(value, dict):
+            if not _is_table(value):
+                yield from scalars(value, f"{prefix}{key}.")
+        elif key != "choices":
+            yield f"{prefix}{key}", value
+
+
+def tables(result: dict[str, Any]) -> Iterator[list[list[str]]]:
+    """Make one table, the header first, of every figure that is told by two names: one row for each pair of names."""
+    for key, value in result.items():
+        if not isinstance(value, dict) or not _is_table(value):
+            continue
+        rows = {(a, b): figures for a, part in value.items() for b, figures in part.items()}
+        columns = list(dict.fromkeys(name for figures in rows.values() for name in figures))
+        body = [[a, b, *("" if figures.get(c) is None else f"{figures[c]:.4g}" for c in columns)] for (a, b), figures in rows.items()]
+        yield [[key, "", *columns], *body]
+
+
+def _is_table(value: dict[str, Any]) -> bool:
+    """Whether every entry is a dictionary of dictionaries."""
+    return bool(value) and all(isinstance(part, dict) and all(isinstance(v, dict) for v in part.values()) for part in value.values())
 
 
 def draw(choices: list[dict[str, Any]], path: Path) -> None:

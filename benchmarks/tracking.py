@@ -1,147 +1,184 @@
-"""People and hand tracking on simulated scenes with truth: accuracy and identity switches beside the time per cloud."""
+"""People tracking on simulated scenes with truth: every tracker of the thesis and Stone Soup, every knob, clustering, and the hand."""
 
 from __future__ import annotations
 
-import dataclasses
-import time
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from benchmarks.report import choice, measure_together
-from radar_core import ConfigError, PointCloud
-from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Simulator, Truth, load_scene
-from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, Tracks, TrackStatus, dbscan
+from benchmarks.clustering_parts import figures as clustering
+from benchmarks.scenarios import HIGH_MOUNT, SCENARIOS
+from benchmarks.tracking_choices import rows, speed, variants
+from benchmarks.tracking_hand import hand
+from benchmarks.tracking_score import Score
+from benchmarks.tracking_suite import PEER, PROCESSES, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
 
-Scene = list[tuple[PointCloud, Truth]]
-RADIUS = 0.7  # m: a person is tracked while a track is this near on the floor plane
-
-
-def scene(name: str, quick: bool) -> Scene:
-    """Clouds in the room with the truth of their moments; quick: five seconds in which people gesture."""
-    simulator = Simulator(load_scene(name))
-    baseband = Baseband(BasebandConfig(), simulator.info)
-    frames = range(simulator.n_frames)[300:550] if quick else range(simulator.n_frames)
-    made = (simulator.process(k) for k in frames)
-    return [(baseband.process(m.frame).to_room(simulator.info.mount), m.truth) for m in made]
+PRODUCT: Final = "group_clustering"
+NO_SWITCHES: Final = ("crossing", "approach", "handshake")
+TILTED: Final = ("approach", "crossing")
+INF: Final = float("inf")
 
 
-def follow(clouds: Scene, config: TrackerConfig) -> tuple[list[Tracks], list[float]]:
-    """Run a tracker; results and milliseconds per cloud."""
-    tracker, results, times = PeopleTracker(config), [], []
-    for cloud, _ in clouds:
-        start = time.perf_counter_ns()
-        results.append(tracker.process(cloud))
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-    return results, times
+@dataclass(frozen=True)
+class Plan:
+    """How much is run.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Scenes.
+    seeds, peer_seeds, choice_seeds : int
+        Of each scene: for our trackers, for Stone Soup, for the knobs.
+    choice_names : tuple of str
+        Scenes in which every knob is tried.
+    seconds : float
+        Only the scenes' first so many.
+    processes : int
+        At the same time.
+    """
+
+    names: tuple[str, ...] = tuple(SCENARIOS)
+    seeds: int = 20
+    peer_seeds: int = 3
+    choice_names: tuple[str, ...] = ("approach", "side_by_side", "five_people", "clutter")
+    choice_seeds: int = 2
+    seconds: float = INF
+    processes: int = PROCESSES
 
 
-def score(clouds: Scene, results: list[Tracks]) -> dict[str, float]:
-    """Tracked fraction of the person followed worst, identity switches, position rms, share of clouds with a false track (CLEAR-MOT)."""
-    last: dict[int, int] = {}
-    n_people = max(len(truth.person_id) for _, truth in clouds)
-    seen, errors, switches, false = np.zeros(n_people), [], 0, 0
-    for (_, truth), tracks in zip(clouds, results, strict=True):
-        people = [t for t in tracks.tracks if t.status is not TrackStatus.TENTATIVE]
-        place = np.array([t.position[:2] for t in people]).reshape(-1, 2)
-        distance = np.hypot(*np.moveaxis(place[None] - truth.position[:, None, :2], -1, 0))
-        cost = np.where(distance < RADIUS, distance, 1e6)
-        for row, identity in last.items():
-            for column, track in enumerate(people):
-                if track.id == identity and distance[row, column] < RADIUS:
-                    cost[row, column] = -1.0
-        pairs = [(r, c) for r, c in zip(*linear_sum_assignment(cost), strict=True) if cost[r, c] < 1e6]
-        for row, column in pairs:
-            switches += last.get(row, people[column].id) != people[column].id
-            last[row] = people[column].id
-            seen[row] += 1
-            errors.append(distance[row, column])
-        false += len(people) > len(pairs)
-    rms = float(np.sqrt(np.mean(np.square(errors)))) if errors else float(RADIUS)
-    return {"tracked": float(seen.min() / len(clouds)), "switches": switches, "rms": rms, "false": false / len(clouds)}
+FULL: Final = Plan()
+QUICK: Final = Plan(seeds=3, peer_seeds=1, choice_names=("approach",), choice_seeds=1, seconds=12.0)
 
 
-def hand(clouds: Scene, results: list[Tracks]) -> dict[str, float]:
-    """Follow the first hand that draws, started by the truth; rms and share of the drawing in which it was active."""
-    tracker, person, errors, drawing = HandTracker(), None, [], 0
-    for (cloud, truth), tracks in zip(clouds, results, strict=True):
-        draws = np.flatnonzero(truth.drawing)
-        if person is None and len(draws) and tracks.people_count:
-            person = int(draws[0])
-            people = [t for t in tracks.tracks if t.status is not TrackStatus.TENTATIVE]
-            nearest = min(people, key=lambda t: float(np.hypot(*(t.position - truth.position[person])[:2])))
-            tracker.start(nearest.id, cloud.stamp_ns)
-        found = tracker.process(TrackedCloud(cloud, tracks))
-        if person is not None and truth.drawing[person]:
-            drawing += 1
-            if found is not None and found.active:
-                errors.append(float(((found.position - truth.hand_position[person]) ** 2).sum()))
-    if not errors:
-        return {}
-    return {"hand_rms_m": float(np.sqrt(np.mean(errors))), "hand_active": len(errors) / drawing}
+def jobs(plan: Plan) -> list[Job]:
+    """Every scene once with all trackers, and two kinds again with the radar high and tilted."""
+    tried, peer = variants(), peer_installed()
+    found = []
+    for name in plan.names:
+        for seed in range(plan.seeds):
+            choices = tried if name in plan.choice_names and seed < plan.choice_seeds else {}
+            found.append(Job(name, seed, TRACKERS, choices, peer=peer and seed < plan.peer_seeds, seconds=plan.seconds))
+    product = {PRODUCT: TRACKERS[PRODUCT]}
+    high = [Job(name, seed, product, mount=HIGH_MOUNT, seconds=plan.seconds) for name in TILTED for seed in range(plan.seeds)]
+    return found + [job for job in high if job.name in plan.names]
 
 
-def variants() -> dict[str, TrackerConfig]:
-    """Name what can be chosen, one knob at a time; the first is the default."""
-    base = TrackerConfig()
+def by_tracker(done: Sequence[Done], plan: Plan) -> dict[str, dict[str, dict[str, float]]]:
+    """Figures of every tracker on every kind of scene, and on all of them together (``all``)."""
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for tracker in (*TRACKERS, PEER):
+        scores = {name: pooled(done, tracker, (name,)) for name in plan.names} | {"all": pooled(done, tracker)}
+        if scores["all"].clouds:
+            found[tracker] = {name: figures(score, name) for name, score in scores.items()}
+    return found
 
-    def change(part: str, **knobs: Any) -> TrackerConfig:
-        return dataclasses.replace(base, **{part: dataclasses.replace(getattr(base, part), **knobs)})
 
+def summary(done: Sequence[Done], plan: Plan) -> dict[str, float]:
+    """Sum up the product's tracker over the suite.
+
+    Returns
+    -------
+    dict
+        ``id_switches``, ``mota`` (pooled), ``torso_error_m``, ``frame_ms``: of all scenes. ``mota_mean``: mean over the kinds of scenes.
+        ``id_switches_resolvable``: those in crossing, approach and handshake around which the two differed by more than a range bin, a
+        beamwidth or a Doppler bin for half a second before and after; ``id_switches_unresolvable``: the others there.
+        ``ghosts_per_minute``: of the furnished room. ``tilt_cost_m``: torso error with the radar 2 m high and 15 degrees down less that at
+        1.2 m, on the same scenes. ``sitting_lost``: scenes in which the sitting person's identity did not last.
+    """
+    everything = pooled(done, PRODUCT)
+    close = pooled(done, PRODUCT, NO_SWITCHES)
+    level, tilted = pooled(done, PRODUCT, TILTED), pooled(done, PRODUCT, TILTED, HIGH_MOUNT)
     return {
-        "default": base,
-        "gate=mahalanobis": change("association", method="mahalanobis"),
-        "gate=0.6": change("association", gate=0.6),
-        "gate=1.5": change("association", gate=1.5),
-        "eps=0.25": change("association", eps=0.25),
-        "eps=0.6": change("association", eps=0.6),
-        "min_points=1": change("association", min_points=1),
-        "process_noise=0.1": change("filter", process_noise=0.1),
-        "process_noise=3": change("filter", process_noise=3.0),
-        "no arms (torso weights off)": change("association", arm_depth=100.0, arm_speed=100.0),
+        "id_switches": everything.switches,
+        "id_switches_resolvable": close.resolvable,
+        "id_switches_unresolvable": close.switches - close.resolvable,
+        "mota": everything.mota,
+        "mota_mean": float(np.mean([pooled(done, PRODUCT, (name,)).mota for name in plan.names])),
+        "torso_error_m": everything.torso_error,
+        "tilt_cost_m": tilted.torso_error - level.torso_error,
+        "frame_ms": float(np.median(everything.times)),
+        "ghosts_per_minute": pooled(done, PRODUCT, ("clutter",)).ghosts_per_minute,
+        "sitting_lost": pooled(done, PRODUCT, ("sitting",)).lost,
     }
 
 
-def clustering(quick: bool) -> list[dict[str, Any]]:
-    """DBSCAN of ours against scikit-learn's: share of equal labels, and time."""
-    from sklearn.cluster import DBSCAN
+def why(done: Sequence[Done], plan: Plan) -> dict[str, float]:
+    """Say where the product's tracker loses accuracy.
 
-    rows = []
-    for n in (20, 50, 200, 500):
-        rng = np.random.default_rng(n)
-        points = rng.normal(0, 0.2, (n, 2)) + np.array([[0, 0], [1.3, 0], [0, 1.5]])[rng.integers(0, 3, n)]
-        reference = DBSCAN(eps=0.3, min_samples=3)
-        calls = {"sklearn": lambda p=points, r=reference: r.fit_predict(p), "ours": lambda p=points: dbscan(p, 0.3, 3)}
-        times = measure_together(calls, repeat=10 if quick else 100)
-        equal = float(np.mean(calls["ours"]() == calls["sklearn"]()))
-        rows.append(choice("clustering", f"sklearn n={n}", accuracy=("labels equal", 1.0, ""), times_ms=times["sklearn"]))
-        row = choice(
-            "clustering", f"ours n={n}", accuracy=("labels equal", equal, ""), times_ms=times["ours"], reference_ms=times["sklearn"]
-        )
-        rows.append(row)
-    return rows
+    Returns
+    -------
+    dict
+        ``misses_start``: in the first second that a person is visible; ``misses_return``: in the first second after being hidden;
+        ``misses_parallel``: of two who walk 0.5 m apart, all of them; ``misses_other``. ``false_near``: tracks that are on nobody but
+        within 1 m of somebody, ``false_far``: from nothing. ``mota_without_parallel``: without that scene; ``mota_without_start``: if
+        nobody were missed in the first second. By scene: see ``trackers`` of `run`.
+    """
+    everything, parallel = pooled(done, PRODUCT), pooled(done, PRODUCT, ("parallel",))
+    others = pooled(done, PRODUCT, [name for name in plan.names if name != "parallel"])
+    return {
+        "misses_start": others.misses_start,
+        "misses_return": others.misses_return,
+        "misses_parallel": parallel.misses,
+        "misses_other": others.misses - others.misses_start - others.misses_return,
+        "false_near": everything.false_near,
+        "false_far": everything.false - everything.false_near,
+        "mota_without_parallel": others.mota,
+        "mota_without_start": everything.mota + everything.misses_start / max(everything.truths, 1),
+    }
+
+
+def findings(done: Sequence[Done]) -> dict[str, dict[str, float]]:
+    """Compare the trackers as the thesis does (6.3).
+
+    Returns
+    -------
+    dict
+        ``approach_lost``: scenes in which somebody's identity at the end is not that before the approach (Fig. 6.2), of
+        ``approach_scenes``;
+        ``wrong_point_fraction``: share of people's tracked points that carry the other's track, side by side (Fig. 6.3).
+    """
+    names = [name for name in (*TRACKERS, PEER) if pooled(done, name).clouds]
+    approach: dict[str, Score] = {name: pooled(done, name, ("approach",)) for name in names}
+    return {
+        "approach_lost": {name: score.lost for name, score in approach.items()},
+        "approach_scenes": {name: score.scenes for name, score in approach.items()},
+        "wrong_point_fraction": {name: pooled(done, name, ("side_by_side",)).wrong_fraction for name in names},
+    }
+
+
+def measure(plan: Plan, quick: bool) -> dict[str, Any]:
+    """Run a plan, and what needs no scenes; ``None`` stands for what has nothing to divide by."""
+    done = run_all(jobs(plan), plan.processes)
+    parts = [speed(quick), clustering(quick)]
+    if peer_installed():
+        from benchmarks.stone_soup import over_stone_soup
+
+        parts.append(over_stone_soup(quick))
+    choices = rows(done) + [row for part in parts for row in part.pop("choices")]
+    flat = {key: value for part in parts for key, value in part.items()}
+    summed = summary(done, plan) | {key: flat[key] for key in ("over_stone_soup",) if key in flat}
+    tables = {"summary": summed, "why": why(done, plan), **findings(done), "trackers": by_tracker(done, plan)}
+    result: dict[str, Any] = finite({**flat, **hand(quick), **tables})
+    return {**result, "choices": choices}
+
+
+def finite(value: Any) -> Any:
+    """Replace NaN by None, which JSON knows."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Measure; flat keys are those of the default configuration."""
-    result: dict[str, Any] = {}
-    rows: list[dict[str, Any]] = []
-    for name in ("demo",) if quick else ("demo", "two_crossing"):
-        try:
-            clouds = scene(name, quick)
-        except ConfigError:
-            continue  # a scene that this installation does not have
-        reference = None
-        for label, config in variants().items():
-            tracks, times = follow(clouds, config)
-            found = score(clouds, tracks)
-            if label == "default":
-                reference = times
-                result |= {f"{name}_{key}": value for key, value in found.items()} | hand(clouds, tracks)
-                result[f"{name}_ms"] = float(np.median(times))
-            accuracy = ("position rms", found["rms"], "m")
-            title = f"{name}: {label}, {found['switches']:.0f} switches, {found['tracked']:.3f} tracked"
-            rows.append(choice("tracking", title, accuracy=accuracy, times_ms=times, reference_ms=reference))
-    return {**result, "choices": rows + clustering(quick)}
+    """Measure.
+
+    Returns
+    -------
+    dict
+        ``trackers``: tracker to scene to figures; ``summary`` of Group Tracker with Clustering, see `summary`; ``why``, see `why`; the
+        thesis's findings, see `findings`; ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand;
+        ``choices``.
+    """
+    return measure(QUICK if quick else FULL, quick)

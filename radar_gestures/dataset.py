@@ -235,17 +235,22 @@ class Recording:
 
     Attributes
     ----------
-    mount : Pose
-        Of the radar.
+    info : RadarInfo
+        The radar.
     clouds : list of PointCloud
         In ``room``.
     truths : list of Truth
         Of the same stamps.
     """
 
-    mount: Pose
+    info: RadarInfo
     clouds: list[PointCloud]
     truths: list[Truth]
+
+    @property
+    def mount(self) -> Pose:
+        """Where the radar stands."""
+        return self.info.mount
 
 
 def record(scene: Scene) -> Recording:
@@ -258,7 +263,7 @@ def record(scene: Scene) -> Recording:
     """
     simulator = Simulator(scene)
     baseband, mount = Baseband(BasebandConfig(), simulator.info), simulator.info.mount
-    recording = Recording(mount, [], [])
+    recording = Recording(simulator.info, [], [])
     for number in range(simulator.n_frames):
         simulated = simulator.process(number)
         recording.clouds.append(baseband.process(simulated.frame).to_room(mount))
@@ -283,7 +288,7 @@ def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -
     list of (int, TrackEvent)
         Events with the person whose they are (-1: nobody near).
     """
-    tracker, stage = PeopleTracker(TrackerConfig()), EventStage(settings, recording.mount)
+    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(settings, recording.mount)
     events = []
     for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
         tracks = tracker.process(cloud)

@@ -3,41 +3,47 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from radar_core import GESTURES, NO_GESTURE, Pose
+from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
+from radar_core.linalg import SingularError
 from radar_gestures.recognizer import Gesture
 from radar_gestures.scoring import GestureScore, RecognisedGesture, TruthSegment, score_gestures
-from radar_tracking import HandTrack, Tracks, TrackStatus
+from radar_tracking import HandTrack, Tracks
+from radar_tracking.metrics import (
+    ClearMot,
+    ClearMotConfig,
+    ClearMotStep,
+    Gospa,
+    GospaConfig,
+    GospaMetric,
+    ObjectSet,
+    PersonScore,
+    nees,
+    people,
+)
 
-_GATE = 0.8  # m on the ground: a track farther away is not this person's
-_FAR = 1e6
 
+@config
+class EvaluationConfig:
+    """What counts as followed."""
 
-@dataclass(eq=False)
-class _Person:
-    """What has been counted for one person."""
-
-    seen_since_ns: int | None = None
-    in_view: int = 0
-    tracked: int = 0
-    track_id: int | None = None
-    switches: int = 0
-    square: list[float] = field(default_factory=list)
+    # Wider than that of the benchmarks: a gesturing hand may drag a track by half a metre, and its gestures still belong to its person.
+    radius: float = knob(0.8, unit="m", low=1e-6, high=1e6, doc="a track this near to a person, or nearer, can be of that person")
+    gospa: GospaConfig = GospaConfig()
+    settle: float = knob(1.0, unit="s", low=0.0, high=60.0, doc="a person counts when in view for this long: time to be found")
 
 
 class Evaluator:
     """Compare results with the truth of the same stamps.
 
-    A person counts as soon as they have been in view for `settle`: in the radar's field of view and nearer than its unambiguous range. An
-    identity switch is a person whose track is another one than before. The position error is on the ground, between the track and the
-    body's centre.
+    A person counts as soon as they have been in view for `settle`: in the radar's field of view and nearer than its unambiguous range.
+    Others may have a track or not. All distances are on the ground, between the track and the body's centre.
 
     Parameters
     ----------
@@ -47,46 +53,53 @@ class Evaluator:
         Full field of view [rad].
     max_range : float
         Of the radar [m].
-    settle : float
-        Time a tracker is given to find a person [s].
+    settings : EvaluationConfig or None
+        None: all defaults.
     """
 
-    def __init__(self, mount: Pose, fov_azimuth: float, max_range: float, settle: float = 1.0) -> None:
+    def __init__(self, mount: Pose, fov_azimuth: float, max_range: float, settings: EvaluationConfig | None = None) -> None:
+        self.config = settings or EvaluationConfig()
         self._mount, self._half_view, self._max_range = mount, fov_azimuth / 2, max_range
-        self._settle_ns = round(settle * 1e9)
-        self._people: dict[int, _Person] = {}
+        self._settle_ns = round(self.config.settle * 1e9)
+        self._mot, self._gospa = ClearMot(ClearMotConfig(radius=self.config.radius)), GospaMetric(self.config.gospa)
+        self._seen_since_ns: dict[int, int] = {}
+        self._nees = _NeesMean()
         self._segments: dict[tuple[int, int], TruthSegment] = {}
         self._gestures: list[tuple[int | None, Gesture]] = []
         self._hand_square: list[float] = []
         self._drawing = 0
         self._owners: dict[int, int] = {}
         self._ghost_ids: set[int] = set()
-        self._pairs = 0
 
-    def add(self, tracks: Tracks, truth: Any) -> None:
-        """Take in the tracks and the truth of one moment."""
+    def add(self, tracks: Tracks, truth: Any) -> Gospa:
+        """Take in the tracks and the truth of one moment.
+
+        Parameters
+        ----------
+        tracks : Tracks
+            What the tracker says.
+        truth : Truth
+            What the simulator knows.
+
+        Returns
+        -------
+        Gospa
+            Of this moment.
+
+        Raises
+        ------
+        DataError
+            When a place is not finite or an identity occurs twice; the moment is left out.
+        """
+        found = people(tracks)
+        real = ObjectSet.of(truth.position[:, :2], truth.person_id, self._counts(truth))
+        step = self._mot.process(real, found)
+        self._owners.update(zip(step.estimate_id.tolist(), step.truth_id.tolist(), strict=True))
+        self._ghost_ids.update(step.false.tolist())
+        self._note_consistency(tracks, truth, step)
         self._note_gestures(truth)
-        self._pairs += 1
-        live = [t for t in tracks.tracks if t.status is not TrackStatus.TENTATIVE]
-        owner = self._match(live, truth)
-        for row, number in enumerate(truth.person_id):
-            person = self._people.setdefault(int(number), _Person())
-            if not self._in_view(truth.position[row]):
-                person.seen_since_ns = None
-                continue
-            if person.seen_since_ns is None:
-                person.seen_since_ns = truth.stamp_ns
-            track = next((t for t in live if owner.get(t.id) == row), None)
-            if truth.stamp_ns - person.seen_since_ns >= self._settle_ns:
-                person.in_view += 1
-                person.tracked += track is not None
-            if track is not None:
-                person.switches += person.track_id is not None and person.track_id != track.id
-                person.track_id = track.id
-                person.square.append(float(np.sum((track.position[:2] - truth.position[row, :2]) ** 2)))
-                self._owners[track.id] = int(number)
-        self._ghost_ids |= {t.id for t in live if t.id not in owner and t.id not in self._owners}
         self._drawing += int(np.any(truth.drawing))
+        return self._gospa.process(real, found)
 
     def add_gesture(self, gesture: Gesture) -> None:
         """Take in a recognised gesture."""
@@ -99,6 +112,24 @@ class Evaluator:
             offset = truth.hand_position[rows] - hand.position
             self._hand_square.append(float((offset**2).sum(axis=1).min()))
 
+    def _counts(self, truth: Any) -> NDArray[np.bool_]:
+        """Who has been in view for long enough, shape (n_people,)."""
+        distance, azimuth, _ = cartesian_to_spherical(self._mount.from_room(truth.position))
+        in_view = (np.abs(azimuth) <= self._half_view) & (distance < self._max_range)
+        self._seen_since_ns = {
+            int(number): self._seen_since_ns.get(int(number), truth.stamp_ns) for number in np.asarray(truth.person_id)[in_view]
+        }
+        since = [self._seen_since_ns.get(int(number), math.inf) for number in truth.person_id]
+        return np.array([truth.stamp_ns - start >= self._settle_ns for start in since], np.bool_)
+
+    def _note_consistency(self, tracks: Tracks, truth: Any, step: ClearMotStep) -> None:
+        """Compare the errors of the tracks of people who count with the covariances that the tracks claim."""
+        row = {int(number): i for i, number in enumerate(truth.person_id)}
+        for person, number in zip(step.truth_id[step.visible].tolist(), step.estimate_id[step.visible].tolist(), strict=True):
+            track = tracks.find(number)
+            if track is not None:
+                self._nees.add(track.position[:2] - truth.position[row[person], :2], track.covariance[:2, :2])
+
     def _note_gestures(self, truth: Any) -> None:
         """Open or prolong the gestures that are being performed; kept as segments, so that long runs stay small."""
         for number, label, index in zip(truth.person_id, truth.gesture, truth.gesture_index, strict=True):
@@ -107,24 +138,6 @@ class Evaluator:
                 old = self._segments.get(key)
                 start = old.start_ns if old is not None else truth.stamp_ns
                 self._segments[key] = TruthSegment(int(number), int(label), start, truth.stamp_ns)
-
-    def _in_view(self, position: NDArray[np.float64]) -> bool:
-        distance, azimuth, _ = cartesian_to_spherical(self._mount.from_room(position))
-        return bool(abs(azimuth) <= self._half_view and distance < self._max_range)
-
-    def _match(self, live: list[Any], truth: Any) -> dict[int, int]:
-        """Track id to row of the truth; a person keeps their track while it stays within the gate."""
-        if not live or not len(truth.person_id):
-            return {}
-        away = np.array([np.hypot(*(truth.position[:, :2] - t.position[:2]).T) for t in live])
-        cost = np.where(away <= _GATE, away, _FAR)
-        for j, number in enumerate(truth.person_id):
-            known = self._people.get(int(number))
-            for i, track in enumerate(live):
-                if known is not None and known.track_id == track.id and cost[i, j] < _FAR:
-                    cost[i, j] -= 10.0
-        rows, columns = linear_sum_assignment(cost)
-        return {live[i].id: int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < _FAR / 2}
 
     def score(self) -> GestureScore:
         """Match the recognised gestures with those performed."""
@@ -136,14 +149,42 @@ class Evaluator:
         return score_gestures(sorted(self._segments.values(), key=lambda s: (s.start_ns, s.person_id)), recognised)
 
     def report(self) -> dict[str, Any]:
-        """Summarise the run.
+        """Summarise the run; None stands for what nothing is known of.
 
         Returns
         -------
         dict
-            ``people`` (per person: tracked_fraction, identity_switches, position_rms_m), ``ghost_tracks``, ``gestures`` (hits, wrong,
+            ``people`` (per person: tracked_fraction, identity_switches, position_rms_m), ``mota``, ``gospa`` (mean_m; power_mean_m and the
+            mean parts localisation, missed, false_tracks [m^p], whose sum is its p-th power), ``nees`` (mean of the position on the ground
+            over its 2 degrees of freedom, samples, refused: covariances that are none), ``ghost_tracks``, ``gestures`` (hits, wrong,
             misses, false_alarms, total and the list of outcomes), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
         """
+        mot = self._mot.summary()
+        return {
+            "moments": mot.moments,
+            "people": {str(number): _person(person) for number, person in mot.people.items()},
+            "mota": _known(mot.mota),
+            "gospa": self._gospa_report(),
+            "nees": self._nees.report(),
+            "ghost_tracks": len(self._ghost_ids - set(self._owners)),
+            "gestures": self._gesture_report(),
+            "hand": {
+                "rms_m": math.sqrt(float(np.mean(self._hand_square))) if self._hand_square else None,
+                "tracked_fraction": len(self._hand_square) / self._drawing if self._drawing else None,
+            },
+        }
+
+    def _gospa_report(self) -> dict[str, Any]:
+        gospa = self._gospa.summary()
+        return {
+            "mean_m": _known(gospa.mean),
+            "power_mean_m": _known(gospa.distance),
+            "localisation": _known(gospa.localisation),
+            "missed": _known(gospa.missed),
+            "false_tracks": _known(gospa.false_tracks),
+        }
+
+    def _gesture_report(self) -> dict[str, Any]:
         score = self.score()
         outcomes = [
             {
@@ -155,27 +196,44 @@ class Evaluator:
             for segment, found in score.outcomes
         ]
         return {
-            "moments": self._pairs,
-            "people": {str(number): _summary(person) for number, person in sorted(self._people.items())},
-            "ghost_tracks": len(self._ghost_ids - set(self._owners)),
-            "gestures": {
-                "total": score.total,
-                "hits": score.hits,
-                "wrong": score.wrong,
-                "misses": score.misses,
-                "false_alarms": score.false_alarms,
-                "outcomes": outcomes,
-            },
-            "hand": {
-                "rms_m": math.sqrt(float(np.mean(self._hand_square))) if self._hand_square else None,
-                "tracked_fraction": len(self._hand_square) / self._drawing if self._drawing else None,
-            },
+            "total": score.total,
+            "hits": score.hits,
+            "wrong": score.wrong,
+            "misses": score.misses,
+            "false_alarms": score.false_alarms,
+            "outcomes": outcomes,
         }
 
 
-def _summary(person: _Person) -> dict[str, Any]:
+class _NeesMean:
+    """Mean NEES of positions on the ground, per degree of freedom."""
+
+    def __init__(self) -> None:
+        self._sum, self._samples, self._refused = 0.0, 0, 0
+
+    def add(self, error: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Take in one error, shape (2,) [m], and its covariance, shape (2, 2) [m^2]; NaN: the tracker gives none."""
+        if not np.isfinite(covariance).all():
+            return
+        try:
+            self._sum += float(nees(error, covariance)) / 2
+            self._samples += 1
+        except SingularError:
+            self._refused += 1
+
+    def report(self) -> dict[str, Any]:
+        """Mean, number of samples, number of covariances that are none."""
+        return {"mean": self._sum / self._samples if self._samples else None, "samples": self._samples, "refused": self._refused}
+
+
+def _known(value: float) -> float | None:
+    """None for NaN, which JSON does not have."""
+    return None if math.isnan(value) else value
+
+
+def _person(score: PersonScore) -> dict[str, Any]:
     return {
-        "tracked_fraction": person.tracked / person.in_view if person.in_view else None,
-        "identity_switches": person.switches,
-        "position_rms_m": math.sqrt(float(np.mean(person.square))) if person.square else None,
+        "tracked_fraction": _known(score.tracked_fraction),
+        "identity_switches": score.switches,
+        "position_rms_m": _known(score.rms),
     }

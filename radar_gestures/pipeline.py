@@ -65,7 +65,7 @@ class Pipeline:
         settings = settings if settings is not None else PipelineConfig()
         self._mount = info.mount
         self._baseband = Baseband(settings.baseband, info)
-        self._tracker = PeopleTracker(settings.tracker)
+        self._tracker = PeopleTracker(settings.tracker, info)
         self._recognizer = GestureRecognizer(settings.gestures, load_model(settings.model), info.mount)
         self._hand = HandTracker(settings.hand)
 

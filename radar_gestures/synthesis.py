@@ -258,7 +258,7 @@ def _features(
     lead = _at_rest(before, settings, room[0].stamp_ns - step, -step, _LEAD)
     rest = _at_rest(after, settings, room[-1].stamp_ns + step, step, settings.events.quiet)
     truths = [simulated.truth for simulated in frames]
-    recording = Recording(mount, [*lead[::-1], *room, *rest], [*truths[:1] * len(lead), *truths, *truths[-1:] * len(rest)])
+    recording = Recording(simulator.info, [*lead[::-1], *room, *rest], [*truths[:1] * len(lead), *truths, *truths[-1:] * len(rest)])
     found: list[TrackEvent] = []
     for pair in find_events(recording, settings):
         missed = label_events([pair], [stroke])["missed"].any()

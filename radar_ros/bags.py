@@ -33,6 +33,7 @@ TYPES: Mapping[str, str] = {
     "hand": "handwave/msg/HandTrack",
     "hand/value": "std_msgs/msg/Float32",
     "truth": "handwave/msg/Truth",
+    "gospa": "handwave/msg/Gospa",
     "stage_status": "handwave/msg/StageStatus",
     "tf_static": "tf2_msgs/msg/TFMessage",
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",

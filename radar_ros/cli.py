@@ -79,8 +79,8 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[str, typer.Argument(help="live, demo, replay or stages (see docs/graph.md)")] = "live",
-    scene: Annotated[str, typer.Option(help="scene of the simulated radar")] = "demo",
+    variant: Annotated[str, typer.Argument(help="live, demo, two_radars, replay or stages (see docs/graph.md)")] = "live",
+    scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
@@ -91,23 +91,23 @@ def up(
 ) -> None:
     """Start a graph: every node as its own process, logs with names, Ctrl-C stops all.
 
-    Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed`
+    Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
     """
     from radar_ros.graph import graph
     from radar_ros.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed
 
     parameters = parse_parameters(param, config)
-    if variant in ("live", "demo"):
-        parameters.setdefault("driver", {}).setdefault("scene", scene)
+    if variant in ("live", "demo") or scene is not None:
+        parameters.setdefault("driver", {}).setdefault("scene", scene or "demo")
     if variant == "demo":
         from radar_ros.bags import free_folder
 
         parameters.setdefault("recorder", {}).setdefault("bag", str(bag or free_folder(Path("out") / "recording")))
     specs = graph(variant, namespace=namespace, parameters=parameters)
-    refuse_busy_domain([spec.name for spec in specs], namespace, domain)
+    refuse_busy_domain([spec.label for spec in specs], namespace, domain)
     if composed:
         raise typer.Exit(run_composed(specs, domain))
-    supervisor = Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.name) for s in specs)))
+    supervisor = Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.label) for s in specs)))
     raise typer.Exit(supervise(supervisor))
 
 

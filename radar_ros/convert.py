@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from handwave.msg import CloudSource as CloudSourceMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform
+from radar_core import AntennaArray, CloudComposite, CloudSource, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform
 from radar_core.cloud import ARRAY_FIELDS
 
 _NANOSECONDS: Final = 1_000_000_000
@@ -198,21 +199,56 @@ def frame_from_msg(msg: Any) -> RadarFrame:
 
 
 def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:
-    """Put a point cloud into a message."""
+    """Put a point cloud into a message; a `CloudComposite` stays one."""
     arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
-    return PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, quality=int(cloud.quality), **arrays)
+    msg = PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, quality=int(cloud.quality), **arrays)
+    if isinstance(cloud, CloudComposite):
+        msg.sensor = pack(cloud.sensor, "i")
+        msg.sources = [_source_to_msg(source) for source in cloud.sources]
+    return msg
 
 
 def cloud_from_msg(msg: Any) -> PointCloud:
-    """Take a point cloud out of a message.
+    """Take a point cloud out of a message: a `CloudComposite` where the message names the sensors that it was merged from.
 
     Raises
     ------
     DataError
-        When its arrays differ in length.
+        When its arrays differ in length, or points name a sensor that is not among the sources.
+    ConfigError
+        When a sensor's mount makes no sense.
     """
     arrays = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
-    return PointCloud(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, **arrays, quality=Quality(msg.quality))
+    stamp_ns, frame_id, quality = from_time(msg.header.stamp), msg.header.frame_id, Quality(msg.quality)
+    sensor = unpack(msg.sensor, np.int32)
+    if not msg.sources:
+        if len(sensor):
+            raise DataError(
+                f"cloud {msg.sequence} says for {len(sensor)} points which sensor saw them, but names no sensors (sources); "
+                "whatever fused it is broken or of another version"
+            )
+        return PointCloud(stamp_ns, msg.sequence, frame_id, **arrays, quality=quality)
+    sources = tuple(_source_from_msg(source) for source in msg.sources)
+    return CloudComposite(stamp_ns, msg.sequence, frame_id, **arrays, quality=quality, sensor=sensor, sources=sources)
+
+
+def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
+    m = source.mount
+    return CloudSourceMsg(
+        header=header(source.stamp_ns, source.frame_id),
+        sequence=source.sequence,
+        quality=int(source.quality),
+        mount_x_m=m.x,
+        mount_y_m=m.y,
+        mount_z_m=m.z,
+        mount_yaw_rad=m.yaw,
+        mount_tilt_rad=m.tilt,
+    )
+
+
+def _source_from_msg(msg: Any) -> CloudSource:
+    mount = Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad)
+    return CloudSource(msg.header.frame_id, mount, from_time(msg.header.stamp), msg.sequence, Quality(msg.quality))
 
 
 def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:

@@ -16,14 +16,16 @@ from rich.table import Table
 
 from radar_core import ConfigError
 from radar_ros.bags import free_folder
-from radar_ros.graph import graph
+from radar_ros.graph import STAGES, graph
 from radar_ros.interrupts import interruptible, ros
 from radar_ros.live import Monitor
 from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_sim import load_scene
 
 _START_TIMEOUT = 30.0  # s: for all nodes to be there; a cold disk is slow
+_GOSPA_PARTS = {"localisation": "localisation", "missed": "missed", "false_tracks": "false tracks"}
 _DRAIN = 1.0  # s: after the last frame, for results to arrive and be written
+_READERS = {"radar/frame": {"baseband", "recorder"}, "radar/points": {*STAGES[1:], "recorder"}, "tracks": {"evaluation", "recorder"}}
 
 
 @dataclass(frozen=True)
@@ -121,18 +123,24 @@ def _show(supervisor: Supervisor, monitor: Monitor, duration: float, options: De
 
 
 def _await_nodes(supervisor: Supervisor, monitor: Monitor, logs: list[str]) -> None:
-    """Wait until every node that reads raw frames, truth or results is there."""
+    """Wait until every node is there and reads what it works on: nodes compile before they subscribe."""
     end = time.monotonic() + _START_TIMEOUT
     others = {spec.name for spec in supervisor.specs} - {"driver"}
-    while time.monotonic() < end:
-        present = set(monitor.node.get_node_names())
-        if others <= present and monitor.node.count_subscribers("radar/frame") >= 2:
-            return
-        if supervisor.poll():
-            break
+    missing = _missing(monitor, others)
+    while missing and time.monotonic() < end and not supervisor.poll():
         monitor.spin(0.1)
-    missing = ", ".join(sorted(others - set(monitor.node.get_node_names()))) or "a reader of radar/frame"
-    raise ConfigError(f"the graph did not start: {missing} missing.\n" + "\n".join(logs[-20:]))
+        missing = _missing(monitor, others)
+    if missing:
+        raise ConfigError(f"the graph did not start: {', '.join(missing)} missing.\n" + "\n".join(logs[-20:]))
+
+
+def _missing(monitor: Monitor, nodes: set[str]) -> list[str]:
+    """Name the nodes that are not there yet, and those that do not read their input yet."""
+    missing = sorted(nodes - set(monitor.node.get_node_names()))
+    for topic, readers in _READERS.items():
+        present = {reader.node_name for reader in monitor.node.get_subscriptions_info_by_topic(topic)}
+        missing += [f"{name} as a reader of {topic}" for name in sorted(readers & nodes - present)]
+    return missing
 
 
 def _run(supervisor: Supervisor, monitor: Monitor, duration: float, show: Callable[[], None]) -> None:
@@ -194,31 +202,46 @@ def show_report(report: dict[str, Any], console: Console) -> None:
     console.print(figures)
 
 
-def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
-    def number(value: Any, form: str, unit: str = "") -> str:
-        return "-" if value is None else f"{value:{form}}{unit}"
+def _number(value: Any, form: str, unit: str = "") -> str:
+    """Format a figure; "-" where nothing is known of it."""
+    return "-" if value is None else f"{value:{form}}{unit}"
 
+
+def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
     rows = []
     for name, person in report.get("people", {}).items():
-        text = f"tracked {number(person['tracked_fraction'], '.0%')} of the time in view, {person['identity_switches']} identity switches, "
-        rows.append((f"person {name}", text + f"position {number(person['position_rms_m'], '.2f', ' m')} rms"))
+        text = (
+            f"tracked {_number(person['tracked_fraction'], '.0%')} of the time in view, {person['identity_switches']} identity switches, "
+        )
+        rows.append((f"person {name}", text + f"position {_number(person['position_rms_m'], '.2f', ' m')} rms"))
     gestures, hand = report.get("gestures", {}), report.get("hand", {})
     if gestures.get("total"):
         share = gestures["hits"] / gestures["total"]
         text = f"{gestures['hits']} of {gestures['total']} right ({share:.0%}), {gestures['wrong']} wrong, {gestures['misses']} missed, "
         rows.append(("gestures", text + f"{gestures['false_alarms']} false alarms"))
     rows.append(
-        ("hand", f"{number(hand.get('rms_m'), '.2f', ' m')} rms, followed {number(hand.get('tracked_fraction'), '.0%')} of its drawing")
+        ("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {_number(hand.get('tracked_fraction'), '.0%')} of its drawing")
     )
     rows.append(("ghost tracks", str(report.get("ghost_tracks", "-"))))
+    rows += _tracking_figures(report)
     latency = (
-        f"{number(report.get('latency_ms_median'), '.1f')} ms median, {number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
+        f"{_number(report.get('latency_ms_median'), '.1f')} ms median, {_number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
     )
     rows.append(("frame to tracks", latency))
-    rows.append(("dropped", f"{number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
+    rows.append(("dropped", f"{_number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
     rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
     if report.get("interrupted"):
         rows.append(("interrupted", "these are the figures until then"))
     rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
     rows.append(("recording", str(report.get("bag"))))
     return rows
+
+
+def _tracking_figures(report: dict[str, Any]) -> list[tuple[str, str]]:
+    """Accuracy and GOSPA of all tracks against the truth, and its parts in squared metres."""
+    gospa = report.get("gospa", {})
+    parts = ", ".join(f"{text} {_number(gospa.get(key), '.3f')}" for key, text in _GOSPA_PARTS.items())
+    return [
+        ("MOTA", _number(report.get("mota"), ".1%")),
+        ("GOSPA", f"{_number(gospa.get('mean_m'), '.2f', ' m')} mean; parts in m²: {parts}"),
+    ]

@@ -26,6 +26,8 @@ class NodeSpec:
         Topic names from the node's own to the graph's.
     namespace : str
         ROS namespace, "" for none.
+    place : str
+        Namespace within the graph, for a node of which the graph has several: ``left`` and ``right``. It ends `namespace`.
     """
 
     name: str
@@ -33,6 +35,12 @@ class NodeSpec:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     remappings: Mapping[str, str] = field(default_factory=dict)
     namespace: str = ""
+    place: str = ""
+
+    @property
+    def label(self) -> str:
+        """What tells it from all other nodes of its graph: ``left/driver``, or its name where there is only one."""
+        return f"{self.place}/{self.name}" if self.place else self.name
 
 
 NODES: Mapping[str, NodeSpec] = {
@@ -40,6 +48,7 @@ NODES: Mapping[str, NodeSpec] = {
     for spec in (
         NodeSpec("driver", "radar_driver.node"),
         NodeSpec("baseband", "radar_dsp.node"),
+        NodeSpec("fusion", "radar_tracking.nodes.fusion"),
         NodeSpec("tracking", "radar_tracking.nodes.tracking"),
         NodeSpec("gestures", "radar_gestures.node"),
         NodeSpec("hand", "radar_tracking.nodes.hand"),
@@ -63,18 +72,29 @@ class Variant:
     doc : str
         One sentence for users.
     nodes : tuple of str
-        Names.
+        Names; ``left/driver`` is a driver in the namespace ``left`` below that of the graph.
+    parameters : mapping
+        Per entry of ``nodes``, what this graph sets unless the user does.
     """
 
     doc: str
     nodes: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+
+_RADARS = ("left", "right")
+_EACH = tuple(f"{radar}/{node}" for radar in _RADARS for node in ("driver", "baseband"))
 
 VARIANTS: Mapping[str, Variant] = {
     "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
     "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
     "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
     "stages": Variant("the bare stages, for lockstep and measurements", STAGES),
+    "two_radars": Variant(
+        "two radars (or simulated radars) in left/ and right/, fused to people, gestures and a hand",
+        (*_EACH, "fusion", *STAGES[1:], "visualisation"),
+        {**{f"{radar}/driver": {"scene": "two_radars"} for radar in _RADARS}, "fusion": {"radars": list(_RADARS)}},
+    ),
 }
 """The graphs that launch files and `handwave up` offer."""
 
@@ -91,7 +111,7 @@ def graph(
     namespace : str
         Namespace of all nodes, one per radar.
     parameters : mapping
-        Per node name (or ``"*"`` for all), parameters to set.
+        Per node name, parameters to set: ``driver`` is every driver, ``left/driver`` that one, ``"*"`` all nodes. The narrower one wins.
     without : sequence of str
         Nodes to leave out.
 
@@ -102,16 +122,22 @@ def graph(
     """
     if variant not in VARIANTS:
         raise ConfigError(f"there is no graph {variant!r}; choose one of {', '.join(VARIANTS)}")
+    chosen = VARIANTS[variant]
     given = dict(parameters or {})
     common = given.pop("*", {})
+    known = (*NODES, *(name for name in chosen.nodes if name not in NODES))
     for name in (*given, *without):
-        if name not in NODES:
-            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
-    return tuple(
-        replace(NODES[name], namespace=namespace, parameters={**common, **given.get(name, {})})
-        for name in VARIANTS[variant].nodes
-        if name not in without
-    )
+        if name not in known:
+            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(known)}")
+    specs = []
+    for label in chosen.nodes:
+        place, _, name = label.rpartition("/")
+        if name in without or label in without:
+            continue
+        settings = {**chosen.parameters.get(label, {}), **common, **given.get(name, {}), **given.get(label, {})}
+        space = "/".join(part for part in (namespace.strip("/"), place) if part)
+        specs.append(replace(NODES[name], namespace=space, place=place, parameters=settings))
+    return tuple(specs)
 
 
 def arguments(spec: NodeSpec) -> list[str]:
@@ -133,6 +159,8 @@ def _yaml(value: Any) -> str:
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     if isinstance(value, (list, tuple)):
+        if {type(entry) for entry in value} == {int, float}:  # one ROS parameter has numbers of one kind only
+            value = [float(entry) for entry in value]
         return "[" + ", ".join(map(_yaml, value)) + "]"
     return repr(value)
 

@@ -40,7 +40,7 @@ def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> A
             package="handwave",
             executable=f"{spec.name}_node",
             name=spec.name,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=[LaunchConfiguration("namespace"), f"/{spec.place}"] if spec.place else LaunchConfiguration("namespace"),
             parameters=[dict(spec.parameters)],
             remappings=list(spec.remappings.items()),
             output="screen",

@@ -97,7 +97,9 @@ def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConf
     for node, values in parameters.items():
         if node not in _PARTS:
             raise ConfigError(f"there is no stage {node!r} to process with; stages: {', '.join(_PARTS)}")
-        own = dict(values)
+        own = {
+            name: value for name, value in values.items() if node != "tracking" or not name.startswith("consistency.")
+        }  # the node's alone
         if node == "gestures" and "model" in own:
             given["model"] = own.pop("model")
         given[_PARTS[node]] = nest(own)

@@ -28,7 +28,7 @@ def frames_in(*, reliable: bool = False) -> QoSProfile:
 
 
 RESULT = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
-"""Results (tracks, gestures, hand, truth): reliable; 50 is a second at 50 Hz, for readers that stall for a moment."""
+"""Results (tracks, gestures, hand, truth, gospa): reliable; 50 is a second at 50 Hz, for readers that stall for a moment."""
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, /tf_static."""

@@ -123,8 +123,8 @@ class Supervisor:
     def start(self, *, without: Sequence[str] = ()) -> None:
         """Start all nodes that do not run yet, except ``without``: a source may start when its readers wait."""
         for spec in self.specs:
-            if spec.name not in self._children and spec.name not in without:
-                self._children[spec.name] = self._start(spec)
+            if spec.label not in self._children and spec.label not in without:
+                self._children[spec.label] = self._start(spec)
 
     def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
         process = subprocess.Popen(
@@ -138,7 +138,7 @@ class Supervisor:
             start_new_session=True,  # a Ctrl-C reaches only us; we stop the nodes in order
             preexec_fn=_in_child(os.getpid()),
         )
-        reader = threading.Thread(target=self._read, args=(spec.name, process), daemon=True)
+        reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
         reader.start()
         return _Child(spec, process, reader, time.monotonic(), deaths)
 
@@ -239,7 +239,7 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
     Parameters
     ----------
     names : sequence of str
-        Nodes that are about to start.
+        Labels of the nodes that are about to start.
     namespace : str
         Their namespace.
     domain : int or None
@@ -251,7 +251,8 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
     code += f"time.sleep({wait}); print(*(f'{{s}}|{{m}}' for m, s in n.get_node_names_and_namespaces()), sep='\\n'); rclpy.shutdown()"
     done = subprocess.run([sys.executable, "-c", code], env=environment(domain), capture_output=True, text=True, timeout=30)
     space = f"/{namespace.strip('/')}"
-    busy = sorted(name for name in names if f"{space}|{name}" in done.stdout.split())
+    running = {found.replace("|", "/").replace("//", "/") for found in done.stdout.split()}
+    busy = sorted(name for name in names if f"{space.rstrip('/')}/{name}" in running)
     if busy:
         number = domain if domain is not None else int(os.environ.get("ROS_DOMAIN_ID", "0"))
         raise ConfigError(

@@ -10,7 +10,7 @@ from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_ros.convert import from_time, header, pack, unpack
-from radar_tracking.tracks import HandTrack, Track, Tracks, TrackStatus
+from radar_tracking.tracks import Deleted, HandTrack, Reason, Track, Tracks, TrackStatus
 
 
 def track_to_msg(track: Track) -> TrackMsg:
@@ -25,6 +25,8 @@ def track_to_msg(track: Track) -> TrackMsg:
         velocity=track.velocity,
         extent=track.extent,
         covariance=track.covariance.ravel(),
+        nis=float(track.nis),
+        dof=track.dof,
     )
 
 
@@ -40,6 +42,8 @@ def track_from_msg(msg: Any) -> Track:
         velocity=np.array(msg.velocity),
         extent=np.array(msg.extent),
         covariance=np.array(msg.covariance).reshape(6, 6),
+        nis=msg.nis,
+        dof=msg.dof,
     )
 
 
@@ -50,13 +54,18 @@ def tracks_to_msg(tracks: Tracks) -> TrackArrayMsg:
         sequence=tracks.sequence,
         tracks=[track_to_msg(track) for track in tracks.tracks],
         point_track_id=pack(tracks.point_track_id, "i"),
+        deleted_id=[track.id for track in tracks.deleted],
+        deleted_reason=[int(track.reason) for track in tracks.deleted],
+        deleted_confirmed=[track.confirmed for track in tracks.deleted],
     )
 
 
 def tracks_from_msg(msg: Any) -> Tracks:
     """Take all tracks of one cloud out of a message."""
     tracks = tuple(track_from_msg(track) for track in msg.tracks)
-    return Tracks(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, tracks, unpack(msg.point_track_id, np.int32))
+    ended = zip(msg.deleted_id, msg.deleted_reason, msg.deleted_confirmed, strict=True)
+    deleted = tuple(Deleted(int(number), Reason(reason), bool(confirmed)) for number, reason, confirmed in ended)
+    return Tracks(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, tracks, unpack(msg.point_track_id, np.int32), deleted)
 
 
 def hand_to_msg(hand: HandTrack) -> HandTrackMsg:

@@ -1,75 +1,53 @@
-"""People tracking: the thesis's Group Tracker with Clustering (6.2) with a plausibility gate."""
+"""People tracking: predict, associate, measure, update, manage (thesis, chapter 6 and figure A.23)."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError, PointCloud
-from radar_tracking.association import add_limbs, assign, gate, nearness, plane_distance
-from radar_tracking.clustering import cluster
-from radar_tracking.kalman import predict, update
+from radar_core import DataError, PointCloud, RadarInfo
+from radar_tracking.association import Clusters, Owners, associate, make_association
+from radar_tracking.background import Background
+from radar_tracking.body import measure
+from radar_tracking.estimators import make_estimator
+from radar_tracking.estimators.base import Belief, Measurement
+from radar_tracking.life import TrackManagement
 from radar_tracking.people_config import TrackerConfig
-from radar_tracking.tracks import Track, Tracks, TrackStatus
+from radar_tracking.points import Admission, Points
+from radar_tracking.roster import RECORD, Roster
+from radar_tracking.sight import Sight, look
+from radar_tracking.solid import part
+from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
+from radar_tracking.view import View
+from radar_tracking.zones import Zones
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
-_RADIAL_TIME = 0.15  # s: and the torso's range and range rate this long
-_ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
-_ASSUMED_Z_STD = 0.5  # how far off that is (assumed with every cloud, so that the height's covariance stays bounded); no centroid of
-# the few points that a person gives is nearer to the middle between head and feet than this
-_UPRIGHT = 1e-4  # process noise of the height relative to that on the floor plane: people hardly move up and down
-
-
-@dataclass(frozen=True)
-class _Points:
-    """The usable points of a cloud in float64; `index` says where they lie in the cloud."""
-
-    index: IndexArray
-    position: Float64Array
-    speed: Float64Array
-    weight: Float64Array
-    power: Float64Array
-    range: Float64Array
-    cross: Float64Array
-
-
-@dataclass(eq=False)
-class _Live:
-    """One track between clouds."""
-
-    id: int
-    born_ns: int
-    seen_ns: int
-    mean: Float64Array
-    covariance: Float64Array
-    confirmed: bool = False
-    n_points: int = 0
-    points_sum: int = 0
-    clouds: int = 0
-    fastest: float = 0.0
-    range: float = 0.0
-    rate: float = 0.0
-    spread: Float64Array = field(default_factory=lambda: np.full(3, np.nan))
+_TORSO_TIME = 0.15  # s: and the torso's range and range rate this long
+_ACTIVITY_TIME = 0.5  # s
+_SURFACE = (-0.4, 0.05)  # m: a torso is seen before its centre
+_SLIP, _DEAD = 4.0, 0.7  # how much a torso faster than its track (beyond so many m/s) raises the pull
+_DISPERSION = 0.15**2  # m^2: of a body of which nothing is known yet, along each axis of the floor plane
 
 
 class PeopleTracker:
     """Follow people through point clouds.
 
-    Every cloud: predict all tracks, gate the points at a metre and more, give each to the nearest track, keep the largest dense cluster
-    of every track and free the rest for the others, update with the weighted centroid, start new tracks from dense clusters of what is
-    left (thesis, 6.2.2 and 6.2.3). Results depend on nothing but the clouds, bit for bit.
+    Every cloud: predict all tracks, give the points to tracks in the way that ``config.tracker`` names (thesis, 6.2.2), update with the
+    weighted centroids, start new tracks from dense clusters of what is left, confirm and delete (6.2.3). Results depend on nothing but the
+    clouds, bit for bit.
 
     Parameters
     ----------
     config : TrackerConfig
         Knobs.
+    info : RadarInfo or None
+        The radar: where it stands and how far it sees. None: at the room's origin, and it sees everything.
 
     Attributes
     ----------
@@ -77,17 +55,30 @@ class PeopleTracker:
         Points without position, or absurdly far away, since the last `reset`.
     """
 
-    def __init__(self, config: TrackerConfig | None = None) -> None:
+    def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
         self.config = config if config is not None else TrackerConfig()
+        self._view = View(info)
+        self._zones = Zones(self.config.zones)
+        self._estimator = make_estimator(self.config.filter.estimator, 3)
+        self._association = make_association(self.config)
+        self._clusters = Clusters(self.config.association)
+        self._management = TrackManagement(self.config.life)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything; ids start again. For a new recording."""
-        self._live: list[_Live] = []
-        self._close_ns: dict[tuple[int, int], int] = {}
+        self._admission = Admission(self.config, self._view.origin)
+        self._management.reset()
+        self._background = Background(self.config.background)
+        self._roster = Roster()
         self._next_id = 1
         self._stamp_ns: int | None = None
-        self.dropped_points = 0
+        self._first_ns = 0
+
+    @property
+    def dropped_points(self) -> int:
+        """Points without position, or absurdly far away, since the last `reset`."""
+        return self._admission.dropped
 
     def process(self, cloud: PointCloud) -> Tracks:
         """Take in one cloud.
@@ -108,272 +99,286 @@ class PeopleTracker:
         DataError
             When the cloud is not in ``room``, is older than the one before, or holds an infinity.
         """
-        dt = self._advance(cloud)
-        points = self._usable(cloud)
+        dt = self._elapsed(cloud)
+        every = self._admission.process(cloud)
+        if self._stamp_ns is None:
+            self._first_ns = cloud.stamp_ns
+        self._stamp_ns = cloud.stamp_ns
         self._predict(dt, cloud.stamp_ns)
         point_track_id = np.full(len(cloud), -1, np.int32)
-        owner, limb = self._associate(points)
-        for row, track in enumerate(self._live):
-            own = np.flatnonzero(owner == row)
-            whole = np.flatnonzero((owner == row) | (limb == row))
-            track.n_points = len(whole)
-            point_track_id[points.index[whole]] = track.id
-            track.clouds += 1
-            if len(own):
-                self._update(track, points, own, whole, cloud.stamp_ns)
-        for own in self._births(points, (owner < 0) & (limb < 0)):
-            track = self._start(points, own, cloud.stamp_ns)
-            point_track_id[points.index[own]] = track.id
-        gone = self._manage(cloud.stamp_ns)
-        if gone:
-            point_track_id[np.isin(point_track_id, gone)] = -1
-        tracks = tuple(self._publish(track, cloud.stamp_ns) for track in self._live)
-        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id)
+        points = every.select(~self._background.process(every))
+        owners, behind = self._follow(points, cloud.stamp_ns, point_track_id)
+        self._learn(every, dt)
+        for own in self._births(points, owners.free, behind, cloud.stamp_ns):
+            point_track_id[points.index[own]] = self._start(points, own, cloud.stamp_ns)
+        deleted = self._manage(cloud.stamp_ns)
+        if deleted:
+            point_track_id[np.isin(point_track_id, [track.id for track in deleted])] = -1
+        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, self._publish(cloud.stamp_ns), point_track_id, deleted)
 
-    def _advance(self, cloud: PointCloud) -> float:
-        """Check the cloud's frame and stamp; return the seconds since the one before."""
-        if cloud.frame_id != "room":
-            raise DataError(f"tracking needs clouds in 'room', this one is in {cloud.frame_id!r}; level it with PointCloud.to_room(mount)")
-        before, self._stamp_ns = self._stamp_ns, cloud.stamp_ns
+    def _elapsed(self, cloud: PointCloud) -> float:
+        """Check the cloud's stamp; return the seconds since the one before."""
+        before = self._stamp_ns
         if before is None:
             return 0.0
         if cloud.stamp_ns < before:
-            self._stamp_ns = before
             raise DataError(
                 f"cloud {cloud.sequence} is {(before - cloud.stamp_ns) * _NANOSECOND:g} s older than the one before; reset() the tracker "
                 "before another recording"
             )
         return (cloud.stamp_ns - before) * _NANOSECOND
 
-    def _usable(self, cloud: PointCloud) -> _Points:
-        """Pick the points that have a position and may move; weights are amplitudes, bounded so that no single point rules."""
-        for name in ("x", "y", "z", "radial_speed", "snr", "range", "azimuth_std"):
-            if np.isinf(getattr(cloud, name)).any():
-                raise DataError(f"PointCloud.{name} of cloud {cloud.sequence} holds an infinity; NaN is the mark for what was not measured")
-        position = cloud.position.astype(np.float64)
-        limit = self.config.max_distance
-        placed = (np.abs(position[:, 0]) <= limit) & (np.abs(position[:, 1]) <= limit)  # NaN compares False
-        placed &= ~(np.abs(position[:, 2]) > limit)
-        self.dropped_points += int(np.count_nonzero(~placed))
-        if self.config.min_speed > 0:
-            placed &= ~(np.abs(cloud.radial_speed) < self.config.min_speed)
-        index = np.flatnonzero(placed)
-        snr = np.clip(cloud.snr[index].astype(np.float64), -100.0, 200.0)
-        known = np.isfinite(snr)
-        level = float(np.median(snr[known])) if known.any() else 0.0
-        weight = 10 ** (np.clip(np.where(known, snr, level) - level, -10.0, 10.0) / 20)
-        distance = cloud.range[index].astype(np.float64)
-        distance = np.where(np.isfinite(distance), distance, np.hypot(position[index, 0], position[index, 1]))
-        angle = cloud.azimuth_std[index].astype(np.float64)
-        angle = np.clip(np.where(np.isfinite(angle), angle, self.config.filter.angle_std), 0.0, 1.0)
-        return _Points(
-            index, position[index], cloud.radial_speed[index].astype(np.float64), weight, 10 ** (snr / 10), distance, distance * angle
-        )
-
     def _predict(self, dt: float, stamp_ns: int) -> None:
         """Move all tracks on (6.1); those that nobody sees slow down."""
-        if not self._live or dt == 0:
+        roster = self._roster
+        for name, value in (("nis", np.nan), ("dof", 0), ("n_points", 0)):
+            roster[name][:] = value
+        roster["clouds"][:] += 1
+        if roster.belief is None or len(roster) == 0 or dt == 0:
             return
         # beyond the longest life nothing survives, and bounded steps keep the covariance far from overflow
         life = self.config.life
         step = min(dt, 1.0 + max(life.delete_after, life.delete_static_after))
-        noise = self.config.filter.process_noise * np.array([1.0, 1.0, _UPRIGHT])
-        mean, covariance = predict(np.stack([t.mean for t in self._live]), np.stack([t.covariance for t in self._live]), step, noise)
-        for row, track in enumerate(self._live):
-            unseen = (stamp_ns - track.seen_ns) * _NANOSECOND
-            if unseen > dt:
-                slower = math.exp(-step / self.config.filter.damping)
-                mean[row, 3:] *= slower
-                track.rate *= slower
-            track.mean, track.covariance = mean[row], covariance[row]
-            track.range += step * track.rate
+        belief = self._estimator.predict(roster.belief, step)
+        unseen = (stamp_ns - roster["seen_ns"]) * _NANOSECOND > dt
+        if unseen.any():
+            mean = belief.mean.copy()
+            mean[unseen, :, self._estimator.dimensions :] *= math.exp(-step / self.config.filter.damping)
+            belief = Belief(mean, belief.covariance, belief.weight)
+        roster.belief = part(
+            belief, self._estimator.kinematics(belief), roster["confirmed"], self.config.association.body_width, self._estimator.dimensions
+        )
 
-    def _associate(self, points: _Points) -> tuple[IndexArray, IndexArray]:
-        """Owner of each point by main cluster and as a limb: rows of the tracks, confirmed ones choosing first; -1: nobody."""
-        config = self.config.association
-        n = len(points.index)
-        owner, limb = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
-        plane_points = points.position[:, :2]
-        for confirmed in (True, False):
-            rows = np.array([i for i, t in enumerate(self._live) if t.confirmed is confirmed], np.int64)
-            free = np.flatnonzero((owner < 0) & (limb < 0))
-            if len(rows) == 0 or len(free) == 0:
-                continue
-            mean = np.stack([self._live[i].mean for i in rows])
-            covariance = np.stack([self._live[i].covariance for i in rows])
-            plane = plane_distance(plane_points[free], mean[:, :2])
-            torso = np.stack([self._torso(self._live[i], points, free) for i in rows])
-            found = assign(plane_points[free], gate(plane_points[free], mean, covariance, config), plane, torso, config)
-            owner[free] = np.where(found >= 0, rows[found], -1)
-            if confirmed:
-                found = add_limbs(plane_points[free], found, plane, config)
-                limb[free] = np.where(found >= 0, rows[found], -1)
-        return owner, limb
+    def _follow(self, points: Points, stamp_ns: int, point_track_id: NDArray[np.int32]) -> tuple[Owners, NDArray[np.bool_]]:
+        """Give points to tracks and update those that got some; also says which points are behind which track."""
+        roster, nobody = self._roster, np.full(len(points), -1, np.int64)
+        if roster.belief is None or len(roster) == 0 or len(points) == 0:
+            return Owners(nobody, nobody), np.zeros((len(roster), len(points)), bool)
+        kinematics = self._estimator.kinematics(roster.belief)
+        sight = look(roster, kinematics, points, self.config.association)
+        owners = associate(self._association, points, sight, roster["confirmed"])
+        whole = np.maximum(owners.main, owners.limb)
+        owned = np.flatnonzero(whole >= 0)
+        roster["n_points"][:] = np.bincount(whole[owned], minlength=len(roster))
+        roster["points_sum"][:] += roster["n_points"]
+        point_track_id[points.index[owned]] = roster["id"][whole[owned]]
+        own = np.flatnonzero(owners.main >= 0)
+        if len(own):
+            self._update(points, sight, own, owners.main[own], kinematics, stamp_ns)
+            self._note_extent(points, owned, whole[owned], stamp_ns)
+            roster["seen_ns"][np.unique(owners.main[own])] = stamp_ns
+        return owners, sight.behind
 
-    def _measure(self, points: _Points, own: IndexArray, weight: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Weighted centroid of points and its variances, from their spread, their number and their distance; an unmeasured z is assumed."""
-        share = weight / weight.sum()
-        effective = 1.0 / float((share**2).sum())
-        position = points.position[own]
-        noise = self.config.filter.position_std**2 + float(share @ points.cross[own] ** 2) / effective
-        centroid, variance = np.empty(3), np.empty(3)
+    def _update(
+        self, points: Points, sight: Sight, own: IndexArray, row: IndexArray, before: tuple[Float64Array, Float64Array], stamp_ns: int
+    ) -> None:
+        """Update tracks with their points; the farther all points lie from the prediction, the less they are believed."""
+        roster, config = self._roster, self.config.filter
+        rows, group = np.unique(row, return_inverse=True)
+        trust = sight.near[row, own] * sight.torso[row, own]
+        weight = points.weight[own] * trust
+        speed = np.hypot(before[0][rows, 3], before[0][rows, 4])
+        bodies = measure(points, own, group, len(rows), weight, self._offset(speed), config)
+        best = np.zeros(len(rows))
+        np.maximum.at(best, group, trust)
+        dt = (stamp_ns - roster["seen_ns"][rows]) * _NANOSECOND
+        measurement = self._believe(bodies.measurement, best, before, rows, speed, dt)
+        assert roster.belief is not None
+        belief, innovation = self._estimator.update(roster.belief.select(rows), measurement)
+        roster.belief = roster.belief.put(rows, belief)
+        roster["nis"][rows], roster["dof"][rows] = innovation.nis, innovation.dof
+        roster["matches"][rows] += 1
+        self._note_torso(points, sight, own, row, weight, dt)
+
+    def _offset(self, speed: Float64Array) -> Float64Array:
+        """How far bodies lie behind their visible surface [m], by their speeds [m/s]."""
+        config = self.config.filter
+        return np.asarray(config.surface + (config.surface_walking - config.surface) * np.minimum(speed, 1.0))
+
+    def _believe(
+        self,
+        measurement: Measurement,
+        best: Float64Array,
+        before: tuple[Float64Array, Float64Array],
+        rows: IndexArray,
+        speed: Float64Array,
+        dt: Float64Array,
+    ) -> Measurement:
+        """Raise the variances of measurements without a torso point, and of those that pull a body faster than bodies start.
+
+        An arm's points are wrong together for half a second, not each for itself.
+        """
+        covariance = measurement.covariance.copy()
+        variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :2] / np.maximum(best, 1e-12)[:, None]
+        slip = np.abs(self._roster["slip"][rows])  # who sets off, or comes to a stop
+        fastest = self.config.filter.pull * (1.0 + speed + _SLIP * np.maximum(slip - _DEAD, 0.0)) * np.maximum(dt, 1e-3)
+        step = measurement.position[:, :2] - before[0][rows, :2]
+        pull = np.hypot(step[:, 0], step[:, 1]) / fastest
+        known = np.diagonal(before[1][rows], axis1=1, axis2=2)[:, :2]
+        variance = np.maximum(variance, known * (pull - 1.0)[:, None])
+        covariance[:, [0, 1], [0, 1]] = variance
+        return Measurement(measurement.position, covariance, measurement.rate, measurement.rate_variance, measurement.origin)
+
+    def _note_torso(self, points: Points, sight: Sight, own: IndexArray, row: IndexArray, weight: Float64Array, dt: Float64Array) -> None:
+        """Remember where the torso was seen and its range rate, smoothed, and the fastest point; ``dt`` since each track's last update."""
+        roster = self._roster
+        rows, group = np.unique(row, return_inverse=True)
+        total = np.bincount(group, weight)
+        keep = np.exp(-dt / _TORSO_TIME)
+        surface = np.bincount(group, weight * sight.beyond[row, own]) / total
+        roster["surface"][rows] = np.clip(keep * roster["surface"][rows] + (1 - keep) * surface, *_SURFACE)
+        slip = sight.slip[row, own]
+        known = np.isfinite(slip)
+        for name, value in (("range", points.distance[own]), ("rate", np.where(known, points.speed[own], 0.0))):
+            roster[name][rows] = keep * roster[name][rows] + (1 - keep) * np.bincount(group, weight * value) / total
+        loud = np.bincount(group, np.nan_to_num(points.power[own]))
+        roster["power"][rows] = keep * roster["power"][rows] + (1 - keep) * 10 * np.log10(np.maximum(loud, 1e-30))
+        share = np.bincount(group, weight * known)
+        mean = np.bincount(group, weight * np.where(known, slip, 0.0)) / np.maximum(share, 1e-300)
+        old = roster["slip"][rows]
+        roster["slip"][rows] = np.where(share > 0, keep * old + (1 - keep) * mean, old)
+        moves = np.zeros(len(rows), bool)
+        moves[group[~(np.abs(points.speed[own]) < self.config.life.confirm_speed)]] = True  # without Doppler nothing can be ruled out
+        keep = np.exp(-dt / _ACTIVITY_TIME)
+        roster["activity"][rows] = keep * roster["activity"][rows] + (1 - keep) * moves
+
+    def _note_extent(self, points: Points, owned: IndexArray, row: IndexArray, stamp_ns: int) -> None:
+        """Remember how large the tracks are, smoothed; called before `seen_ns` moves on."""
+        roster, n = self._roster, len(self._roster)
+        assert roster.belief is not None
+        centre = self._estimator.kinematics(roster.belief)[0][:, :3]
+        keep = np.exp(-(stamp_ns - roster["seen_ns"]) * _NANOSECOND / _EXTENT_TIME)
+        step = points.position[owned] - centre[row]
         for axis in range(3):
-            known = np.isfinite(position[:, axis])
-            total = float(share[known].sum())
-            if total <= 0:
-                centroid[axis], variance[axis] = _ASSUMED_Z, _ASSUMED_Z_STD**2
-                continue
-            part, value = share[known] / total, position[known, axis]
-            centroid[axis] = part @ value
-            variance[axis] = noise + float(part @ (value - centroid[axis]) ** 2) / effective
-        variance[2] = max(variance[2], _ASSUMED_Z_STD**2)
-        return centroid, variance
+            known = np.isfinite(step[:, axis])
+            count = np.bincount(row[known], minlength=n)
+            new = np.bincount(row[known], step[known, axis] ** 2, n) / np.maximum(count, 1)
+            old = roster["spread"][:, axis]
+            mixed = np.where(np.isfinite(old), keep * old + (1 - keep) * new, new)
+            roster["spread"][:, axis] = np.where(count > 0, mixed, old)
+        count = np.maximum(np.bincount(row, minlength=n), 1)
+        seen = (roster["n_points"] > 0)[:, None, None]
+        cross = np.stack([np.bincount(row, step[:, a] * step[:, b], n) / count for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))], -1)
+        new = keep[:, None, None] * roster["dispersion"] + (1 - keep)[:, None, None] * cross.reshape(n, 2, 2)
+        roster["dispersion"][:] = np.where(seen, new, roster["dispersion"])
 
-    def _update(self, track: _Live, points: _Points, own: IndexArray, whole: IndexArray, stamp_ns: int) -> None:
-        """Kalman update with the centroid; the farther all points lie from the prediction, the less it is believed."""
-        config = self.config
-        near = nearness(np.hypot(*(points.position[own, :2] - track.mean[:2]).T), config.association.body_radius)
-        torso = self._torso(track, points, own)
-        weight = points.weight[own] * near * torso
-        centroid, variance = self._measure(points, own, weight)
-        variance[:2] /= (near * torso).max()
-        # an arm's points are wrong together for half a second, not each for itself: no measurement may pull a body faster than bodies start
-        dt = (stamp_ns - track.seen_ns) * _NANOSECOND
-        fastest = config.filter.pull * (1.0 + math.hypot(track.mean[3], track.mean[4])) * max(dt, 1e-3)
-        pull = math.hypot(*(centroid[:2] - track.mean[:2])) / fastest
-        variance[:2] = np.maximum(variance[:2], np.diagonal(track.covariance)[:2] * (pull - 1))
-        track.mean, track.covariance = update(track.mean, track.covariance, centroid, np.diag(variance))
-        track.seen_ns = stamp_ns
-        track.points_sum += len(whole)
-        self._note(track, points, own, weight, math.exp(-dt / _RADIAL_TIME))
-        self._note_extent(track, points, whole, math.exp(-dt / _EXTENT_TIME))
+    def _learn(self, points: Points, dt: float) -> None:
+        """Learn what stands where nobody is."""
+        roster, near = self._roster, np.zeros((0, len(points)), bool)
+        if roster.belief is not None and len(roster):
+            centre = self._estimator.kinematics(roster.belief)[0][:, :2]
+            step = points.plane[None] - centre[:, None]
+            near = np.hypot(step[..., 0], step[..., 1]) < self.config.background.body
+        body = near[roster["confirmed"]].any(axis=0)
+        standing = near[roster["confirmed"] & roster["still"]].any(axis=0)
+        self._background.learn(points, body, standing & ~self._background.still(points), dt)
 
-    def _torso(self, track: _Live, points: _Points, own: IndexArray) -> Float64Array:
-        """How much each point counts as torso, 0..1: arms reach towards the radar and move faster than the body."""
-        config = self.config.association
-        speed = points.speed[own]
-        excess = np.where(np.isfinite(speed), speed - track.rate, 0.0) / config.arm_speed
-        distance = points.range[own]
-        # the torso is the far end of what belongs to a person, or where it was; what lies far behind is somebody else
-        behind = distance[distance < track.range + config.reach / 2]
-        torso = max(track.range, float(behind.max())) if len(behind) else track.range
-        depth = np.clip(distance - torso, -5 * config.arm_depth, 0.0) / config.arm_depth
-        return np.asarray(np.exp(depth) / (1 + np.minimum(excess**2, 100.0)))
-
-    def _note(self, track: _Live, points: _Points, own: IndexArray, weight: Float64Array, keep: float) -> None:
-        """Remember the torso's range and range rate, smoothed, and the fastest point."""
-        speed = points.speed[own]
-        known = np.isfinite(speed)
-        if known.any():
-            track.rate = keep * track.rate + (1 - keep) * float(np.average(speed[known], weights=weight[known]))
-        track.range = keep * track.range + (1 - keep) * float(np.average(points.range[own], weights=weight))
-        # without Doppler nothing can be ruled out
-        track.fastest = max(track.fastest, float(np.where(known, np.abs(speed), self.config.life.confirm_speed).max()))
-
-    def _note_extent(self, track: _Live, points: _Points, whole: IndexArray, keep: float) -> None:
-        """Remember how large the track is, smoothed."""
-        square = (points.position[whole] - track.mean[:3]) ** 2
-        for axis in range(3):
-            known = np.isfinite(square[:, axis])
-            if known.any():
-                new, old = float(square[known, axis].mean()), float(track.spread[axis])
-                track.spread[axis] = keep * old + (1 - keep) * new if math.isfinite(old) else new
-
-    def _births(self, points: _Points, free: NDArray[np.bool_]) -> list[IndexArray]:
+    def _births(self, points: Points, free: NDArray[np.bool_], behind: NDArray[np.bool_], stamp_ns: int) -> list[IndexArray]:
         """Clusters of free points that may start tracks: enough points, enough power, far enough from every track."""
-        life, association = self.config.life, self.config.association
+        life = self.config.life
         index = np.flatnonzero(free)
         if len(index) < life.birth_points:
             return []
-        labels = cluster(
-            points.position[index, :2], association.eps, min(association.min_points + 1, life.birth_points), association.max_points
-        )
-        taken = [t.mean[:2] for t in self._live]
+        labels = self._clusters.labels(points, index)
+        belief = self._roster.belief
+        old = np.zeros((0, 2)) if belief is None else self._estimator.kinematics(belief)[0][:, :2]
+        new: list[Float64Array] = []
+        age = (stamp_ns - self._first_ns) * _NANOSECOND
         found = []
-        for label in range(int(labels.max()) + 1):
+        for label in range(int(labels.max(initial=-1)) + 1):
             own = index[labels == label]
-            power = points.power[own]
-            known = np.isfinite(power)
-            weak = known.any() and 10 * math.log10(max(float(power[known].sum()), 1e-30)) < life.birth_snr
-            if len(own) < life.birth_points or weak or len(taken) >= life.max_tracks:
+            if len(own) < life.birth_points or len(old) + len(new) >= life.max_tracks or self._weak(points.power[own]):
                 continue
             centre = points.position[own, :2].mean(axis=0)
-            if all(math.hypot(*(centre - other)) >= life.birth_distance for other in taken):
-                taken.append(centre)
+            least = np.where(behind[:, own].all(axis=1), life.birth_behind, life.birth_distance)
+            apart = bool((np.hypot(*(old - centre).T) >= least).all())
+            apart &= all(math.hypot(*(centre - other)) >= life.birth_behind for other in new)
+            if apart and self._zones.may_enter(centre, age):
+                new.append(centre)
                 found.append(own)
         return found
 
-    def _start(self, points: _Points, own: IndexArray, stamp_ns: int) -> _Live:
-        """Start a tentative track from a cluster."""
-        centroid, variance = self._measure(points, own, points.weight[own])
-        speed = np.full(3, self.config.filter.initial_speed_std**2)
-        track = _Live(
-            self._next_id, stamp_ns, stamp_ns, np.concatenate([centroid, np.zeros(3)]), np.diag(np.concatenate([variance, speed]))
-        )
+    def _weak(self, power: Float64Array) -> bool:
+        """Whether points have too little power together to start a track."""
+        known = np.isfinite(power)
+        return bool(known.any()) and 10 * math.log10(max(float(power[known].sum()), 1e-30)) < self.config.life.birth_snr
+
+    def _start(self, points: Points, own: IndexArray, stamp_ns: int) -> int:
+        """Start a tentative track from a cluster; returns its id."""
+        config = self.config.filter
+        group = np.zeros(len(own), np.int64)
+        bodies = measure(points, own, group, 1, points.weight[own], np.array([config.surface]), config)
+        belief = self._estimator.start(bodies.measurement, config.initial_speed_std)
+        record = np.zeros(1, RECORD)
+        rate = bodies.measurement.rate[0]
+        notes = {
+            "id": self._next_id,
+            "born_ns": stamp_ns,
+            "seen_ns": stamp_ns,
+            "n_points": len(own),
+            "points_sum": len(own),
+            "clouds": 1,
+            "matches": 1,
+            "birthplace": bodies.measurement.position[0, :2],
+            "stirred_ns": stamp_ns,
+            "surface": -config.surface,
+            "slip": rate if math.isfinite(rate) else 0.0,
+            "dispersion": np.eye(2) * _DISPERSION,
+            "nis": np.nan,
+            "range": float(np.mean(points.distance[own])),
+            "rate": float(np.nan_to_num(rate)),
+            "power": 10 * math.log10(max(float(np.nansum(points.power[own])), 1e-30)),
+        }
+        for name, value in notes.items():
+            record[name] = value
+        step = points.position[own] - bodies.measurement.position[0]
+        record["spread"] = [float(np.mean(part[np.isfinite(part)] ** 2)) if np.isfinite(part).any() else np.nan for part in step.T]
+        self._roster.add(record, belief)
         self._next_id += 1
-        track.n_points = track.points_sum = len(own)
-        track.clouds = 1
-        self._note(track, points, own, points.weight[own], 0.0)
-        self._note_extent(track, points, own, 0.0)
-        self._live.append(track)
-        return track
+        return self._next_id - 1
 
-    def _manage(self, stamp_ns: int) -> list[int]:
-        """Confirm, delete and merge; return the ids that are gone."""
-        life = self.config.life
-        gone = []
-        for track in self._live:
-            static = math.hypot(track.mean[3], track.mean[4]) < life.static_speed
-            allowed = life.tentative_after
-            if track.confirmed:
-                allowed = max(life.delete_after, life.delete_static_after) if static else life.delete_after
-            if stamp_ns - track.seen_ns > _whole_ns(allowed):
-                gone.append(track.id)
-            elif not track.confirmed and track.seen_ns == stamp_ns:
-                long = stamp_ns - track.born_ns >= _whole_ns(life.confirm_after)
-                plausible = track.points_sum >= life.confirm_points * track.clouds and track.fastest >= life.confirm_speed
-                track.confirmed = long and plausible and track.clouds > 1
-        gone += self._duplicates(stamp_ns, gone)
-        self._live = [track for track in self._live if track.id not in gone]
-        return gone
+    def _manage(self, stamp_ns: int) -> tuple[Deleted, ...]:
+        """Confirm and delete."""
+        roster = self._roster
+        if roster.belief is None or len(roster) == 0:
+            return ()
+        mean = self._estimator.kinematics(roster.belief)[0]
+        seen = roster["seen_ns"] == stamp_ns
+        roster["still"][seen] = np.hypot(mean[seen, 3], mean[seen, 4]) < self.config.life.static_speed
+        away = mean[:, :2] - roster["birthplace"]
+        roster["walked"][:] |= np.hypot(away[:, 0], away[:, 1]) >= self.config.life.walk_distance
+        roster["stirred_ns"][roster["activity"] >= self.config.life.confirm_activity] = stamp_ns
+        inside = self._view.sees(mean[:, :3]) & self._zones.inside(mean[:, :3])
+        return self._management.process(roster, mean[:, :2], inside, stamp_ns)
 
-    def _duplicates(self, stamp_ns: int, gone: list[int]) -> list[int]:
-        """Younger tracks that have been on top of older ones for long; tentative ones at once."""
-        life = self.config.life
-        alive = [track for track in self._live if track.id not in gone]
-        close: dict[tuple[int, int], int] = {}
-        doubled: list[int] = []
-        for i, old in enumerate(alive):
-            for young in alive[i + 1 :]:
-                if math.hypot(*(old.mean[:2] - young.mean[:2])) >= life.merge_distance:
-                    continue
-                pair = (old.id, young.id)
-                close[pair] = self._close_ns.get(pair, stamp_ns)
-                long = stamp_ns - close[pair] > _whole_ns(life.merge_after)
-                if not young.confirmed or not old.confirmed or long:
-                    doubled.append(young.id if young.confirmed <= old.confirmed else old.id)
-        self._close_ns = {pair: since for pair, since in close.items() if not set(pair) & set(doubled)}
-        return doubled
-
-    def _publish(self, track: _Live, stamp_ns: int) -> Track:
-        """Make the frozen result of one track."""
-        unseen = (stamp_ns - track.seen_ns) * _NANOSECOND
-        status = TrackStatus.TENTATIVE
-        if track.confirmed:
-            status = TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED
-        return Track(
-            id=track.id,
-            status=status,
-            age=(stamp_ns - track.born_ns) * _NANOSECOND,
-            unseen=unseen,
-            n_points=track.n_points,
-            position=track.mean[:3].copy(),
-            velocity=track.mean[3:].copy(),
-            extent=np.sqrt(track.spread),
-            covariance=track.covariance.copy(),
+    def _publish(self, stamp_ns: int) -> tuple[Track, ...]:
+        """Make the frozen results."""
+        roster = self._roster
+        if roster.belief is None or len(roster) == 0:
+            return ()
+        mean, covariance = self._estimator.kinematics(roster.belief)
+        unseen = (stamp_ns - roster["seen_ns"]) * _NANOSECOND
+        age = (stamp_ns - roster["born_ns"]) * _NANOSECOND
+        extent = np.sqrt(roster["spread"])
+        return tuple(
+            Track(
+                id=int(record["id"]),
+                status=_status(bool(record["confirmed"]), float(unseen[row])),
+                age=float(age[row]),
+                unseen=float(unseen[row]),
+                n_points=int(record["n_points"]),
+                position=mean[row, :3].copy(),
+                velocity=mean[row, 3:].copy(),
+                extent=extent[row],
+                covariance=covariance[row].copy(),
+                nis=float(record["nis"]),
+                dof=int(record["dof"]),
+            )
+            for row, record in enumerate(roster.records)
         )
 
 
-def _whole_ns(seconds: float) -> int:
-    """Whole nanoseconds: durations are compared as integers, or rounding would decide at what frame a track dies."""
-    return round(seconds / _NANOSECOND)
+def _status(confirmed: bool, unseen: float) -> TrackStatus:
+    if not confirmed:
+        return TrackStatus.TENTATIVE
+    return TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED

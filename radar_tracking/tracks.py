@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -20,6 +21,36 @@ class TrackStatus(IntEnum):
     TENTATIVE = 0
     CONFIRMED = 1
     COASTING = 2
+
+
+class Reason(IntEnum):
+    """Why a track ended; the numbers are those of ``msg/TrackArray.msg``."""
+
+    NOT_CONFIRMED = 0
+    UNSEEN = 1
+    LEFT = 2
+    DUPLICATE = 3
+    IDLE = 4
+
+
+@dataclass(frozen=True)
+class Deleted:
+    """A track that ended with this cloud.
+
+    Attributes
+    ----------
+    id : int
+        Never used again.
+    reason : Reason
+        NOT_CONFIRMED: too short to be a person; UNSEEN: no point for too long; LEFT: the same beyond the radar's view or the boundaries;
+        DUPLICATE: on top of another track for too long; IDLE: it never walked and has not moved for long, as furniture does.
+    confirmed : bool
+        Whether it counted as a person.
+    """
+
+    id: int
+    reason: Reason
+    confirmed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +75,10 @@ class Track:
         Standard deviation of its points about the position [m]; NaN = unknown.
     covariance : ndarray of float64, shape (6, 6)
         Of (x, y, z, vx, vy, vz).
+    nis : float
+        Normalised innovation squared of this cloud's update; NaN: not updated.
+    dof : int
+        Its degrees of freedom; 0: not updated.
     """
 
     id: int
@@ -55,6 +90,8 @@ class Track:
     velocity: Float64Array
     extent: Float64Array
     covariance: Float64Array
+    nis: float = math.nan
+    dof: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +110,8 @@ class Tracks:
         In the order of their ids.
     point_track_id : ndarray of int32, shape (n_points,)
         Whose each point of the cloud is; -1: nobody's.
+    deleted : tuple of Deleted
+        Tracks that ended with this cloud.
     """
 
     stamp_ns: int
@@ -80,6 +119,7 @@ class Tracks:
     frame_id: str
     tracks: tuple[Track, ...]
     point_track_id: NDArray[np.int32]
+    deleted: tuple[Deleted, ...] = ()
 
     @property
     def people_count(self) -> int:

@@ -1,30 +1,51 @@
-"""Visualisation node: tracks, gestures and the hand as markers for rviz."""
+"""Visualisation node: tracks, gestures, the hand and zones as markers for rviz, and the points in the colours of their tracks."""
 
 from __future__ import annotations
 
+import array
 import colorsys
+import math
 import time
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import Point, Vector3
 from handwave.msg import Gesture as GestureMsg
 from handwave.msg import HandTrack as HandTrackMsg
+from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from radar_core import ConfigError, DataError, HandwaveError, PointCloud
 from radar_ros import qos
-from radar_ros.convert import from_time
+from radar_ros.convert import cloud_from_msg, from_time, header, unpack
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
+from radar_ros.sync import Subscriber, TimeSynchronizer
 
-_HEIGHT = 1.7  # m: of the cylinder that stands for a person
+_HEIGHT = 1.7  # m: of the cylinder that stands for a person; the few points of a body do not tell how tall it is
+_WIDTH = 0.4  # m: of a cylinder whose track's extent is not known
+_WIDTHS = (0.25, 1.0)  # m: people are not thinner, and arms held out not a wider body
+_NOBODY = 0x909090
+_ZONES = {"boundaries": (0.9, 0.9, 0.9), "entries": (0.3, 0.8, 0.4)}  # colours of the outlines
+_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("snr", "<f4"), ("radial_speed", "<f4"), ("track_id", "<i4"), ("rgb", "<u4")])
+# rgb as PCL and rviz have it: the bytes of 0x00RRGGBB, declared as a float
+_FIELDS = [
+    PointField(name=name, offset=4 * i, datatype=PointField.INT32 if name == "track_id" else PointField.FLOAT32, count=1)
+    for i, name in enumerate(_POINT.names or ())
+]
 
 
 class VisualisationNode(StageNode):
-    """Publishes one cylinder and one text per person and a sphere for the hand; namespace and id are stable, gone tracks are deleted."""
+    """Publishes one cylinder and one text per person and a sphere for the hand; namespace and id are stable, gone tracks are deleted.
+
+    Each cloud's points go out in the colours of their tracks, when somebody listens, in the frame of the cloud.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("visualisation", **kwargs)
@@ -37,10 +58,41 @@ class VisualisationNode(StageNode):
         self._hand_shown = False
         self._gestures: dict[int, tuple[int, str]] = {}
         self._hand: Any = None
+        self._zones = [outline for name in _ZONES for outline in self._outlines(name)]
         self._markers = self.create_publisher(MarkerArray, "tracks/markers", qos.RESULT)
-        self.create_subscription(TrackArrayMsg, "tracks", self._take, qos.RESULT)
+        self._labelled = self.create_publisher(PointCloud2, "tracks/points2", qos.stream_out())
+        tracks = Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT)
+        tracks.registerCallback(self._take)
+        clouds = Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable))
+        self._pairs = TimeSynchronizer([clouds, tracks], 10)
+        self._pairs.registerCallback(self._label)
         self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
         self.create_subscription(HandTrackMsg, "hand", self._take_hand, qos.RESULT)
+
+    def _outlines(self, name: str) -> list[Marker]:
+        """Outlines of the boxes of a zone parameter, on the floor."""
+        doc = "boxes to draw: x_low, x_high, y_low, y_high of each, one after the other, as the tracking node has them"
+        values = [float(value) for value in declare(self, f"zones.{name}", [], doc, unit="m")]
+        if len(values) % 4:
+            raise ConfigError(f"parameter zones.{name} of node {self.get_name()} has {len(values)} numbers; every box needs four: {doc}")
+        result = []
+        for number, (x_low, x_high, y_low, y_high) in enumerate(np.reshape(values, (-1, 4)).tolist()):
+            marker = Marker(ns=name, id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
+            corners = ((x_low, y_low), (x_high, y_low), (x_high, y_high), (x_low, y_high), (x_low, y_low))
+            marker.points = [Point(x=x, y=y) for x, y in corners]
+            marker.scale.x = 0.03
+            marker.color = ColorRGBA(**dict(zip("rgb", _ZONES[name], strict=True)), a=0.8)
+            result.append(marker)
+        return result
+
+    def _label(self, cloud_msg: Any, tracks_msg: Any) -> None:
+        if not self._labelled.get_subscription_count():
+            return
+        try:
+            self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
 
     def _gesture(self, msg: Any) -> None:
         if msg.label != GestureMsg.RANDOM:
@@ -66,6 +118,9 @@ class VisualisationNode(StageNode):
         self._shown = set(people)
         self._gestures = {n: g for n, g in self._gestures.items() if abs(stamp - g[0]) <= self._keep_ns}
         markers += self._hand_markers(msg.header)
+        for outline in self._zones:  # with every array, because a viewer may join at any time
+            outline.header = msg.header
+        markers += self._zones
         self._markers.publish(MarkerArray(markers=markers))
         self.finish(stamp, msg.sequence, started)
 
@@ -73,7 +128,7 @@ class VisualisationNode(StageNode):
         marker = Marker(header=header, ns="people", id=number, type=Marker.CYLINDER, action=Marker.ADD)
         x, y, _ = track.position
         marker.pose.position = Point(x=x, y=y, z=_HEIGHT / 2)
-        marker.scale = Vector3(x=0.4, y=0.4, z=_HEIGHT)
+        marker.scale = Vector3(x=_width(track.extent[0]), y=_width(track.extent[1]), z=_HEIGHT)
         marker.color = _colour(number, 0.35 if track.status == TrackMsg.COASTING else 0.7)
         return marker
 
@@ -100,9 +155,70 @@ class VisualisationNode(StageNode):
         return [marker]
 
 
-def _colour(number: int, alpha: float) -> ColorRGBA:
+def labelled_cloud2(cloud: PointCloud, track_id: NDArray[np.int32]) -> PointCloud2:
+    """Make a PointCloud2 whose points carry their track, and its colour: the same as that of the track's cylinder.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        In any frame; the result is in the same.
+    track_id : ndarray of int32, shape (n_points,)
+        Track each point belongs to; -1: none, grey.
+
+    Returns
+    -------
+    sensor_msgs.msg.PointCloud2
+        Fields x y z snr radial_speed track_id rgb, 28 bytes a point.
+
+    Raises
+    ------
+    DataError
+        When there is not one track per point.
+    """
+    if len(track_id) != len(cloud):
+        raise DataError(
+            f"the tracks of cloud {cloud.sequence} speak of {len(track_id)} points, but it has {len(cloud)}; are there two tracking nodes?"
+        )
+    points = np.empty(len(cloud), _POINT)
+    for name in ("x", "y", "z", "snr", "radial_speed"):
+        points[name] = getattr(cloud, name)
+    points["track_id"] = track_id
+    ids, place = np.unique(track_id, return_inverse=True)
+    points["rgb"] = np.array([_packed(number) for number in ids.tolist()], np.uint32)[place]
+    size = _POINT.itemsize
+    return PointCloud2(
+        header=header(cloud.stamp_ns, cloud.frame_id),
+        height=1,
+        width=len(cloud),
+        fields=_FIELDS,
+        is_bigendian=False,
+        point_step=size,
+        row_step=size * len(cloud),
+        data=array.array("B", points.tobytes()),
+        is_dense=not bool(np.isnan(cloud.position).any()),
+    )
+
+
+def _packed(number: int) -> int:
+    """Colour of a track as 0x00RRGGBB; grey for no track."""
+    if number < 0:
+        return _NOBODY
+    r, g, b = (round(255 * part) for part in _rgb(number))
+    return r << 16 | g << 8 | b
+
+
+def _width(spread: float) -> float:
+    """Width of a body whose points have that standard deviation [m]: a disc is four times as wide."""
+    return min(max(4.0 * float(spread), _WIDTHS[0]), _WIDTHS[1]) if math.isfinite(spread) else _WIDTH
+
+
+def _rgb(number: int) -> tuple[float, float, float]:
     """Colour of a track: the golden ratio keeps neighbours apart."""
-    r, g, b = colorsys.hsv_to_rgb((number * 0.618034) % 1.0, 0.75, 0.95)
+    return colorsys.hsv_to_rgb((number * 0.618034) % 1.0, 0.75, 0.95)
+
+
+def _colour(number: int, alpha: float) -> ColorRGBA:
+    r, g, b = _rgb(number)
     return ColorRGBA(r=r, g=g, b=b, a=alpha)
 
 

@@ -1,13 +1,16 @@
 """`handwave demo`, for real: processes, DDS, a recorded bag, a report."""
 
+import io
 import json
 import os
 import subprocess
 import sys
 
 import pytest
+from rich.console import Console
 
 from radar_ros import bags
+from radar_ros.demo import show_report
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +31,29 @@ def test_report(run):
     assert report["crashes"] == []
     assert report["people"]["1"]["tracked_fraction"] > 0.8
     assert report["gestures"]["total"] == 2
+    assert report["mota"] > 0.8
+    assert report["gospa"]["mean_m"] < 0.6  # a person missed all the time would cost 0.7 m
     assert report["frames"] >= 295
     assert {"latency_ms_median", "latency_ms_p99", "dropped_fraction", "cpu_percent"} <= set(report)
     written = json.loads(bag.with_name("bag.json").read_text())
     assert written["gestures"] == report["gestures"]
+
+
+def test_the_table_of_figures_says_how_good_the_tracks_are(run):
+    """MOTA and GOSPA with its parts stand in it; of a run without truth, a dash."""
+    done, _ = run
+    for report in (json.loads(done.stdout), {}):
+        console = Console(width=200, record=True, file=io.StringIO())
+        show_report(report, console)
+        rows = [line.split("│") for line in console.export_text().splitlines() if line.count("│") == 3]
+        found = {name.strip(): value.strip() for _, name, value, _ in rows}
+        if not report:
+            assert found["MOTA"] == "-"
+            continue
+        assert found["MOTA"] == f"{report['mota']:.1%}"
+        gospa = report["gospa"]
+        parts = f"localisation {gospa['localisation']:.3f}, missed {gospa['missed']:.3f}, false tracks {gospa['false_tracks']:.3f}"
+        assert found["GOSPA"] == f"{gospa['mean_m']:.2f} m mean; parts in m²: {parts}"
 
 
 def test_recording(run):

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import GESTURES, NO_GESTURE, Pose
-from radar_gestures.evaluation import Evaluator
+from radar_core import GESTURES, NO_GESTURE, DataError, Pose
+from radar_gestures.evaluation import EvaluationConfig, Evaluator
 from radar_gestures.recognizer import Gesture
 from radar_sim import Truth
 from radar_tracking import HandTrack, Track, Tracks
@@ -34,9 +34,10 @@ def truth(k, positions, gesture=None, drawing=False):
     )
 
 
-def tracks(k, placed):
+def tracks(k, placed, covariance=None):
+    spread = np.eye(6) if covariance is None else covariance
     made = tuple(
-        Track(i, TrackStatus.CONFIRMED, 1.0, 0.0, 5, np.array([x, y, 0.9]), np.zeros(3), np.full(3, 0.1), np.eye(6))
+        Track(i, TrackStatus.CONFIRMED, 1.0, 0.0, 5, np.array([x, y, 0.9]), np.zeros(3), np.full(3, 0.1), spread)
         for i, (x, y) in placed.items()
     )
     return Tracks(k * SECOND // 50, k, "room", made, np.empty(0, np.int32))
@@ -125,5 +126,84 @@ def test_an_empty_run_has_no_figures_but_no_errors():
     """No frames, no people: nothing is claimed."""
     report = evaluator().report()
     assert report["people"] == {}
+    assert report["mota"] is None
+    assert report["gospa"]["mean_m"] is None
+    assert report["nees"]["mean"] is None
     assert report["hand"]["rms_m"] is None
     assert report["gestures"]["total"] == 0
+
+
+def test_mota_and_gospa_of_a_run_with_known_faults():
+    """Fifty of two hundred moments that count without a track, a ghost all the time: both figures in closed form."""
+    judge = evaluator()
+    live = [judge.add(tracks(k, ({7: (2.0, 0.1)} if k >= 100 else {}) | {9: (5.0, 2.0)}), truth(k, [(2.0, 0.0)])) for k in range(250)]
+    report = judge.report()
+    # The first 50 moments (one second) do not count for the person: 50 misses, 150 hits, 250 false tracks, 200 truths.
+    assert report["mota"] == pytest.approx(1 - (50 + 250) / 200)
+    assert report["gospa"]["missed"] == pytest.approx(0.5 * 50 / 250)
+    assert report["gospa"]["false_tracks"] == pytest.approx(0.5)
+    assert report["gospa"]["localisation"] == pytest.approx(0.01 * 150 / 250)
+    assert report["gospa"]["power_mean_m"] ** 2 == pytest.approx(0.1 + 0.5 + 0.006)
+    assert report["gospa"]["mean_m"] == pytest.approx(np.mean([g.distance for g in live]))
+    assert (live[0].n_truth, live[60].n_truth, live[60].n_estimates, live[-1].n_pairs) == (0, 1, 1, 1)
+
+
+def test_time_to_settle_and_radius_are_knobs():
+    """Without time to be found, the first moments are misses; with a small radius, a track 0.3 m off is of nobody."""
+    judge = Evaluator(Pose(), math.radians(120), 6.4, EvaluationConfig(settle=0.0, radius=0.2))
+    for k in range(10):
+        judge.add(tracks(k, {7: (2.0, 0.3)}), truth(k, [(2.0, 0.0)]))
+    assert judge.report()["mota"] == pytest.approx(1 - 20 / 10)
+    assert judge.report()["people"]["1"]["tracked_fraction"] == 0.0
+
+
+def test_a_track_on_somebody_out_of_view_is_no_ghost():
+    """It is on a person, though not on one who counts."""
+    judge = evaluator()
+    for k in range(100):
+        judge.add(tracks(k, {7: (7.0, 0.2)}), truth(k, [(7.0, 0.0)]))
+    report = judge.report()
+    assert report["ghost_tracks"] == 0
+    assert report["gospa"]["mean_m"] == 0.0
+    assert report["mota"] is None
+
+
+def test_an_identity_after_an_absence_is_compared_with_the_one_before():
+    """Somebody leaves the view and comes back as another track: one switch."""
+    judge = evaluator()
+    for k in range(300):
+        away = 100 <= k < 150
+        judge.add(tracks(k, {} if away else {7 if k < 100 else 8: (2.0, 0.0)}), truth(k, [(9.0 if away else 2.0, 0.0)]))
+    assert judge.report()["people"]["1"]["identity_switches"] == 1
+
+
+def test_nees_of_the_position_on_the_ground():
+    """Errors drawn from the covariance the tracks claim: 1 per degree of freedom; claims that are too good show, none are left out."""
+    rng, root = np.random.default_rng(2), np.array([[0.2, 0.0], [0.1, 0.05]])
+    claimed = np.eye(6)
+    claimed[:2, :2] = root @ root.T
+    for claim, mean in ((claimed, 1.0), (claimed / 4, 4.0)):
+        judge = evaluator()
+        for k in range(1050):
+            judge.add(tracks(k, {7: root @ rng.normal(size=2) + [2.0, 0.0]}, claim), truth(k, [(2.0, 0.0)]))
+        report = judge.report()["nees"]
+        # Errors beyond 0.8 m (3.6 sigma) would be left out. Mean of 1000 samples of 2 degrees of freedom: standard deviation 3 %.
+        assert report["mean"] == pytest.approx(mean, rel=0.12)
+        assert (report["samples"], report["refused"]) == (1000, 0)
+    judge = evaluator()
+    for k in range(100):
+        judge.add(tracks(k, {7: (2.0, 0.0)}, np.full((6, 6), np.nan) if k < 75 else np.zeros((6, 6))), truth(k, [(2.0, 0.0)]))
+    assert judge.report()["nees"] == {"mean": None, "samples": 0, "refused": 25}
+
+
+def test_a_moment_that_makes_no_sense_is_left_out():
+    """A track at NaN: refused by name, and the run goes on as if it had not been."""
+    judge = evaluator()
+    for k in range(100):
+        judge.add(tracks(k, {7: (2.0, 0.0)}), truth(k, [(2.0, 0.0)]))
+        with pytest.raises(DataError, match=r"ObjectSet\.position"):
+            judge.add(tracks(k, {7: (math.nan, 0.0)}), truth(k, [(2.0, 0.0)]))
+    report = judge.report()
+    assert report["moments"] == 100
+    assert report["mota"] == 1.0
+    assert report["gospa"]["mean_m"] == 0.0

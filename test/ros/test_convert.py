@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from handwave.msg import Track as TrackMsg
+from handwave.msg import TrackArray as TrackArrayMsg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -17,7 +19,7 @@ from radar_sim import Truth
 from radar_sim.messages import truth_from_msg, truth_to_msg
 from radar_tracking import HandTrack, Track, Tracks
 from radar_tracking.messages import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
-from radar_tracking.tracks import TrackStatus
+from radar_tracking.tracks import Deleted, Reason, TrackStatus
 
 stamps = st.integers(0, (1 << 31) * 10**9 - 1)
 sizes = st.integers(0, 40)
@@ -112,18 +114,39 @@ def test_radar_info():
 
 
 @settings(max_examples=20, deadline=None)
-@given(stamps, st.integers(0, 5), sizes, seeds)
-def test_tracks(stamp, n_tracks, n_points, seed):
-    """Any number of tracks and points."""
+@given(stamps, st.integers(0, 5), st.integers(0, 6), sizes, seeds)
+def test_tracks(stamp, n_tracks, n_deleted, n_points, seed):
+    """Any number of tracks and points, and of tracks that ended for any reason."""
     rng = np.random.default_rng(seed)
     tracks = tuple(
         Track(
-            i + 1, TrackStatus(i % 3), float(rng.random()), float(rng.random()), i, *(numbers(rng, 3) for _ in range(3)), numbers(rng, 6, 6)
+            i + 1,
+            TrackStatus(i % 3),
+            float(rng.random()),
+            float(rng.random()),
+            i,
+            *(numbers(rng, 3) for _ in range(3)),
+            numbers(rng, 6, 6),
+            nis=float("nan") if i % 2 else float(rng.random()),
+            dof=0 if i % 2 else 3,
         )
         for i in range(n_tracks)
     )
-    result = Tracks(stamp, 1, "room", tracks, rng.integers(-1, 5, n_points).astype(np.int32))
+    deleted = tuple(Deleted(100 + i, Reason(i % len(Reason)), bool(rng.integers(2))) for i in range(n_deleted))
+    result = Tracks(stamp, 1, "room", tracks, rng.integers(-1, 5, n_points).astype(np.int32), deleted)
     same(tracks_from_msg(through(tracks_to_msg(result))), result)
+
+
+@pytest.mark.parametrize("name", [reason.name for reason in Reason])
+def test_reasons_are_those_of_the_message(name):
+    """The library's numbers are the message's constants."""
+    assert getattr(TrackArrayMsg, name) == Reason[name]
+
+
+@pytest.mark.parametrize("name", [status.name for status in TrackStatus])
+def test_statuses_are_those_of_the_message(name):
+    """The library's numbers are the message's constants."""
+    assert getattr(TrackMsg, name) == TrackStatus[name]
 
 
 @settings(max_examples=20, deadline=None)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from radar_core import ConfigError
-from radar_ros.graph import NODES, VARIANTS, arguments, graph, run_node
+from radar_ros.graph import NODES, VARIANTS, NodeSpec, arguments, graph, run_node
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
@@ -47,6 +47,12 @@ def test_settings_reach_the_command_line():
     assert all("reliable:=true" in arguments(s) for s in specs)
 
 
+def test_lists_of_numbers_are_of_one_kind():
+    """ROS refuses [1, 2.5]; a list of names stays one, whole numbers stay whole."""
+    spec = NodeSpec("x", "y", {"boxes": [0, 2.5, -1, 1], "counts": [1, 2], "names": ("left", "2")})
+    assert {"boxes:=[0.0, 2.5, -1.0, 1.0]", "counts:=[1, 2]", "names:=['left', '2']"} <= set(arguments(spec))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -65,7 +71,7 @@ def test_typing_mistakes_are_named(call, message):
 def test_launch_files_fit_the_description(path):
     """A launch file names a variant of ours and only nodes and parameters that exist there."""
     module = load(path)
-    names = VARIANTS[module.VARIANT].nodes
+    names = {name.rpartition("/")[2] for name in VARIANTS[module.VARIANT].nodes}
     for argument in module.ARGUMENTS:
         node, _, parameter = argument.partition(".")
         assert node == "*" or node in names

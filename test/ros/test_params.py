@@ -32,6 +32,18 @@ def test_values_reach_nested_configurations(ros):
     assert config.life.delete_after == 2.5
 
 
+def test_zones_are_lists(ros):
+    """Boxes are four numbers each, one after the other, names a list of strings; nothing given is an empty list."""
+    empty = declare_config(make(ros), TrackerConfig).zones
+    assert (empty.boundaries, empty.counted) == ((), ())
+    given = {"zones__boundaries": [0.0, 6.0, -3.0, 3.0], "zones__counted": ["sofa"], "zones__counted_boxes": [1.0, 2.0, -1.0, 1.0]}
+    zones = declare_config(make(ros, **given), TrackerConfig).zones
+    assert zones.boundaries == (0.0, 6.0, -3.0, 3.0)
+    assert (zones.counted, zones.counted_boxes) == (("sofa",), (1.0, 2.0, -1.0, 1.0))
+    with pytest.raises(ConfigError, match="every box needs four"):
+        declare_config(make(ros, zones__entries=[0.0, 1.0, 2.0]), TrackerConfig)
+
+
 def test_descriptor_says_unit_and_range(ros):
     """`ros2 param describe` tells what a knob means."""
     node = make(ros)

@@ -7,7 +7,7 @@ import pytest
 
 from radar_core import DataError, PointCloud
 from radar_core.linalg import SingularError
-from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, TrackStatus
+from radar_tracking import FilterConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
 from radar_tracking.clustering import cluster, dbscan, thin
 from radar_tracking.kalman import mahalanobis2, predict, update
 
@@ -33,9 +33,9 @@ def healthy(covariance: np.ndarray) -> bool:
     return bool(np.isfinite(covariance).all() and np.array_equal(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0)
 
 
-def run(points: np.ndarray, n: int = 30, step_ns: int = 20_000_000) -> list:
+def run(points: np.ndarray, n: int = 30, step_ns: int = 20_000_000, config: TrackerConfig | None = None) -> list:
     """Feed the same points again and again, with the hand tracker behind; every covariance is healthy."""
-    people, hand = PeopleTracker(), HandTracker()
+    people, hand = PeopleTracker(config), HandTracker()
     hand.start(None, step_ns * 15)
     results = []
     for k in range(n):
@@ -59,18 +59,20 @@ def test_one_point_is_nobody():
 
 
 def test_identical_points():
-    """Ten points in one place: no spread, and still a positive definite covariance and a confirmed track exactly there."""
+    """Ten points in one place: no spread, and still a positive definite covariance and a confirmed track, the surface offset behind it."""
     last = run(np.tile([3.0, 0.0, 1.0], (10, 1)))[-1]
     assert last.people_count == 1
-    np.testing.assert_allclose(last.tracks[0].position, [3.0, 0.0, 1.0], atol=1e-9)
-    np.testing.assert_allclose(last.tracks[0].extent, 0.0, atol=1e-9)
+    offset = FilterConfig().surface
+    np.testing.assert_allclose(last.tracks[0].position, [3.0 + offset, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(last.tracks[0].extent, [offset, 0.0, 0.0], atol=1e-9)
 
 
 def test_collinear_points_and_points_at_the_origin():
-    """Rank-one spread; the radar's own place."""
+    """Rank-one spread; the radar's own place, where nobody can be but its own coupling, unless one wants to track that too."""
     line = np.column_stack([np.linspace(2.8, 3.2, 9), np.zeros(9), np.ones(9)])
     assert run(line)[-1].people_count == 1
-    assert run(np.zeros((8, 3)))[-1].people_count == 1
+    assert not run(np.zeros((8, 3)))[-1].tracks
+    assert run(np.zeros((8, 3)), config=TrackerConfig(min_distance=0.0))[-1].people_count == 1
 
 
 @pytest.mark.parametrize("spread", [0.3, 3.0, 60.0])

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from radar_core import PointCloud, Pose
+from radar_core import CloudComposite, PointCloud, Pose, merge
+from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 
 FRAME_NS = 20_000_000
@@ -113,3 +114,66 @@ def make_cloud(points: np.ndarray, k: int = 0, frame_ns: int = FRAME_NS, **field
     """A cloud in the room from positions, shape (n, 3)."""
     p = np.asarray(points, np.float32).reshape(-1, 3)
     return PointCloud(k * frame_ns, k, "room", p[:, 0].copy(), p[:, 1].copy(), p[:, 2].copy(), **fields)
+
+
+def blob(x: float, y: float, k: int, n: int = 8, **more: float) -> PointCloud:
+    """A cloud of one moving person, in few words."""
+    rng = np.random.default_rng(k)
+    fields = {"radial_speed": np.full(n, 0.5, np.float32), "snr": np.full(n, 15, np.float32)}
+    fields |= {name: np.full(n, value, np.float32) for name, value in more.items()}
+    return make_cloud(np.array([x, y, 1.0]) + rng.normal(0, 0.1, (n, 3)), k, **fields)
+
+
+def empty(k: int) -> PointCloud:
+    """A cloud without points."""
+    return make_cloud(np.empty((0, 3)), k)
+
+
+def together(*clouds: PointCloud) -> PointCloud:
+    """The points of several clouds of one sensor as one cloud."""
+    fields = {name: np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in ARRAY_FIELDS}
+    return PointCloud(clouds[0].stamp_ns, clouds[0].sequence, clouds[0].frame_id, **fields)
+
+
+@dataclass
+class Shell:
+    """A body as radars see it: of a round trunk only the half that is turned to the sensor, so that the mean lies 2 r / pi before it."""
+
+    path: Path
+    radius: float = 0.19
+    points: int = 10
+    spread: float = 0.05
+    speed_std: float = 0.2
+    angle_std: float = 0.02
+    frame_ns: int = FRAME_NS
+    seed: int = 1
+    rng: np.random.Generator = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+
+    @property
+    def offset(self) -> float:
+        """How far the centre lies behind the mean of what is seen [m]."""
+        return 2 * self.radius / np.pi
+
+    def cloud(self, k: int, mount: Pose = MOUNT) -> PointCloud:
+        """What a sensor at ``mount`` sees."""
+        t, n = k * self.frame_ns * 1e-9, self.points
+        body, velocity = self.path(t), (self.path(t + 1e-3) - self.path(t)) / 1e-3
+        towards = np.arctan2(*(mount.origin - body)[[1, 0]])
+        angle = towards + self.rng.uniform(-np.pi / 2, np.pi / 2, n)
+        points = body + self.radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(n)])
+        points += self.rng.normal(0, self.spread, (n, 3)) + self._turned(body - mount.origin)
+        sight = points - mount.origin
+        speed = sight @ velocity / np.linalg.norm(sight, axis=1) + self.rng.normal(0, self.speed_std, n)
+        fields = {"radial_speed": speed, "snr": self.rng.uniform(15, 25, n)}
+        return make_cloud(points, k, self.frame_ns, **{name: value.astype(np.float32) for name, value in fields.items()})
+
+    def _turned(self, away: np.ndarray) -> np.ndarray:
+        """Error of the direction, one for the whole cloud."""
+        return self.rng.normal(0, self.angle_std) * np.array([-away[1], away[0], 0.0])
+
+    def composite(self, k: int, mounts: list[Pose]) -> CloudComposite:
+        """What several sensors see."""
+        return merge([self.cloud(k, mount) for mount in mounts], mounts)

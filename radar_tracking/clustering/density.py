@@ -1,8 +1,8 @@
-"""Clustering of a few to a few thousand points: DBSCAN and k-means, in numpy and scipy."""
+"""DBSCAN of a few to a few thousand points, and thinning, which bounds its time."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,20 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-Float64Array = NDArray[np.float64]
-LabelArray = NDArray[np.int64]
+from radar_core import DataError
+from radar_core.checks import require_finite
+from radar_tracking.clustering import kernels
+from radar_tracking.clustering.base import Float64Array, LabelArray
 
-_DENSE_LIMIT: Final[int] = 250
-"""Up to here the full matrix of distances is faster than a tree."""
+DENSE_LIMIT: Final[int] = 2000
+"""Up to here the compiled loop over all pairs is faster than a tree; it needs a byte for each pair."""
+_NO_WEIGHTS: Final[Float64Array] = np.empty(0)
+_MOST_CELLS: Final[float] = 2.0**50
+
+
+def dense(points: NDArray[Any]) -> Float64Array:
+    """Points as the compiled loops want them: float64, row by row in memory."""
+    return np.ascontiguousarray(points, np.float64)
 
 
 def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None = None) -> LabelArray:
@@ -38,41 +47,28 @@ def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64
     -------
     ndarray of int64, shape (n_points,)
         Cluster of each point; -1: noise.
+
+    Raises
+    ------
+    DataError
+        When a coordinate is not finite.
     """
     n = len(points)
     if n == 0:
         return np.empty(0, np.int64)
-    if n <= _DENSE_LIMIT:
-        return _dbscan_dense(points, eps, min_points, weights)
-    return _dbscan_tree(points, eps, min_points, weights)
-
-
-def _dbscan_dense(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None) -> LabelArray:
-    """By the matrix of distances: cheapest for the usual tens of points."""
-    n = len(points)
-    squared = np.zeros((n, n))
-    for axis in points.T:
-        step = axis[:, None] - axis
-        squared += step * step
-    near = squared <= eps * eps
-    count = near.sum(axis=1) if weights is None else near @ weights
-    core = count >= min_points
-    labels = np.full(n, -1, np.int64)
-    label = 0
-    for seed in np.flatnonzero(core):
-        if labels[seed] >= 0:
-            continue
-        frontier = np.array([seed])
-        while len(frontier):
-            reached = near[frontier].any(axis=0) & (labels < 0)
-            labels[reached] = label
-            frontier = np.flatnonzero(reached & core)
-        label += 1
+    if n > DENSE_LIMIT:
+        return _dbscan_tree(points, eps, min_points, weights)
+    known = _NO_WEIGHTS if weights is None else dense(weights)
+    labels: LabelArray = kernels.dbscan(dense(points), float(eps), float(min_points), known)
+    if len(labels) < n:
+        require_finite("points", points)
+        raise DataError("points has coordinates so far apart that their distance overflows float64; give metres")
     return labels
 
 
 def _dbscan_tree(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None) -> LabelArray:
-    """By a k-d tree and connected components: for hundreds of points and more."""
+    """By a k-d tree and connected components: for thousands of points."""
+    require_finite("points", points)
     n = len(points)
     pairs = cKDTree(points).query_pairs(eps, output_type="ndarray")
     first, second = pairs[:, 0], pairs[:, 1]
@@ -85,15 +81,50 @@ def _dbscan_tree(points: Float64Array, eps: float, min_points: float, weights: F
     cores = np.flatnonzero(core)
     labels = np.full(n, n, np.int64)
     if len(cores):
-        _, start, inverse = np.unique(component[cores], return_index=True, return_inverse=True)
-        rank = np.empty(len(start), np.int64)
-        rank[np.argsort(start, kind="stable")] = np.arange(len(start))
-        labels[cores] = rank[inverse]
+        labels[cores] = in_order(component[cores])
     for border, source in ((first, second), (second, first)):
         use = ~core[border] & core[source]
         np.minimum.at(labels, border[use], labels[source[use]])
     labels[labels == n] = -1
     return labels
+
+
+def in_order(names: NDArray[Any]) -> LabelArray:
+    """Rename groups to 0, 1, ... in the order of their first member, shape (n,)."""
+    _, start, inverse = np.unique(names, return_index=True, return_inverse=True)
+    rank = np.empty(len(start), np.int64)
+    rank[np.argsort(start, kind="stable")] = np.arange(len(start))
+    return rank[inverse]
+
+
+def occupied(keys: LabelArray) -> tuple[LabelArray, LabelArray, LabelArray]:
+    """Find the different rows among integer keys, in lexicographic order.
+
+    Parameters
+    ----------
+    keys : ndarray of int64, shape (n_points, n_axes)
+        Cell of each point.
+
+    Returns
+    -------
+    first : ndarray of int64, shape (n_cells,)
+        First point of each cell.
+    member : ndarray of int64, shape (n_points,)
+        Cell of each point.
+    count : ndarray of int64, shape (n_cells,)
+        Points in each cell.
+    """
+    keys = keys - keys.min(axis=0)
+    sizes = [int(k) + 1 for k in keys.max(axis=0)]
+    if np.prod(np.array(sizes, np.float64)) < 2.0**62:
+        flat = np.ravel_multi_index(tuple(keys.T), tuple(sizes))
+    else:  # far points: number the values that occur, axis by axis, so that no product exceeds the square of the number of points
+        flat = np.zeros(len(keys), np.int64)
+        for axis in keys.T:
+            values, own = np.unique(axis, return_inverse=True)
+            flat = np.unique(flat * len(values) + own, return_inverse=True)[1]
+    _, first, member, count = np.unique(flat, return_index=True, return_inverse=True, return_counts=True)
+    return first, member, count
 
 
 def thin(points: Float64Array, cell: float, max_points: int) -> tuple[Float64Array, Float64Array, LabelArray]:
@@ -102,7 +133,7 @@ def thin(points: Float64Array, cell: float, max_points: int) -> tuple[Float64Arr
     Parameters
     ----------
     points : ndarray of float64, shape (n_points, n_dimensions)
-        Finite coordinates, of magnitudes below 1e6 cells.
+        Finite coordinates.
     cell : float
         Edge of the finest grid; doubled as often as needed.
     max_points : int
@@ -120,11 +151,9 @@ def thin(points: Float64Array, cell: float, max_points: int) -> tuple[Float64Arr
     n = len(points)
     if n <= max_points:
         return points, np.ones(n), np.arange(n)
+    cell = max(cell, float(np.abs(points).max()) / _MOST_CELLS)  # a finer grid than float64 resolves has no cells
     while True:
-        key = np.floor(points / cell).astype(np.int64)
-        key -= key.min(axis=0)
-        flat = np.ravel_multi_index(tuple(key.T), tuple(int(k) + 1 for k in key.max(axis=0)))
-        _, member, count = np.unique(flat, return_inverse=True, return_counts=True)
+        _, member, count = occupied(np.floor(points / cell).astype(np.int64))
         if len(count) <= max_points:
             break
         cell *= 2
@@ -148,42 +177,14 @@ def cluster(points: Float64Array, eps: float, min_points: float, max_points: int
     -------
     ndarray of int64, shape (n_points,)
         Cluster of each point; -1: noise.
+
+    Raises
+    ------
+    DataError
+        When a coordinate is not finite.
     """
     if len(points) <= max_points:
         return dbscan(points, eps, min_points)
+    require_finite("points", points)
     merged, weights, member = thin(points, eps / 4, max_points)
     return dbscan(merged, eps, min_points, weights)[member]
-
-
-def kmeans(points: Float64Array, centres: Float64Array, max_iterations: int = 20) -> tuple[LabelArray, Float64Array]:
-    """Lloyd's k-means from given centres (Lloyd 1982; thesis, 7.3).
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (n_points, n_dimensions)
-        Finite coordinates.
-    centres : ndarray of float64, shape (k, n_dimensions)
-        Where to start; given, not drawn, so that the result is repeatable.
-    max_iterations : int
-        Stop here if it has not converged.
-
-    Returns
-    -------
-    labels : ndarray of int64, shape (n_points,)
-        Nearest centre of each point; the first on a tie.
-    centres : ndarray of float64, shape (k, n_dimensions)
-        Means of the clusters; an empty cluster keeps its centre.
-    """
-    centres = np.array(centres, np.float64)
-    labels = np.full(len(points), -1, np.int64)
-    for _ in range(max_iterations):
-        distance = ((points[:, None, :] - centres[None, :, :]) ** 2).sum(axis=-1)
-        nearest = distance.argmin(axis=1)
-        if np.array_equal(nearest, labels):
-            break
-        labels = nearest
-        for k in range(len(centres)):
-            own = labels == k
-            if own.any():
-                centres[k] = points[own].mean(axis=0)
-    return labels, centres

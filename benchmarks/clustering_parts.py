@@ -1,0 +1,122 @@
+"""Clustering on its own: every method at 20 to 500 points, beside scikit-learn's; the parts of a larger benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import choice, measure_together
+from radar_tracking.clustering import ClusteringConfig, cluster, kmeans, make_clustering, optics, seen_from, split
+
+SIZES = (20, 50, 200, 500)
+EPS, MIN_POINTS, MAX_EPS = 0.3, 3, 2.0
+CENTRES = np.array([[2.0, 0.0], [3.3, 0.0], [2.0, 1.5]])  # three people, 1.3 to 2 m apart
+SCATTER = (0.10, 0.14)  # m: depth and width of a body's points
+STRAY = 0.1  # share of points that are nobody's
+Points = np.ndarray[Any, np.dtype[np.float64]]
+Call = Callable[[], Any]
+
+
+def people(n: int) -> tuple[Points, Points]:
+    """Points of three people with clutter around them, and who each point is of; -1: nobody."""
+    rng = np.random.default_rng(n)
+    owner = rng.integers(0, len(CENTRES), n)
+    points = CENTRES[owner] + rng.normal(0, SCATTER, (n, 2))
+    stray = rng.random(n) < STRAY
+    points[stray] = rng.uniform((1.0, -2.0), (5.0, 3.0), (np.count_nonzero(stray), 2))
+    return points, np.where(stray, -1, owner)
+
+
+def same(labels: Points, expected: Points) -> float:
+    """Share of equal labels."""
+    return float(np.mean(labels == expected))
+
+
+def agreement(labels: Points, owner: Points) -> float:
+    """Compute the adjusted Rand index over the points that are somebody's; 1: everybody one cluster of their own."""
+    from sklearn.metrics import adjusted_rand_score
+
+    own = owner >= 0
+    return float(adjusted_rand_score(owner[own], labels[own]))
+
+
+def against_sklearn(n: int, repeat: int) -> tuple[list[dict[str, Any]], float]:
+    """DBSCAN, OPTICS and k-means beside scikit-learn's; accuracy: share of equal labels. Also the ratio of DBSCAN."""
+    from sklearn.cluster import DBSCAN, OPTICS, KMeans
+
+    points, _ = people(n)
+    start = CENTRES + 0.2
+    pairs: dict[str, tuple[Call, Call, int]] = {
+        "dbscan": (
+            lambda: DBSCAN(eps=EPS, min_samples=MIN_POINTS).fit_predict(points),
+            lambda: cluster(points, EPS, MIN_POINTS, 2000),
+            repeat,
+        ),
+        "optics": (
+            lambda: OPTICS(min_samples=MIN_POINTS, max_eps=MAX_EPS, cluster_method="dbscan", eps=EPS).fit_predict(points),
+            lambda: optics(points, MIN_POINTS, MAX_EPS).labels(EPS),
+            min(repeat, 5),  # scikit-learn's takes up to a quarter of a second
+        ),
+        "kmeans": (
+            lambda: KMeans(len(start), init=start, n_init=1, tol=0, algorithm="lloyd").fit_predict(points),
+            lambda: kmeans(points, start, 300)[0],
+            repeat,
+        ),
+    }
+    rows, ratio = [], float("nan")
+    for name, (theirs, ours, times) in pairs.items():
+        measured = measure_together({"sklearn": theirs, "ours": ours}, repeat=times)
+        accuracy = ("labels equal", same(ours(), theirs()), "")
+        rows.append(choice("clustering", f"{name}: sklearn n={n}", accuracy=("labels equal", 1.0, ""), times_ms=measured["sklearn"]))
+        rows.append(
+            choice("clustering", f"{name}: ours n={n}", accuracy=accuracy, times_ms=measured["ours"], reference_ms=measured["sklearn"])
+        )
+        if name == "dbscan":
+            ratio = rows[-1]["ratio"]
+    return rows, ratio
+
+
+def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
+    """Every method as the trackers call it, and the two that split a merged cluster; accuracy: adjusted Rand index against the owners.
+
+    Ratio: to scikit-learn's DBSCAN in the same run.
+    """
+    from sklearn.cluster import DBSCAN
+
+    points, owner = people(n)
+    seen = seen_from(points, np.zeros(2))
+    calls: dict[str, Call] = {"sklearn dbscan": lambda: DBSCAN(eps=EPS, min_samples=MIN_POINTS).fit_predict(points)}
+    for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan"):
+        made = make_clustering(ClusteringConfig(name=name, eps=EPS, min_points=MIN_POINTS, max_eps=MAX_EPS, n_clusters=len(CENTRES)))
+        calls[f"name={name}"] = partial(made.labels, seen)
+    calls["split by optics"] = lambda: split(points, len(CENTRES), CENTRES + 0.2)[0]
+    calls["split by kmeans"] = lambda: kmeans(points, CENTRES + 0.2)[0]
+    times = measure_together(calls, repeat=repeat)
+    reference = times["sklearn dbscan"]
+    rows = []
+    for name, call in calls.items():
+        accuracy = ("adjusted Rand index", agreement(call(), owner), "")
+        other = None if name == "sklearn dbscan" else reference
+        rows.append(choice("clustering", f"{name} n={n}", accuracy=accuracy, times_ms=times[name], reference_ms=other))
+    return rows
+
+
+def clustering(quick: bool) -> list[dict[str, Any]]:
+    """Rows of every method and size: accuracy beside time."""
+    rows: list[dict[str, Any]] = figures(quick)["choices"]
+    return rows
+
+
+def figures(quick: bool) -> dict[str, Any]:
+    """``choices``, and ``dbscan_over_sklearn_n20``, ``_n50``, ``_n200``, ``_n500``: time over scikit-learn's, of equal labels."""
+    result: dict[str, Any] = {}
+    rows: list[dict[str, Any]] = []
+    repeat = 10 if quick else 100
+    for n in SIZES:
+        compared, ratio = against_sklearn(n, repeat)
+        result[f"dbscan_over_sklearn_n{n}"] = ratio
+        rows += compared + by_name(n, repeat)
+    return {**result, "choices": rows}

@@ -1,0 +1,210 @@
+"""Every knob of the people tracker, one at a time: accuracy beside time; and the tracker's speed on ten people of thirty points."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.report import choice
+from benchmarks.tracking_score import Score, total
+from benchmarks.tracking_suite import TRACKERS, Done, changed
+from radar_core import PointCloud, RadarInfo
+from radar_core.geometry import cartesian_to_spherical
+from radar_tracking import PeopleTracker, TrackerConfig
+
+DEFAULT: Final = "default"
+N_PEOPLE, N_POINTS = 10, 30
+_FRAME_NS = 20_000_000
+
+KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
+    "tracker": {"tracker": ("group", "cluster_first")},
+    "association": {
+        "association.method": ("mahalanobis",),
+        "association.gate": (0.6, 1.5),
+        "association.largest": ("points",),
+        "association.body_radius": (0.2, 0.7),
+        "association.arm_depth": (0.15, 100.0),
+        "association.arm_speed": (0.2, 100.0),
+        "association.reach": (0.0, 0.5),
+        "association.torso_depth": (0.0, 0.5),
+        "association.arm_height": (1.2,),
+        "min_distance": (0.0,),
+        "min_speed": (0.1,),
+    },
+    "clustering within the tracker": {
+        "association.clustering.name": ("optics", "kmeans", "grid_dbscan", "polar_dbscan"),
+        "association.clustering.eps": (0.25, 0.6),
+        "association.clustering.min_points": (1, 3),
+        "association.clustering.rate_weight": (0.2,),
+    },
+    "estimator": {
+        "filter.estimator.name": ("extended", "unscented", "imm", "mmae", "mm_vel_est"),
+        "filter.estimator.motion": ("constant_acceleration", "coordinated_turn"),
+        "filter.estimator.process_noise": (0.1, 0.3, 3.0, 10.0),
+        "filter.estimator.height_noise": (0.01,),
+        "filter.angle_std": (0.01, 0.1),
+    },
+    "measurement of bodies": {
+        "filter.position_std": (0.05, 0.2),
+        "filter.pull": (0.25, 1.0, 100.0),
+        "filter.surface": (0.0, 0.2),
+        "filter.surface_walking": (0.0, 0.12),
+        "filter.damping": (0.3, 3.0),
+        "filter.initial_speed_std": (0.3, 3.0),
+    },
+    "track management": {
+        "life.birth_points": (2, 5),
+        "life.birth_snr": (5.0, 20.0),
+        "life.birth_distance": (0.4, 1.2),
+        "life.confirm_after": (0.1, 0.5),
+        "life.confirm_matches": (1, 10),
+        "life.confirm_points": (0.0, 4.0),
+        "life.confirm_speed": (0.05, 0.3),
+        "life.confirm_activity": (0.0, 0.6),
+        "life.tentative_after": (0.05, 0.3),
+        "life.delete_after": (0.5, 2.0),
+        "life.delete_static_after": (1.0, 10.0),
+        "life.delete_idle_after": (5.0, 1e6),
+        "life.walk_distance": (0.4, 1.5),
+        "life.left_after": (0.05, 1.0),
+        "life.static_speed": (0.1, 0.6),
+        "life.reflection_after": (0.5,),
+        "life.merge_distance": (0.0, 0.5),
+        "life.merge_after": (0.3, 3.0),
+    },
+    "background": {
+        "background.enabled": (False,),
+        "background.learn_time": (2.0, 15.0),
+        "background.share": (0.1, 0.5),
+        "background.stronger": (3.0, 20.0),
+        "background.body": (0.0, 1.0),
+        "background.still_speed": (0.05, 0.2),
+        "background.unlearn_time": (0.3, 3.0),
+        "background.range_cell": (0.1, 0.3),
+        "background.azimuth_cell": (0.03, 0.12),
+    },
+}
+"""Stage to knobs to values other than the default."""
+COMBINED: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
+    "tracker": {
+        "tracker=cluster_first, split=kmeans": {"tracker": "cluster_first", "association.split": "kmeans"},
+        "tracker=cluster_first, split=optics": {"tracker": "cluster_first", "association.split": "optics"},
+    },
+    "association": {
+        "no arms (arm_depth, arm_speed off)": {"association.arm_depth": 100.0, "association.arm_speed": 100.0},
+        "method=mahalanobis, gate_sigmas=3": {"association.method": "mahalanobis", "association.gate_sigmas": 3.0},
+    },
+    "clustering within the tracker": {
+        "name=polar_dbscan, angle_reach=0.2": {"association.clustering.name": "polar_dbscan", "association.clustering.angle_reach": 0.2},
+        "name=polar_dbscan, density_exponent=2": {
+            "association.clustering.name": "polar_dbscan",
+            "association.clustering.density_exponent": 2.0,
+        },
+        "name=grid_dbscan, angle_reach=0.2": {"association.clustering.name": "grid_dbscan", "association.clustering.angle_reach": 0.2},
+    },
+    "estimator": {
+        "name=imm of extended filters": {"filter.estimator.name": "imm", "filter.estimator.filter": "extended"},
+        "name=imm of three modes": {
+            "filter.estimator.name": "imm",
+            "filter.estimator.modes": ["constant_velocity", "constant_velocity", "coordinated_turn"],
+            "filter.estimator.noise_scale": [0.1, 5.0, 1.0],
+            "filter.estimator.sojourn": [2.0, 0.5, 1.0],
+        },
+    },
+}
+"""Stage to what takes several knobs."""
+
+
+def settings() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Stage, name and knobs of everything that is tried."""
+    for stage, knobs in KNOBS.items():
+        for knob, values in knobs.items():
+            for value in values:
+                yield stage, f"{knob.split('.')[-1]}={value}", {knob: value}
+        for label, several in COMBINED.get(stage, {}).items():
+            yield stage, label, several
+
+
+def variants() -> dict[str, TrackerConfig]:
+    """Make configurations by "stage: name"; the first is the default, and what equals it is left out."""
+    default = TrackerConfig()
+    found = {f"{stage}: {label}": changed(knobs) for stage, label, knobs in settings()}
+    return {DEFAULT: default, **{label: config for label, config in found.items() if config != default}}
+
+
+def rows(done: Sequence[Done]) -> list[dict[str, Any]]:
+    """One row per choice, pooled over the scenes in which choices ran: GOSPA beside the time per cloud."""
+    with_choices = [d for d in done if d.choices]
+    if not with_choices:
+        return []
+    scores = {label: total([d.choices[label] for d in with_choices]) for label in with_choices[0].choices}
+    reference = scores[DEFAULT].times.tolist()
+    stages = dict.fromkeys(label.split(": ", 1)[0] for label in scores if label != DEFAULT)
+    found = []
+    for stage in stages:
+        found.append(_row(stage, DEFAULT, scores[DEFAULT], reference))
+        own = {label: score for label, score in scores.items() if label.startswith(f"{stage}: ")}
+        found += [_row(stage, label.split(": ", 1)[1], score, reference) for label, score in own.items()]
+    return found
+
+
+def _row(stage: str, label: str, score: Score, reference: list[float]) -> dict[str, Any]:
+    title = f"{label}, MOTA {score.mota:.3f}, {score.switches:.0f} switches"
+    return choice(
+        stage,
+        title,
+        accuracy=("mean GOSPA", score.mean_gospa, "m"),
+        times_ms=score.times.tolist(),
+        reference_ms=None if label == DEFAULT else reference,
+    )
+
+
+def crowd(n_clouds: int, seed: int = 1) -> list[PointCloud]:
+    """Clouds of ten people who walk in circles at 0.6 m/s, thirty points each, without a simulator."""
+    rng = np.random.default_rng(seed)
+    info = RadarInfo()
+    centre = np.array([(x, y) for x, n in ((1.8, 2), (3.2, 3), (4.6, 5)) for y in 1.4 * (np.arange(n) - (n - 1) / 2)])
+    clouds = []
+    for k in range(n_clouds):
+        angle = 2.0 * k * _FRAME_NS * 1e-9
+        body = np.column_stack([centre + 0.3 * np.array([math.cos(angle), math.sin(angle)]), np.full(N_PEOPLE, 1.0)])
+        motion = 0.6 * np.array([-math.sin(angle), math.cos(angle), 0.0])
+        place = (body[:, None] + rng.normal(0, (0.08, 0.12, 0.3), (N_PEOPLE, N_POINTS, 3))).reshape(-1, 3)
+        distance, azimuth, elevation = cartesian_to_spherical(info.mount.from_room(place))
+        away = place - info.mount.origin
+        rate = away @ motion / np.linalg.norm(away, axis=-1) + rng.normal(0, 0.2, len(place))
+        arrays = (*place.T, distance, azimuth, elevation, rate, rng.uniform(12, 25, len(place)))
+        clouds.append(PointCloud(k * _FRAME_NS, k, "room", *(value.astype(np.float32) for value in arrays)))
+    return clouds
+
+
+def speed(quick: bool) -> dict[str, Any]:
+    """Time the whole step of each tracker on `crowd`, in turn; ``step_ms_10_tracks_300_points`` is the product's, and ``choices``."""
+    clouds = crowd(100 if quick else 500)
+    trackers = {name: PeopleTracker(config, RadarInfo()) for name, config in TRACKERS.items()}
+    times: dict[str, list[float]] = {name: [] for name in trackers}
+    followed = dict.fromkeys(trackers, 0)
+    for k, cloud in enumerate(clouds):
+        for name, tracker in trackers.items():
+            start = time.perf_counter_ns()
+            tracks = tracker.process(cloud)
+            spent = (time.perf_counter_ns() - start) * 1e-6
+            if k >= len(clouds) // 4:  # everybody is confirmed
+                times[name].append(spent)
+                followed[name] += tracks.people_count
+    first = next(iter(trackers))
+    found = [
+        choice(
+            "10 people, 300 points",
+            f"tracker={name}",
+            accuracy=("tracks", followed[name] / len(spent), ""),
+            times_ms=spent,
+            reference_ms=None if name == first else times[first],
+        )
+        for name, spent in times.items()
+    ]
+    return {"step_ms_10_tracks_300_points": float(np.median(times[first])), "choices": found}

@@ -1,0 +1,192 @@
+"""The suite: every tracker over every scene, each scene simulated once in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Protocol
+
+import numpy as np
+from joblib import Parallel, delayed, parallel_config
+from rich.console import Console
+from rich.progress import track
+
+from benchmarks.scenarios import MOUNT, SCENARIOS, Moment, moments
+from benchmarks.tracking_score import Score, Scorer, total
+from radar_core import PointCloud, Pose, RadarInfo
+from radar_core.config import load, nest
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking.zones import Zones, ZonesConfig
+
+WALLS: Final = (0.0, 5.4, -2.4, 2.4)  # m: the furnished room less 0.2 m, so that mirror images behind walls are nobody
+PROCESSES: Final = 2
+PEER: Final = "stone_soup"
+_TURN: Final = 50  # clouds
+
+
+class Tracker(Protocol):
+    """Anything that follows people through clouds in ``room``."""
+
+    def process(self, cloud: PointCloud) -> Tracks:
+        """Take in one cloud."""
+        ...
+
+
+def changed(knobs: Mapping[str, Any]) -> TrackerConfig:
+    """Make the default configuration with some knobs changed, by dotted names."""
+    return load(TrackerConfig, nest(knobs))
+
+
+TRACKERS: Final[Mapping[str, TrackerConfig]] = {
+    "group_clustering": TrackerConfig(),
+    "group": changed({"tracker": "group"}),
+    "cluster_first": changed({"tracker": "cluster_first"}),
+    "cluster_first_kmeans": changed({"tracker": "cluster_first", "association.split": "kmeans"}),
+}
+"""The thesis's three trackers, and the one that splits merged clusters; the first is the product's."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene and who tracks it.
+
+    Attributes
+    ----------
+    name, seed, mount
+        Of the scene; see `scenarios.moments`.
+    trackers : mapping of str to TrackerConfig
+        Run one after the other.
+    choices : mapping of str to TrackerConfig
+        Run in turn, so that a drifting machine favours none; the first is their reference.
+    peer : bool
+        Whether Stone Soup runs too.
+    seconds : float
+        Only the scene's first so many.
+    """
+
+    name: str
+    seed: int
+    trackers: Mapping[str, TrackerConfig]
+    choices: Mapping[str, TrackerConfig] = field(default_factory=dict)
+    mount: Pose = MOUNT
+    peer: bool = False
+    seconds: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job and its scores by the names of the trackers and of the choices."""
+
+    job: Job
+    trackers: Mapping[str, Score]
+    choices: Mapping[str, Score]
+
+
+def peer_installed() -> bool:
+    """Whether there is a Stone Soup."""
+    try:
+        import benchmarks.stone_soup  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+class Peer:
+    """Stone Soup's tracker, told the room like ours: it has no boundaries, so it does not get the points beyond them."""
+
+    def __init__(self, zones: ZonesConfig) -> None:
+        from benchmarks.stone_soup import StoneSoupTracker
+
+        self._tracker, self._zones = StoneSoupTracker(), Zones(zones)
+
+    def process(self, cloud: PointCloud) -> Tracks:
+        """Take in one cloud."""
+        inside = self._zones.inside(cloud.position)
+        tracks = self._tracker.process(cloud.select(inside))
+        owner = np.full(len(cloud), -1, np.int32)
+        owner[inside] = tracks.point_track_id
+        return replace(tracks, point_track_id=owner)
+
+
+def zones_of(name: str) -> ZonesConfig:
+    """Tell trackers about the room of a scene."""
+    return ZonesConfig(boundaries=WALLS) if SCENARIOS[name].room else ZonesConfig()
+
+
+def make(name: str, config: TrackerConfig, info: RadarInfo) -> PeopleTracker:
+    """Make one of our trackers for a scene."""
+    return PeopleTracker(replace(config, zones=zones_of(name)), info)
+
+
+def follow(name: str, made: Sequence[Moment], trackers: Mapping[str, Tracker], info: RadarInfo) -> dict[str, Score]:
+    """Run trackers over the same clouds in turn, a second of one, then of the next: one at a time would chill each other's caches."""
+    scorers = {label: Scorer(name, info) for label in trackers}
+    for first in range(0, len(made), _TURN):
+        for label, tracker in trackers.items():
+            for moment in made[first : first + _TURN]:
+                start = time.perf_counter_ns()
+                tracks = tracker.process(moment.cloud)
+                scorers[label].process(moment, tracks, (time.perf_counter_ns() - start) * 1e-6)
+    return {label: scorer.score(made) for label, scorer in scorers.items()}
+
+
+def simulate(job: Job) -> list[Moment]:
+    """Make the clouds of a job; whose the points are is found out where people gesture side by side."""
+    made: list[Moment] = []
+    for moment in moments(job.name, job.seed, job.mount, owners=job.name == "side_by_side"):
+        if made and (moment.cloud.stamp_ns - made[0].cloud.stamp_ns) * 1e-9 >= job.seconds:
+            break
+        made.append(moment)
+    return made
+
+
+def work(job: Job) -> Done:
+    """Simulate a scene and run everybody over it."""
+    made, info = simulate(job), RadarInfo(mount=job.mount)
+    scores: dict[str, Score] = {}
+    for label, config in job.trackers.items():
+        scores |= follow(job.name, made, {label: make(job.name, config, info)}, info)
+    if job.peer:
+        scores |= follow(job.name, made, {PEER: Peer(zones_of(job.name))}, info)
+    choices = {label: make(job.name, config, info) for label, config in job.choices.items()}
+    return Done(job, scores, follow(job.name, made, choices, info))
+
+
+def run_all(jobs: Sequence[Job], processes: int = PROCESSES) -> list[Done]:
+    """Do all jobs, the longest first; progress on stderr."""
+    order = sorted(range(len(jobs)), key=lambda i: -_length(jobs[i]))
+    with parallel_config(backend="loky", inner_max_num_threads=1) if processes > 1 else parallel_config(backend="sequential"):
+        results = Parallel(n_jobs=min(processes, os.cpu_count() or 1), return_as="generator")(delayed(work)(jobs[i]) for i in order)
+        console = Console(stderr=True)
+        done = dict(zip(order, track(results, "scenes", total=len(jobs), console=console), strict=True))
+    return [done[i] for i in range(len(jobs))]
+
+
+def _length(job: Job) -> float:
+    """How long a job takes, about: clouds times trackers, the simulation as ten of them."""
+    return min(SCENARIOS[job.name].duration, job.seconds) * (10 + len(job.trackers) + 8 * job.peer + len(job.choices))
+
+
+def pooled(done: Sequence[Done], tracker: str, names: Sequence[str] = (), mount: Pose = MOUNT) -> Score:
+    """Add up a tracker's scores over all seeds of some scenes; no names: of all scenes."""
+    chosen = [d for d in done if d.job.mount == mount and tracker in d.trackers and (not names or d.job.name in names)]
+    return total([d.trackers[tracker] for d in chosen])
+
+
+def figures(score: Score, name: str) -> dict[str, float]:
+    """Figures of a tracker on one kind of scene."""
+    found = {
+        "gospa": score.mean_gospa,
+        "id_switches": score.switches,
+        "mota": score.mota,
+        "frame_ms": float(np.median(score.times)),
+        "torso_error_m": score.torso_error,
+        "ghosts_per_minute": score.ghosts_per_minute,
+        "misses": score.misses,
+        "false": score.false,
+        "truths": score.truths,
+        "scenes": score.scenes,
+    }
+    return found | ({"wrong_point_fraction": score.wrong_fraction} if name == "side_by_side" else {})

@@ -1,0 +1,91 @@
+"""Pictures and figures of people tracking on real recordings, for docs/recordings.md: walkers, and exercises beside a Kinect.
+
+    python docs/make_recording_pictures.py --data ../shared/data            # pictures into docs/img
+    python docs/make_recording_pictures.py --data ../shared/data --figures  # the numbers, as a table in Markdown
+
+The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
+
+from benchmarks import recordings
+
+WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
+SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")
+
+
+def draw_two_people(out: Path) -> None:
+    """Side over time of the two walkers, one panel for each tracker."""
+    clouds = recordings.clouds_of("crossing", "two_people")
+    fig, panels = plt.subplots(1, len(recordings.TRACKERS), figsize=(13, 4), sharey=True)
+    for axes, name in zip(panels, recordings.TRACKERS, strict=True):
+        recordings.draw_walkers(axes, clouds, recordings.follow(recordings.tracker_for("dense", name), clouds))
+        axes.set_title(name)
+    for axes in panels[1:]:
+        axes.set_ylabel("")
+    save(fig, out / "two_people_trackers.png")
+
+
+def draw_exercises(out: Path, name: str = "subject1_test") -> None:
+    """Both coordinates of the track and of the Kinect's spine over one file of MARS."""
+    run = recordings.follow(recordings.tracker_for(recordings.PRESETS["mars"], recordings.TRACKERS[0]), recordings.clouds_of("mars", name))
+    fig, panels = plt.subplots(2, 1, figsize=(11, 6), sharex=True)
+    for coordinate, axes in enumerate(panels):
+        recordings.draw_spine(axes, name, run, coordinate)
+    panels[0].set_xlabel("")
+    panels[1].set_title("")
+    save(fig, out / "mars_spine.png")
+
+
+def save(fig: Any, path: Path) -> None:
+    """Write without date or version, so that the same picture is the same file."""
+    fig.tight_layout()
+    fig.savefig(path, dpi=80, metadata={"Software": None})
+    plt.close(fig)
+
+
+def table(figures: dict[str, Any], names: tuple[str, ...], columns: tuple[str, ...]) -> str:
+    """One row for each recording and tracker."""
+    rows = [["recording", "tracker", *columns], ["---"] * (len(columns) + 2)]
+    for name in names:
+        keys = [key for key in figures if key.startswith(name) and key.endswith("_identities")]
+        labels = [key.removeprefix(f"{name}_").removesuffix("_identities") for key in keys]
+        rows += [[name, label, *(f"{figures[f'{name}_{label}_{column}']:.3g}" for column in columns)] for label in labels]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Pictures and figures of people tracking on real recordings.")
+    here = Path(__file__).resolve().parent
+    default = os.environ.get("HANDWAVE_DATA", here.parents[1] / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(default), help="folder with the recordings")
+    parser.add_argument("--out", type=Path, default=here / "img", help="folder for the pictures")
+    parser.add_argument("--figures", action="store_true", help="print the figures instead")
+    arguments = parser.parse_args()
+    if not arguments.data.is_dir():
+        raise SystemExit(f"{arguments.data}: no recordings there; name their folder with --data or HANDWAVE_DATA")
+    os.environ["HANDWAVE_DATA"] = str(arguments.data.resolve())
+    if arguments.figures:
+        figures = recordings.run(quick=False)
+        print(table(figures, tuple(recordings.WALKERS), WALKER_COLUMNS), table(figures, recordings.MARS, SPINE_COLUMNS), sep="\n\n")
+        return
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    draw_two_people(arguments.out)
+    draw_exercises(arguments.out)
+
+
+if __name__ == "__main__":
+    main()

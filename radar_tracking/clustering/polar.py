@@ -1,0 +1,137 @@
+"""Clustering that knows how a radar sees: fewer points from far bodies, wider in cross-range, on a grid of cells."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radar_core.checks import require_finite
+from radar_tracking.clustering import kernels
+from radar_tracking.clustering.base import ClusteringConfig, ClusterPoints, Float64Array, LabelArray
+from radar_tracking.clustering.density import in_order, occupied
+
+_LARGEST_CELL: Final[float] = 2.0**50
+
+
+def demand(distance: Float64Array, config: ClusteringConfig) -> Float64Array:
+    """Neighbours of a core point by its range: a body at twice the distance covers half the azimuth cells and gives fewer points.
+
+    Parameters
+    ----------
+    distance : ndarray of float64, shape (n_points,)
+        Range [m].
+    config : ClusteringConfig
+        ``min_points`` up to ``reference_range``, then falling with ``density_exponent``, not below ``min_points_far``.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_points,)
+        Number of points, not rounded.
+    """
+    falling = config.min_points * (config.reference_range / np.maximum(distance, config.reference_range)) ** config.density_exponent
+    return np.asarray(np.maximum(falling, min(config.min_points, config.min_points_far)))
+
+
+def require_polar(points: ClusterPoints) -> None:
+    """Raise `DataError` unless range and azimuth of all points are known."""
+    require_finite("ClusterPoints.range", points.range)
+    require_finite("ClusterPoints.azimuth", points.azimuth)
+
+
+def polar_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig, weights: Float64Array) -> LabelArray:
+    """DBSCAN with an ellipse for a neighbourhood and a demand that falls with range (Wagner, Feger, Stelzer, EuRAD 2015).
+
+    The half axis in range is ``eps``, in cross-range ``max(eps, angle_reach * range)``. Heights are not looked at.
+
+    Parameters
+    ----------
+    points : ClusterPoints
+        With range and azimuth about the sensor.
+    rate : ndarray of float64, shape (n_points,)
+        Third axis: range rates times ``rate_weight`` [m].
+    config : ClusteringConfig
+        Its knobs for "polar".
+    weights : ndarray of float64, shape (n_points,) or (0,)
+        How many points each one stands for; empty: one.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        Cluster of each point; -1: noise.
+
+    Raises
+    ------
+    DataError
+        When a range or azimuth is not finite.
+    """
+    require_polar(points)
+    need = demand(points.range, config)
+    distance, azimuth = np.ascontiguousarray(points.range), np.ascontiguousarray(points.azimuth)
+    labels: LabelArray = kernels.polar(distance, azimuth, rate, config.eps, config.angle_reach, need, weights)
+    return labels
+
+
+def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig) -> LabelArray:
+    """DBSCAN on the radar's own grid of range, azimuth and range rate (Kellner et al., IV 2012; Lim et al., 2018).
+
+    Points are counted by cell; two cells are neighbours when they are near on every axis: ``eps`` in range and rate, the wider of ``eps``
+    and ``angle_reach`` in azimuth, each at least one cell. Where more than ``max_points`` cells are occupied, cells are made larger.
+
+    Parameters
+    ----------
+    points : ClusterPoints
+        With range and azimuth about the sensor.
+    rate : ndarray of float64, shape (n_points,)
+        Third axis: range rates times ``rate_weight`` [m].
+    config : ClusteringConfig
+        Its knobs for "grid".
+
+    Returns
+    -------
+    ndarray of int64, shape (n_points,)
+        Cluster of each point, in the order of their first points; -1: noise.
+
+    Raises
+    ------
+    DataError
+        When a range or azimuth is not finite.
+    """
+    require_polar(points)
+    if len(points) == 0:
+        return np.empty(0, np.int64)
+    edge = np.array([config.range_cell, config.azimuth_cell, config.rate_cell * (config.rate_weight or 1.0)])
+    while True:
+        n_around = max(1, round(2 * math.pi / edge[1]))
+        cells = _cells(points, rate, edge, n_around)
+        first, member, count = occupied(cells)
+        if len(first) <= config.max_points:
+            break
+        edge *= 2
+    cells, distance = cells[first], points.range[first]
+    reach = _reach(distance, edge, config)
+    by_cell: LabelArray = kernels.grid(cells, reach, n_around, demand(distance, config), count.astype(np.float64))
+    labels = by_cell[member]
+    found = labels >= 0
+    labels[found] = in_order(labels[found])
+    return labels
+
+
+def _cells(points: ClusterPoints, rate: Float64Array, edge: Float64Array, n_around: int) -> LabelArray:
+    """Cell of each point, shape (n_points, 3); azimuth cells count from 0 to ``n_around`` - 1 around the sensor."""
+    turn = points.azimuth / (2 * math.pi)
+    place = np.stack([points.range / edge[0], (turn - np.floor(turn)) * n_around, rate / edge[2]], axis=-1)
+    cells: LabelArray = np.floor(np.clip(place, -_LARGEST_CELL, _LARGEST_CELL)).astype(np.int64)
+    cells[:, 1] %= n_around
+    return cells
+
+
+def _reach(distance: Float64Array, edge: Float64Array, config: ClusteringConfig) -> LabelArray:
+    """Cells to either side that are near, by axis, shape (n_cells, 3)."""
+    closest = config.eps / (2 * math.pi)  # within this distance of the sensor the whole circle is near
+    reach = np.empty((len(distance), 3))
+    reach[:, 0], reach[:, 2] = config.eps / edge[0], config.eps / edge[2]
+    reach[:, 1] = np.maximum(config.eps / np.maximum(distance, closest), config.angle_reach) / edge[1]
+    cells: LabelArray = np.maximum(1, np.rint(reach)).astype(np.int64)
+    return cells

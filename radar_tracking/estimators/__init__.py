@@ -1,0 +1,20 @@
+"""State estimation of tracks (thesis, figure A.21): Kalman filters linear, extended and unscented, IMM, MMAE and MMVelEst."""
+
+from radar_tracking.estimators.base import Belief, Estimator, Innovation, Measurement, join
+from radar_tracking.estimators.config import EstimatorConfig
+from radar_tracking.estimators.convert import from_polar
+from radar_tracking.estimators.make import make_estimator
+from radar_tracking.estimators.velocity import VelocityMeasurement, snapshot_velocity
+
+__all__ = [
+    "Belief",
+    "Estimator",
+    "EstimatorConfig",
+    "Innovation",
+    "Measurement",
+    "VelocityMeasurement",
+    "from_polar",
+    "join",
+    "make_estimator",
+    "snapshot_velocity",
+]

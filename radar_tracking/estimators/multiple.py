@@ -1,0 +1,284 @@
+"""The estimators (thesis, figure A.21): one filter, or several whose motion models compete (IMM, MMAE)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError, DataError
+from radar_core.linalg import symmetrise
+from radar_tracking.estimators import kernels
+from radar_tracking.estimators.base import Belief, Innovation, Measurement
+from radar_tracking.estimators.filters import GaussianFilter, Updated
+from radar_tracking.estimators.sensing import Sensed, Sensing, check_measurement
+
+Float64Array = NDArray[np.float64]
+
+
+class SingleModel:
+    """One Gaussian filter on one motion model as an `Estimator`.
+
+    Parameters
+    ----------
+    model : GaussianFilter
+        The filter.
+    sensing : Sensing
+        What it takes of a measurement.
+    prior : sequence of float
+        Standard deviations, of new tracks, of the states behind position and velocity.
+    """
+
+    def __init__(self, model: GaussianFilter, sensing: Sensing, prior: Sequence[float] = ()) -> None:
+        self.dimensions = sensing.dimensions
+        self._filter = model
+        self._sensing = sensing
+        self._prior = np.asarray(prior, np.float64)
+
+    def start(self, measurement: Measurement, speed_std: float) -> Belief:
+        """Believe in new tracks at rest at the measured places, with a velocity known to within ``speed_std`` [m/s]."""
+        mean, covariance = _start(measurement, self.dimensions, speed_std, self._prior)
+        return Belief(mean[:, None], covariance[:, None], np.ones((len(mean), 1)))
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """Move all tracks on by ``dt``, not negative [s].
+
+        Raises
+        ------
+        DataError
+            When ``dt`` is negative or not finite.
+        """
+        _check_step(dt)
+        mean, covariance = self._filter.predict(belief.mean[:, 0], belief.covariance[:, 0], dt)
+        return Belief(mean[:, None], covariance[:, None], belief.weight)
+
+    def update(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Innovation]:
+        """Take in one measurement of every track.
+
+        Raises
+        ------
+        DataError
+            When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
+        """
+        sensed = self._sensing.take(measurement, belief.mean, belief.covariance)
+        found = self._filter.update(belief.mean[:, 0], belief.covariance[:, 0], sensed)
+        return (
+            Belief(found.mean[:, None], found.covariance[:, None], belief.weight),
+            Innovation(found.nis, sensed.used.sum(axis=1), found.log_likelihood),
+        )
+
+    def kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
+        """Mean and covariance of (position, velocity), shapes (n_tracks, 2 d) and (n_tracks, 2 d, 2 d)."""
+        d = 2 * self.dimensions
+        return belief.mean[:, 0, :d].copy(), belief.covariance[:, 0, :d, :d].copy()
+
+
+class MultipleModels:
+    """Several filters side by side, each with its own motion model on one shared state vector, weighed by how well they predict.
+
+    With `sojourn` it is the Interacting Multiple Model (Blom and Bar-Shalom 1988): a target changes its model at random, as a Markov chain
+    in continuous time, and the filters start every step from a mixture of each other. Without, it is the Multiple Model Adaptive Estimator
+    (Magill 1965): one of the models is right for ever, and the filters never meet.
+
+    Parameters
+    ----------
+    models : sequence of GaussianFilter
+        The filters; all with the same number of states.
+    sensing : Sensing
+        What they take of a measurement.
+    prior : sequence of float
+        Standard deviations, of new tracks, of the states behind position and velocity.
+    sojourn : sequence of float or None
+        Mean time a target stays in each model [s]; then it takes one of the others, each as likely. None: no change.
+    least_weight : float
+        No model's probability falls below this, so that it can come back.
+
+    Raises
+    ------
+    ConfigError
+        When the models do not fit each other, or a time is not positive.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[GaussianFilter],
+        sensing: Sensing,
+        prior: Sequence[float] = (),
+        sojourn: Sequence[float] | None = None,
+        least_weight: float = 1e-6,
+    ) -> None:
+        if len(models) == 0 or len({model.motion.n_states for model in models}) != 1:
+            raise ConfigError("several models need one shared state vector: embed them in the same number of states")
+        self.dimensions = sensing.dimensions
+        self._filters = tuple(models)
+        self._sensing = sensing
+        self._prior = np.asarray(prior, np.float64)
+        self._chain = _Chain(sojourn, len(models)) if sojourn is not None and len(models) > 1 else None
+        self._least = least_weight
+
+    def start(self, measurement: Measurement, speed_std: float) -> Belief:
+        """Believe in new tracks at rest at the measured places, with a velocity known to within ``speed_std`` [m/s], in any model.
+
+        The models' first probabilities are those that the Markov chain has in the long run; without one, all the same.
+        """
+        mean, covariance = _start(measurement, self.dimensions, speed_std, self._prior)
+        n, k = len(mean), len(self._filters)
+        weight = np.full(k, 1.0 / k) if self._chain is None else self._chain.stationary
+        return Belief(np.repeat(mean[:, None], k, axis=1), np.repeat(covariance[:, None], k, axis=1), np.tile(weight, (n, 1)))
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """Mix the models (IMM) and move all tracks on by ``dt``, not negative [s].
+
+        Raises
+        ------
+        DataError
+            When ``dt`` is negative or not finite.
+        """
+        _check_step(dt)
+        if self._chain is not None:
+            belief = mix(belief, self._chain.transition(dt))
+        moved = [f.predict(belief.mean[:, j], belief.covariance[:, j], dt) for j, f in enumerate(self._filters)]
+        return Belief(np.stack([m for m, _ in moved], axis=1), np.stack([P for _, P in moved], axis=1), belief.weight)
+
+    def update(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Innovation]:
+        """Take in one measurement of every track; the innovation is that of the mixture of all models.
+
+        Raises
+        ------
+        DataError
+            When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
+        """
+        sensed = self._sensing.take(measurement, belief.mean, belief.covariance)
+        found = [f.update(belief.mean[:, j], belief.covariance[:, j], sensed) for j, f in enumerate(self._filters)]
+        weight, total = reweigh(belief.weight, np.stack([u.log_likelihood for u in found], axis=1), self._least)
+        innovation = Innovation(self._surprise(belief.weight, found, sensed), sensed.used.sum(axis=1), total)
+        return Belief(np.stack([u.mean for u in found], axis=1), np.stack([u.covariance for u in found], axis=1), weight), innovation
+
+    def kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
+        """Mean and covariance of (position, velocity), shapes (n_tracks, 2 d) and (n_tracks, 2 d, 2 d), over all models."""
+        d = 2 * self.dimensions
+        mean, covariance = mixture(belief.mean[:, :, :d], belief.covariance[:, :, :d, :d], belief.weight[:, None, :])
+        return mean[:, 0], covariance[:, 0]
+
+    def _surprise(self, weight: Float64Array, found: Sequence[Updated], sensed: Sensed) -> Float64Array:
+        """NIS of the mixture of all models' predicted measurements, taken as one Gaussian; angles are unwrapped by the first model's."""
+        residual = np.stack([u.residual for u in found], axis=1)
+        residual = residual[:, :1] + self._sensing.difference(sensed, residual, residual[:, :1])
+        mean, spread = mixture(residual, np.stack([u.spread for u in found], axis=1), weight[:, None, :])
+        return kernels.surprise(mean[:, 0], spread[:, 0])[0]
+
+
+class _Chain:
+    """Markov chain in continuous time that leaves every mode after its mean sojourn time, for each other one alike.
+
+    Its generator D S, D = diag(1 / time), S symmetric, has the same eigenvalues as the symmetric sqrt(D) S sqrt(D), so that the transition
+    matrix of any step costs one small product, and two steps equal one.
+    """
+
+    def __init__(self, sojourn: Sequence[float], n_modes: int) -> None:
+        if len(sojourn) != n_modes or not all(math.isfinite(t) and t > 0 for t in sojourn):
+            raise ConfigError(f"sojourn is {tuple(sojourn)}; give one positive time for each of the {n_modes} models")
+        root = 1.0 / np.sqrt(np.asarray(sojourn, np.float64))
+        symmetric = (np.ones((n_modes, n_modes)) - n_modes * np.eye(n_modes)) / (n_modes - 1)
+        self._value, vector = np.linalg.eigh(root[:, None] * symmetric * root)
+        self._left, self._right = root[:, None] * vector, vector.T / root
+        self.stationary = np.asarray(sojourn, np.float64) / np.sum(sojourn)
+
+    def transition(self, dt: float) -> Float64Array:
+        """Probabilities, shape (from, to), after ``dt`` [s]."""
+        matrix = np.maximum((self._left * np.exp(np.minimum(self._value, 0.0) * dt)) @ self._right, 0.0)
+        return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
+
+
+def mix(belief: Belief, transition: Float64Array) -> Belief:
+    """Let every mode start from the mixture of all that may lead to it (the interaction of an IMM).
+
+    Parameters
+    ----------
+    belief : Belief
+        Of n_modes modes.
+    transition : ndarray of float64, shape (n_modes, n_modes)
+        Probability (from, to) of changing modes.
+
+    Returns
+    -------
+    Belief
+        Mixed means and covariances, and the modes' predicted probabilities.
+    """
+    joint = belief.weight[:, :, None] * transition
+    weight = joint.sum(axis=1)
+    share = np.swapaxes(joint, 1, 2) / weight[:, :, None]
+    mean, covariance = mixture(belief.mean, belief.covariance, share)
+    return Belief(mean, covariance, weight)
+
+
+def mixture(mean: Float64Array, covariance: Float64Array, share: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Match mean and covariance of mixtures of Gaussians.
+
+    Parameters
+    ----------
+    mean, covariance : ndarray of float64, shapes (n_tracks, n_modes, n_states), (n_tracks, n_modes, n_states, n_states)
+        The components.
+    share : ndarray of float64, shape (n_tracks, k, n_modes)
+        Weights of the components in each of k mixtures; rows sum to one.
+
+    Returns
+    -------
+    mean, covariance : ndarray of float64, shapes (n_tracks, k, n_states), (n_tracks, k, n_states, n_states)
+        Of the mixtures.
+    """
+    # about the first component: far from the origin nothing is lost to rounding
+    off = mean - mean[:, :1]
+    shift = share @ off
+    apart = off[:, None, :, :] - shift[:, :, None, :]
+    weighted = share[..., None] * apart
+    between = np.swapaxes(weighted, -1, -2) @ apart
+    within = (share[..., None, None] * covariance[:, None]).sum(axis=2)
+    return mean[:, :1] + shift, symmetrise(within + between)
+
+
+def reweigh(weight: Float64Array, likelihood: Float64Array, least: float) -> tuple[Float64Array, Float64Array]:
+    """Update the modes' probabilities by Bayes' rule.
+
+    Parameters
+    ----------
+    weight : ndarray of float64, shape (n_tracks, n_modes)
+        Positive probabilities before.
+    likelihood : ndarray of float64, shape (n_tracks, n_modes)
+        Logarithms; only their differences matter, however far from zero they are.
+    least : float
+        Smallest probability after.
+
+    Returns
+    -------
+    weight : ndarray of float64, shape (n_tracks, n_modes)
+        Probabilities after.
+    log_likelihood : ndarray of float64, shape (n_tracks,)
+        Of the mixture.
+    """
+    score = np.log(weight) + likelihood
+    best = score.max(axis=1, keepdims=True)
+    share = np.exp(score - best)
+    total = share.sum(axis=1, keepdims=True)
+    raised = np.maximum(share / total, least)
+    return raised / raised.sum(axis=1, keepdims=True), (best + np.log(total))[:, 0]
+
+
+def _start(measurement: Measurement, dimensions: int, speed_std: float, prior: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """States at rest at the measured places."""
+    n, d = check_measurement(measurement, dimensions)
+    if not (math.isfinite(speed_std) and speed_std > 0):
+        raise DataError(f"speed_std is {speed_std}; a new track's velocity needs a positive standard deviation [m/s]")
+    size = 2 * d + len(prior)
+    mean, covariance = np.zeros((n, size)), np.zeros((n, size, size))
+    mean[:, :d] = measurement.position
+    covariance[:, range(size), range(size)] = np.concatenate([np.zeros(d), np.full(d, speed_std), prior]) ** 2
+    covariance[:, :d, :d] = symmetrise(measurement.covariance)
+    return mean, covariance
+
+
+def _check_step(dt: float) -> None:
+    if not (math.isfinite(dt) and dt >= 0):
+        raise DataError(f"cannot predict by {dt} s; time steps are finite and not negative")

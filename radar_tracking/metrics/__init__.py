@@ -1,0 +1,30 @@
+"""How good are tracks? GOSPA, OSPA and CLEAR-MOT against truth, and consistency of filters with themselves."""
+
+from radar_tracking.metrics.clear_mot import ClearMot, ClearMotConfig, ClearMotStep, ClearMotSummary, PersonScore
+from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band, nees
+from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary
+from radar_tracking.metrics.objects import ObjectSet, people
+from radar_tracking.metrics.ospa import Ospa, OspaConfig, OspaMetric, OspaSummary
+
+__all__ = [
+    "ClearMot",
+    "ClearMotConfig",
+    "ClearMotStep",
+    "ClearMotSummary",
+    "Consistency",
+    "ConsistencyConfig",
+    "ConsistencyMonitor",
+    "Gospa",
+    "GospaConfig",
+    "GospaMetric",
+    "GospaSummary",
+    "ObjectSet",
+    "Ospa",
+    "OspaConfig",
+    "OspaMetric",
+    "OspaSummary",
+    "PersonScore",
+    "chi_square_band",
+    "nees",
+    "people",
+]

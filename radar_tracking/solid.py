@@ -1,0 +1,59 @@
+"""Two bodies do not fit into one place: tracks that meet are kept apart, so that they cannot pass through each other and swap."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_tracking.estimators.base import Belief
+
+Float64Array = NDArray[np.float64]
+_SAME = 1e-6  # m: tracks at the very same place have no direction in which to part
+
+
+def part(belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: NDArray[np.bool_], width: float, dimensions: int) -> Belief:
+    """Push tracks apart that are nearer to each other than people can be, and stop their approach.
+
+    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts: without this, the
+    coasting one would run through the other. Of a pair, the track that is less sure of its place moves more.
+
+    Parameters
+    ----------
+    belief : Belief
+        All tracks.
+    kinematics : tuple of ndarray, shapes (n_tracks, 2 d), (n_tracks, 2 d, 2 d)
+        Position and velocity of the same, and their covariance.
+    solid : ndarray of bool, shape (n_tracks,)
+        Tracks that are people.
+    width : float
+        Least distance of two people's centres on the floor plane [m].
+    dimensions : int
+        d.
+
+    Returns
+    -------
+    Belief
+        The same object where nobody is too near.
+    """
+    rows = np.flatnonzero(solid)
+    if len(rows) < 2 or width <= 0:
+        return belief
+    state, covariance = kinematics
+    centre = state[rows, :2]
+    step = centre[None] - centre[:, None]
+    distance = np.hypot(step[..., 0], step[..., 1])
+    pairs = np.argwhere(np.triu((distance < width) & (distance > _SAME), 1))
+    if len(pairs) == 0:
+        return belief
+    mean = belief.mean.copy()
+    spread = np.trace(covariance[rows, :2, :2], axis1=1, axis2=2)
+    for i, j in pairs:
+        line = step[i, j] / distance[i, j]
+        share = spread[[i, j]] / spread[[i, j]].sum()
+        push = (width - distance[i, j]) * line
+        velocity = state[rows[[i, j]], dimensions : dimensions + 2]
+        closing = max(float((velocity[0] - velocity[1]) @ line), 0.0) * line
+        for row, sign, part_of in ((rows[i], -1.0, share[0]), (rows[j], 1.0, share[1])):
+            mean[row, :, :2] += sign * part_of * push
+            mean[row, :, dimensions : dimensions + 2] += sign * part_of * closing
+    return Belief(mean, belief.covariance, belief.weight)

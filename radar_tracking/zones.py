@@ -1,0 +1,154 @@
+"""Zones on the floor: where people can be, where they come in, and where they are counted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError
+from radar_core.config import config, knob
+from radar_tracking.tracks import Tracks, TrackStatus
+
+Float64Array = NDArray[np.float64]
+
+_BOX = 4  # numbers of a box: x_low, x_high, y_low, y_high
+
+
+@config
+class ZonesConfig:
+    """Boxes on the floor of ``room``, four numbers each (x_low, x_high, y_low, y_high), one after the other; edges belong to a box."""
+
+    boundaries: tuple[float, ...] = knob(
+        (),
+        unit="m",
+        low=-1e4,
+        high=1e4,
+        doc="boxes x_low, x_high, y_low, y_high: what lies outside all of them is nobody; empty: everywhere",
+    )
+    entries: tuple[float, ...] = knob(
+        (), unit="m", low=-1e4, high=1e4, doc="boxes in which new tracks may begin (doors, and what is seen only later); empty: anywhere"
+    )
+    settle: float = knob(
+        2.0, unit="s", low=0.0, high=1e6, doc="so long after the first cloud tracks may begin anywhere: some people are there already"
+    )
+    counted: tuple[str, ...] = knob((), doc="names of zones whose people are counted, e.g. sofa")
+    counted_boxes: tuple[float, ...] = knob(
+        (), unit="m", low=-1e4, high=1e4, doc="one box x_low, x_high, y_low, y_high per name in counted"
+    )
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when a list does not hold whole boxes, a box has no area, or names and boxes do not fit."""
+        for name in ("boundaries", "entries", "counted_boxes"):
+            _refuse_bad_boxes(name, getattr(self, name))
+        boxes = len(self.counted_boxes) // _BOX
+        if boxes != len(self.counted):
+            raise ConfigError(
+                f"ZonesConfig.counted_boxes holds {boxes} boxes for {len(self.counted)} names in counted; give four numbers for each name"
+            )
+        for name in self.counted:
+            if not name or self.counted.count(name) > 1:
+                raise ConfigError(f"ZonesConfig.counted has {name!r} {'twice' if name else 'as a name'}; give every zone a name of its own")
+
+
+def _refuse_bad_boxes(name: str, values: tuple[float, ...]) -> None:
+    if len(values) % _BOX:
+        raise ConfigError(
+            f"ZonesConfig.{name} has {len(values)} numbers; every box needs four: x_low, x_high, y_low, y_high (in metres, one box after "
+            "the other)"
+        )
+    for number, (x_low, x_high, y_low, y_high) in enumerate(_rows(values).tolist()):
+        if not (x_low < x_high and y_low < y_high):
+            raise ConfigError(
+                f"ZonesConfig.{name}: box {number} is x {x_low:g} to {x_high:g}, y {y_low:g} to {y_high:g}; each low must be below its "
+                "high (the order is x_low, x_high, y_low, y_high)"
+            )
+
+
+def _rows(values: tuple[float, ...]) -> Float64Array:
+    """Boxes as rows, shape (n_boxes, 4)."""
+    return np.asarray(values, np.float64).reshape(-1, _BOX)
+
+
+class Zones:
+    """Answer what a tracker asks about places, and count people.
+
+    Parameters
+    ----------
+    config : ZonesConfig or None
+        Knobs; None: no zones, everything is allowed everywhere.
+
+    Attributes
+    ----------
+    boundaries, entries, counted : ndarray of float64, shape (n_boxes, 4)
+        The boxes, (x_low, x_high, y_low, y_high) [m] in ``room``.
+    """
+
+    def __init__(self, config: ZonesConfig | None = None) -> None:
+        self.config = config if config is not None else ZonesConfig()
+        self.boundaries = _rows(self.config.boundaries)
+        self.entries = _rows(self.config.entries)
+        self.counted = _rows(self.config.counted_boxes)
+
+    def inside(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Whether positions lie where people can be.
+
+        Parameters
+        ----------
+        points : ndarray, shape (..., 2) or (..., 3)
+            Positions (x, y) or (x, y, z) in ``room`` [m]. Heights do not matter.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            True everywhere, NaN included, without boundaries; with them, a NaN in x or y lies in no box.
+        """
+        if not len(self.boundaries):
+            return np.ones(np.shape(points)[:-1], np.bool_)
+        return np.asarray(_in_boxes(points, self.boundaries).any(axis=-1))
+
+    def may_enter(self, position: NDArray[np.floating], age: float) -> bool:
+        """Whether a new track may begin at a place.
+
+        Parameters
+        ----------
+        position : ndarray, shape (2,) or (3,)
+            In ``room`` [m].
+        age : float
+            Time since the tracker's first cloud [s].
+
+        Returns
+        -------
+        bool
+            Never outside the boundaries. Inside, anywhere without entries and during the first ``settle`` seconds, else in an entry.
+        """
+        if not bool(self.inside(position)):
+            return False
+        if not len(self.entries) or age <= self.config.settle:
+            return True
+        return bool(_in_boxes(position, self.entries).any())
+
+    def process(self, tracks: Tracks) -> dict[str, int]:
+        """Count the people in each counted zone.
+
+        Parameters
+        ----------
+        tracks : Tracks
+            After one cloud; tentative tracks count for nobody, coasting ones for somebody.
+
+        Returns
+        -------
+        dict of str to int
+            People by zone, in the order of ``counted``. Zones may overlap: whoever stands in two is counted in both.
+        """
+        people = [track.position for track in tracks.tracks if track.status != TrackStatus.TENTATIVE]
+        if not people:
+            return dict.fromkeys(self.config.counted, 0)
+        counts = _in_boxes(np.stack(people), self.counted).sum(axis=0)
+        return dict(zip(self.config.counted, map(int, counts), strict=True))
+
+
+def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> NDArray[np.bool_]:
+    """Which boxes each position lies in, shape (..., n_boxes); comparisons with NaN are False."""
+    p = np.asarray(points, np.float64)
+    x, y = p[..., 0, None], p[..., 1, None]
+    return np.asarray((x >= boxes[:, 0]) & (x <= boxes[:, 1]) & (y >= boxes[:, 2]) & (y <= boxes[:, 3]))

@@ -1,0 +1,239 @@
+"""Hard numerical cases of the estimators: singular geometry, huge and tiny covariances and steps, long runs, modes that never win."""
+
+from itertools import pairwise
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radar_core import DataError
+from radar_tracking import kalman
+from radar_tracking.estimators import Belief, Estimator, EstimatorConfig, Measurement, from_polar, make_estimator
+from radar_tracking.estimators.kernels import _correct, _predict
+from radar_tracking.estimators.multiple import reweigh
+from radar_tracking.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn
+
+THREE = {"modes": ("constant_velocity", "constant_acceleration", "coordinated_turn"), "noise_scale": (1.0,) * 3, "sojourn": (1.0,) * 3}
+ALL = [
+    *(EstimatorConfig(name=n, motion=m) for n in ("linear", "extended", "unscented") for m in ("constant_velocity", "coordinated_turn")),
+    *(EstimatorConfig(name=n, filter=f, **THREE) for n in ("imm", "mmae") for f in ("linear", "extended", "unscented")),
+    EstimatorConfig(name="mm_vel_est"),
+]
+
+
+def healthy(belief: Belief) -> bool:
+    """Finite, symmetric to the bit, positive definite, probabilities."""
+    C = belief.covariance
+    scale = 1 / np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    balanced = C * scale[..., :, None] * scale[..., None, :]
+    return bool(
+        np.isfinite(belief.mean).all()
+        and np.isfinite(C).all()
+        and np.array_equal(C, np.swapaxes(C, -1, -2))
+        and (len(belief) == 0 or np.linalg.eigvalsh(balanced).min() > 0)
+        and (belief.weight > 0).all()
+        and np.allclose(belief.weight.sum(axis=1), 1.0)
+    )
+
+
+def measured(place: np.ndarray, std: float = 0.1, rate: float = 0.3, rate_std: float = 0.1) -> Measurement:
+    """Round noise about one place per track, sensor at zero."""
+    n, d = place.shape
+    return Measurement(place, np.tile(std**2 * np.eye(d), (n, 1, 1)), np.full(n, rate), np.full(n, rate_std**2), np.zeros((n, d)))
+
+
+def chase(estimator: Estimator, places: np.ndarray, dt: float, **kwargs: float) -> Belief:
+    """Follow places, shape (n_steps, n_tracks, d); every belief is healthy."""
+    belief = estimator.start(measured(places[0], **kwargs), 1.0)
+    for place in places[1:]:
+        belief, innovation = estimator.update(estimator.predict(belief, dt), measured(place, **kwargs))
+        assert healthy(belief)
+        assert np.isfinite(innovation.nis).all()
+        assert (innovation.nis >= 0).all()
+        assert np.isfinite(innovation.log_likelihood).all()
+    return belief
+
+
+@pytest.mark.parametrize("config", ALL)
+@pytest.mark.parametrize("d", [2, 3])
+def test_singular_geometry(config, d):
+    """At the sensor, through it, behind it, across azimuth pi, straight above and below it: healthy, and near the target in the end."""
+    s = np.linspace(-1, 1, 41)[:, None]
+    zero, one = np.zeros_like(s), np.ones_like(s)
+    paths = [
+        np.hstack([zero, zero, zero]),
+        np.hstack([s, zero, zero]),
+        np.hstack([-3 * one, s, zero]),
+        np.hstack([s, 0.01 * one, zero]),
+        np.hstack([1e-9 * s, zero, 2 * one]),
+        np.hstack([0.2 * s, zero, -2 * one]),
+    ]
+    places = np.stack(paths, axis=1)[:, :, :d]
+    estimator = make_estimator(config, d)
+    belief = estimator.start(measured(places[0]), 1.0)
+    for before, place in pairwise(places):
+        velocity = (place - before) / 0.05
+        r = np.maximum(np.linalg.norm(place, axis=1), 1e-6)
+        z = measured(place)
+        z = Measurement(z.position, z.covariance, (place * velocity).sum(axis=1) / r, z.rate_variance, z.origin)
+        belief, innovation = estimator.update(estimator.predict(belief, 0.05), z)
+        assert healthy(belief)
+        assert np.isfinite(innovation.log_likelihood).all()
+    error = np.linalg.norm(estimator.kinematics(belief)[0][:, :d] - places[-1], axis=1)
+    assert error.max() < 0.3  # noiseless places, 0.1 m believed: what the models' inertia leaves
+
+
+@pytest.mark.parametrize("config", ALL)
+@pytest.mark.parametrize("std", [1e-6, 1e3])
+def test_huge_and_tiny_covariances(config, std):
+    """Measurements known to a micrometre, or to a kilometre, of targets at 3 m."""
+    places = np.tile([3.0, 1.0, 0.5], (30, 2, 1)) + 0.01 * np.arange(30)[:, None, None]
+    chase(make_estimator(config), places, 0.05, std=std, rate_std=max(std, 1e-4) / 10)
+
+
+@pytest.mark.parametrize("config", ALL)
+@pytest.mark.parametrize("dt", [0.0, 1e-9, 10.0])
+def test_strange_steps(config, dt):
+    """No time between measurements, next to none, and ten seconds."""
+    places = np.tile([3.0, 1.0, 0.5], (30, 2, 1))
+    chase(make_estimator(config), places, dt)
+
+
+@pytest.mark.parametrize("config", ALL)
+def test_far_away(config):
+    """Targets and noise of 10 km: relative accuracy is what counts."""
+    chase(make_estimator(config), np.tile([1e4, -1e4, 1e4], (20, 1, 1)), 0.05, std=10.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(ALL),
+    st.integers(0, 2**31),
+    st.integers(0, 4),
+    st.floats(1e-3, 10),
+    st.sampled_from([0.0, 1e-6, 0.02, 1.0, 10.0]),
+)
+def test_any_measurements(config, seed, n, std, dt):
+    """Random places, jumping anywhere within 10 m: nothing breaks."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-10, 10, (12, n, 3)) * rng.choice([0.0, 1e-3, 1.0], (12, n, 1))
+    if n:
+        chase(make_estimator(config), places, dt, std=std, rate=float(rng.normal()))
+    else:
+        assert healthy(chase(make_estimator(config), places, dt, std=std))
+
+
+@numba.njit
+def _many(mean, P, F, Q, H, R, used, steps):
+    state = 12345.0
+    nis = 0.0
+    for _ in range(steps):
+        state = (state * 16807.0) % 2147483647.0  # Lehmer's generator: the same noise on every machine
+        residual = np.full((1, H.shape[1]), 0.2 * (state / 2147483647.0 - 0.5))
+        mean = (F[0] @ mean[0]).reshape(1, -1)
+        P = _predict(P, F, Q)
+        for j in range(H.shape[1]):
+            residual[0, j] -= mean[0, j]
+        mean, P, found, _, _, status = _correct(mean, P, residual, H, R, used)
+        if status[0] != 0:
+            return mean, P, -1.0
+        nis += found[0]
+    return mean, P, nis / steps
+
+
+def test_a_million_steps():
+    """The covariance is the fixed point of the Riccati equation to rounding, symmetric and positive definite, and the state is bounded."""
+    model = ConstantVelocity((1.0, 1e-4))
+    F, Q = model.jacobian(np.zeros((1, 4)), 0.02).copy(), model.noise(np.zeros((1, 4)), 0.02).copy()
+    H, R = np.eye(2, 4)[None].copy(), 0.01 * np.eye(2)[None]
+    args = (np.zeros((1, 4)), np.eye(4)[None], F, Q, H, R, np.ones((1, 2), np.bool_))
+    mean, P, nis = _many(*args, 1_000_000)
+    _, early, _ = _many(*args, 20_000)
+    np.testing.assert_allclose(P, early, rtol=1e-9, atol=1e-15)
+    assert healthy(Belief(mean[:, None], P[:, None], np.ones((1, 1))))
+    assert np.abs(mean).max() < 10
+    assert 0 < nis < 2  # uniform noise of +-0.1 m is less than the 0.1 m standard deviation believed
+
+
+@pytest.mark.parametrize("name", ["imm", "mmae"])
+def test_a_mode_that_has_lost_for_long_comes_back(name):
+    """5,000 steps of a target at rest: the agile mode is down, not dead, and leads within 0.3 s when the target starts to move."""
+    estimator = make_estimator(EstimatorConfig(name=name, noise_scale=(1e-4, 50.0)), 2)
+    noise = np.random.default_rng(3).normal(0, 0.05, (5_000, 1, 2))
+    belief = estimator.start(measured(np.array([[3.0, 0.0]]), std=0.05), 1.0)
+    for off in noise:
+        belief, _ = estimator.update(estimator.predict(belief, 0.05), measured(np.array([3.0, 0.0]) + off, std=0.05))
+    assert healthy(belief)
+    assert 1e-7 < belief.weight[0, 1] < 0.2
+    led = []
+    for k in range(6):
+        belief, _ = estimator.update(estimator.predict(belief, 0.05), measured(np.array([[3.0, 0.15 * (k + 1)]]), std=0.05))
+        led.append(belief.weight[0, 1])
+    assert max(led) > 0.5
+
+
+def test_weights_over_a_hundred_thousand_updates():
+    """Likelihoods that favour one mode by up to 1000 units, for ever: still probabilities, still at the floor and not below."""
+    weight, rng = np.full((2, 3), 1 / 3), np.random.default_rng(4)
+    score = rng.uniform(0, 1000, (100_000, 2, 1)) * [-1.0, -1.0, 0.0] - 500.0
+    for one in score:
+        weight, total = reweigh(weight, one, 1e-6)
+    np.testing.assert_allclose(weight, np.tile([1e-6, 1e-6, 1.0], (2, 1)), rtol=3e-6)
+    assert np.isfinite(total).all()
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-300, 1e-12, 1e3, -1e6])
+def test_turns_of_any_rate(rate):
+    """Whirls and next to nothing: finite, the speed kept, the noise positive semidefinite."""
+    model = CoordinatedTurn((1.0, 1.0), 0.5)
+    mean = np.array([[1.0, 2.0, 3.0, -4.0, rate]])
+    moved = model.move(mean, 0.1)
+    assert np.hypot(*moved[0, 2:4]) == pytest.approx(5.0, rel=1e-12)
+    assert np.isfinite(model.jacobian(mean, 0.1)).all()
+    Q = model.noise(mean, 0.1)[0]
+    assert np.linalg.eigvalsh(Q).min() > -1e-14 * np.abs(Q).max()
+
+
+@pytest.mark.parametrize("model", [ConstantVelocity((1.0,) * 3), ConstantAcceleration((1.0,) * 3), CoordinatedTurn((1.0,) * 3, 1.0)])
+def test_no_step_is_no_motion_and_no_noise(model):
+    """dt = 0; also for no states at all."""
+    mean = np.ones((2, model.n_states))
+    assert np.array_equal(model.move(mean, 0.0), mean)
+    assert np.array_equal(np.broadcast_to(model.jacobian(mean, 0.0), (2, model.n_states, model.n_states))[1], np.eye(model.n_states))
+    assert not model.noise(mean, 0.0).any()
+    assert model.move(mean[:0], 0.1).shape == (0, model.n_states)
+
+
+def test_measurements_without_noise_are_refused_not_hidden():
+    """A singular innovation covariance is an error that says so; so is a covariance that is not one."""
+    estimator = make_estimator(EstimatorConfig(), 2)
+    belief = estimator.start(measured(np.ones((1, 2)), std=0.0), 1.0)
+    with pytest.raises(DataError, match="singular"):
+        estimator.update(belief, measured(np.ones((1, 2)), std=0.0))
+    unscented = make_estimator(EstimatorConfig(name="unscented"), 2)
+    with pytest.raises(DataError, match="positive"):
+        unscented.update(belief, measured(np.ones((1, 2)), std=0.1))
+
+
+def test_wide_angles():
+    """Angle errors up to pi: positions stay within the range's reach times the largest correction, covariances healthy."""
+    for std in (1e-6, 0.5, 1.0, np.pi):
+        z = from_polar(np.full(5, 4.0), np.linspace(-np.pi, np.pi, 5), np.full(5, 1.5), range_std=1e-3, azimuth_std=std, elevation_std=std)
+        assert (np.linalg.norm(z.position, axis=1) <= 4.0 * np.e).all()
+        assert np.linalg.eigvalsh(z.covariance).min() > 0
+
+
+def test_a_range_of_zero():
+    """The sensor's own place, with the covariance of the range's error in any direction."""
+    z = from_polar(0.0, 0.3, 0.1, range_std=0.1, azimuth_std=0.02, elevation_std=0.02)
+    np.testing.assert_allclose(z.position, 0.0, atol=1e-15)
+    assert np.linalg.eigvalsh(z.covariance).min() > 0
+
+
+def test_the_small_filter_keeps_its_core():
+    """`radar_tracking.kalman` on a stack of no states."""
+    mean, covariance = kalman.predict(np.empty((0, 6)), np.empty((0, 6, 6)), 0.1, 1.0)
+    assert mean.shape == (0, 6)
+    assert covariance.shape == (0, 6, 6)
