@@ -31,6 +31,10 @@ KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
         "association.arm_speed": (0.2, 100.0),
         "association.reach": (0.0, 0.5),
         "association.torso_depth": (0.0, 0.5),
+        "association.torso_echo": (0.5, 8.0),
+        "association.arm_length": (0.4, 1.0),
+        "association.body_depth": (0.2, 10.0),
+        "association.body_width": (0.0, 0.45),
         "association.arm_height": (1.2,),
         "min_distance": (0.0,),
         "min_speed": (0.1,),
@@ -60,6 +64,7 @@ KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
         "life.birth_points": (2, 5),
         "life.birth_snr": (5.0, 20.0),
         "life.birth_distance": (0.4, 1.2),
+        "life.birth_behind": (0.2, 0.8),
         "life.confirm_after": (0.1, 0.5),
         "life.confirm_matches": (1, 10),
         "life.confirm_points": (0.0, 4.0),
@@ -72,7 +77,7 @@ KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
         "life.walk_distance": (0.4, 1.5),
         "life.left_after": (0.05, 1.0),
         "life.static_speed": (0.1, 0.6),
-        "life.reflection_after": (0.5,),
+        "life.reflection_after": (0.5, 3.0),
         "life.merge_distance": (0.0, 0.5),
         "life.merge_after": (0.3, 3.0),
     },
@@ -98,6 +103,10 @@ COMBINED: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
         "no arms (arm_depth, arm_speed off)": {"association.arm_depth": 100.0, "association.arm_speed": 100.0},
         "method=mahalanobis, gate_sigmas=3": {"association.method": "mahalanobis", "association.gate_sigmas": 3.0},
     },
+    "track management": {
+        "reflection_after=3, farther=0": {"life.reflection_after": 3.0, "life.reflection_farther": 0.0},
+        "reflection_after=3, weaker=-3": {"life.reflection_after": 3.0, "life.reflection_weaker": -3.0},
+    },
     "clustering within the tracker": {
         "name=polar_dbscan, angle_reach=0.2": {"association.clustering.name": "polar_dbscan", "association.clustering.angle_reach": 0.2},
         "name=polar_dbscan, density_exponent=2": {
@@ -117,6 +126,31 @@ COMBINED: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
     },
 }
 """Stage to what takes several knobs."""
+UNVARIED: Final[Mapping[str, str]] = {
+    "association.clustering.max_points": "bounds the time of clouds larger than these",
+    "association.clustering.max_eps": "of OPTICS; changes nothing beyond eps",
+    "association.clustering.n_clusters": "of k-means, which is not meant for this",
+    "association.clustering.max_iterations": "of k-means, which is not meant for this",
+    "association.clustering.reference_range": "with density_exponent",
+    "association.clustering.min_points_far": "with density_exponent",
+    "association.clustering.range_cell": "of the grid; belongs to the radar's resolution",
+    "association.clustering.azimuth_cell": "of the grid; belongs to the radar's resolution",
+    "association.clustering.rate_cell": "of the grid; belongs to the radar's resolution",
+    "filter.estimator.jerk_noise": "with its motion model, whose consistency is tested",
+    "filter.estimator.turn_noise": "with its motion model, whose consistency is tested",
+    "filter.estimator.acceleration_std": "of a first guess",
+    "filter.estimator.turn_std": "of a first guess",
+    "filter.estimator.least_weight": "keeps modes alive; numerical",
+    "filter.estimator.sigma_spread": "of the unscented filter; numerical",
+    "life.max_tracks": "bounds the time of crowds larger than these",
+    "zones.boundaries": "says where the room is",
+    "zones.entries": "says where the room is",
+    "zones.settle": "with entries",
+    "zones.counted": "counts only",
+    "zones.counted_boxes": "counts only",
+    "max_distance": "says where the room is",
+}
+"""Knobs of the tracker that are not varied, and why."""
 
 
 def settings() -> Iterator[tuple[str, str, Mapping[str, Any]]]:

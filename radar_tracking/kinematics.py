@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,16 +59,17 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True)
-class ConstantVelocity:
-    """Velocity drifts under white acceleration; state (position, velocity).
+class _Chain:
+    """A chain of derivatives of the position, the highest of which drifts under white noise.
 
     Attributes
     ----------
     density : tuple of float
-        Spectral density of the acceleration on every axis [m^2/s^3]; its length, 2 or 3, is the number of dimensions.
+        Spectral density of that noise on every axis; its length, 2 or 3, is the number of dimensions.
     """
 
     density: tuple[float, ...]
+    order: ClassVar[int]
 
     def __post_init__(self) -> None:
         _check_density(self.density)
@@ -81,57 +82,31 @@ class ConstantVelocity:
     @property
     def n_states(self) -> int:
         """Length of the state vector."""
-        return 2 * len(self.density)
+        return self.order * len(self.density)
 
     def move(self, mean: Float64Array, dt: float) -> Float64Array:
         """States, shape (..., n_states), ``dt`` later [s], without noise (6.1)."""
-        return np.asarray(mean @ _chain_jacobian(2, self.dimensions, dt).T)
+        return np.asarray(mean @ _chain_jacobian(self.order, self.dimensions, dt).T)
 
     def jacobian(self, mean: Float64Array, dt: float) -> Float64Array:
         """Transition matrix, shape (1, n_states, n_states)."""
-        return _chain_jacobian(2, self.dimensions, dt)[None]
+        return _chain_jacobian(self.order, self.dimensions, dt)[None]
 
     def noise(self, mean: Float64Array, dt: float) -> Float64Array:
         """Process noise, shape (1, n_states, n_states)."""
-        return _chain_noise(2, self.density, dt)[None]
+        return _chain_noise(self.order, self.density, dt)[None]
 
 
-@dataclass(frozen=True)
-class ConstantAcceleration:
-    """Acceleration drifts under white jerk; state (position, velocity, acceleration).
+class ConstantVelocity(_Chain):
+    """Velocity drifts under white acceleration, ``density`` in m^2/s^3; state (position, velocity)."""
 
-    Attributes
-    ----------
-    density : tuple of float
-        Spectral density of the jerk on every axis [m^2/s^5]; its length, 2 or 3, is the number of dimensions.
-    """
+    order = 2
 
-    density: tuple[float, ...]
 
-    def __post_init__(self) -> None:
-        _check_density(self.density)
+class ConstantAcceleration(_Chain):
+    """Acceleration drifts under white jerk, ``density`` in m^2/s^5; state (position, velocity, acceleration)."""
 
-    @property
-    def dimensions(self) -> int:
-        """2 or 3."""
-        return len(self.density)
-
-    @property
-    def n_states(self) -> int:
-        """Length of the state vector."""
-        return 3 * len(self.density)
-
-    def move(self, mean: Float64Array, dt: float) -> Float64Array:
-        """States, shape (..., n_states), ``dt`` later [s], without noise."""
-        return np.asarray(mean @ _chain_jacobian(3, self.dimensions, dt).T)
-
-    def jacobian(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Transition matrix, shape (1, n_states, n_states)."""
-        return _chain_jacobian(3, self.dimensions, dt)[None]
-
-    def noise(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Process noise, shape (1, n_states, n_states)."""
-        return _chain_noise(3, self.density, dt)[None]
+    order = 3
 
 
 @dataclass(frozen=True)

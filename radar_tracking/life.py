@@ -69,7 +69,7 @@ class TrackManagement:
         return deleted
 
     def _note_echoes(self, roster: Roster, stamp_ns: int) -> None:
-        """Note which tentative tracks look like reflections: never nearer than their cause, weaker, of the same direction and no faster."""
+        """Note which tracks look like reflections: farther than their cause, and not much louder for their range."""
         config = self.config
         known = roster["confirmed"] & (stamp_ns - roster["seen_ns"] <= whole_ns(0.3))
         mine, theirs = roster.records[:, None], roster.records[None, known]
@@ -82,8 +82,10 @@ class TrackManagement:
 
     def _confirm(self, roster: Roster, stamp_ns: int) -> None:
         config = self.config
-        self._note_echoes(roster, stamp_ns)
-        wait = np.where(roster["echo"] > 0.5, whole_ns(max(config.reflection_after, config.confirm_after)), whole_ns(config.confirm_after))
+        wait = np.full(len(roster), whole_ns(config.confirm_after))
+        if config.reflection_after > config.confirm_after:
+            self._note_echoes(roster, stamp_ns)
+            wait[roster["echo"] > 0.5] = whole_ns(config.reflection_after)
         long = stamp_ns - roster["born_ns"] >= wait
         plausible = (roster["points_sum"] >= config.confirm_points * roster["clouds"]) & (roster["activity"] >= config.confirm_activity)
         matched = (roster["seen_ns"] == stamp_ns) & (roster["matches"] >= config.confirm_matches)

@@ -91,7 +91,7 @@ class LifeConfig:
         unit="s",
         low=0.0,
         high=600.0,
-        doc="a tentative track that looks like a reflection (farther than a confirmed one, weaker, moving alike) waits this long instead",
+        doc="a tentative track that looks like a reflection (farther than a confirmed one, not much louder) waits this long; 0: off",
     )
     reflection_farther: float = knob(0.3, unit="m", low=-10.0, high=100.0, doc="a reflection is at least so much farther than its cause")
     reflection_weaker: float = knob(2.0, unit="dB", low=-50.0, high=50.0, doc="and at least so much weaker, for its range")

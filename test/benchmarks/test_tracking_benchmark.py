@@ -1,5 +1,6 @@
 """The people tracking benchmark counts what it says: by truth that the test made itself; no test asserts a time."""
 
+import dataclasses
 import json
 import math
 from dataclasses import replace
@@ -15,7 +16,7 @@ from benchmarks.tracking_score import Score, Scorer, apart, fresh_misses, total
 from benchmarks.tracking_suite import PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, zones_of
 from radar_core import PointCloud, RadarInfo
 from radar_sim import Truth
-from radar_tracking import PeopleTracker, Track, Tracks, TrackStatus
+from radar_tracking import PeopleTracker, Track, TrackerConfig, Tracks, TrackStatus
 
 DT_NS = 20_000_000
 INFO = RadarInfo(mount=MOUNT)
@@ -173,6 +174,23 @@ def test_every_knob_exists_and_differs():
     names = {config.filter.estimator.name for config in (default, *found.values())}
     assert names == {"linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"}
     assert {config.tracker for config in TRACKERS.values()} == {"group_clustering", "group", "cluster_first"}
+
+
+def names_of(config: object, prefix: str = "") -> set[str]:
+    """Every knob by its whole name."""
+    found: set[str] = set()
+    for one in dataclasses.fields(config):
+        value = getattr(config, one.name)
+        found |= names_of(value, f"{prefix}{one.name}.") if dataclasses.is_dataclass(value) else {prefix + one.name}
+    return found
+
+
+def test_no_knob_of_the_tracker_is_forgotten():
+    """Each stands in the report of accuracy and time, or says why not."""
+    varied = {name for stage in tracking_choices.KNOBS.values() for name in stage}
+    varied |= {name for stage in tracking_choices.COMBINED.values() for settings in stage.values() for name in settings}
+    assert not varied & set(tracking_choices.UNVARIED)
+    assert varied | set(tracking_choices.UNVARIED) == names_of(TrackerConfig())
 
 
 def test_the_crowd_is_ten_people():
