@@ -71,7 +71,7 @@ class TrackManagement:
     def _note_echoes(self, roster: Roster, stamp_ns: int) -> None:
         """Note which tracks look like reflections: farther than their cause, and not much louder for their range."""
         config = self.config
-        known = roster["confirmed"] & (stamp_ns - roster["seen_ns"] <= whole_ns(0.3))
+        known = stamp_ns - roster["seen_ns"] <= whole_ns(0.3)
         mine, theirs = roster.records[:, None], roster.records[None, known]
         loud = [part["power"] + 40.0 * np.log10(np.maximum(part["range"], 0.1)) for part in (mine, theirs)]
         farther = mine["range"] > theirs["range"] + config.reflection_farther

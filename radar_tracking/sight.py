@@ -15,6 +15,7 @@ from radar_tracking.roster import Roster
 Float64Array = NDArray[np.float64]
 _SHOULDER = 0.1  # m: heights are sure to this
 _LEAST = 1e-3  # weight of a point that is no torso for sure
+_BEHIND = 0.1  # m: what is farther behind the torso than that counts less and less, too
 _SHORT = 1e-9  # m: a track at the very place of the sensor has no line of sight
 
 
@@ -120,7 +121,8 @@ def torso_reference(
 
 def torso(roster: Roster, before: Float64Array, slip: Float64Array, config: AssociationConfig) -> Float64Array:
     """How much each point counts as torso, shape (n_tracks, n_points), 0..1; ``before`` [m] is negative before the torso. See `Sight`."""
-    depth = np.clip(before, -5 * config.arm_depth, 0.0) / config.arm_depth
+    behind = np.clip(before - config.torso_depth, 0.0, 5 * _BEHIND) / _BEHIND
+    depth = np.clip(before, -5 * config.arm_depth, 0.0) / config.arm_depth - behind
     excess = (slip - roster["slip"][:, None]) / config.arm_speed
     square = np.where(np.isnan(excess), 0.0, np.minimum(excess * excess, 100.0))
     return np.asarray(np.exp(depth) / (1.0 + square))

@@ -13,7 +13,7 @@ from benchmarks.document import figures as listed
 from benchmarks.plot import scalars, tables
 from benchmarks.scenarios import HIGH_MOUNT, MOUNT, Moment
 from benchmarks.tracking_score import Score, Scorer, apart, fresh_misses, total
-from benchmarks.tracking_suite import PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, zones_of
+from benchmarks.tracking_suite import FLOOR, PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, zones_of
 from radar_core import PointCloud, RadarInfo
 from radar_sim import Truth
 from radar_tracking import PeopleTracker, Track, TrackerConfig, Tracks, TrackStatus
@@ -204,7 +204,7 @@ def test_the_crowd_is_ten_people():
 
 def test_only_the_furnished_room_has_boundaries():
     """The clutter scene's trackers are told the room, inside its walls."""
-    assert zones_of("clutter").boundaries == (0.0, 5.4, -2.4, 2.4)
+    assert zones_of("clutter").boundaries == FLOOR
     assert zones_of("crossing").boundaries == ()
 
 
