@@ -9,14 +9,16 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.clustering_parts import figures as clustering
-from benchmarks.scenarios import HIGH_MOUNT, SCENARIOS
+from benchmarks.report import choice
+from benchmarks.scenarios import HIGH_MOUNT, MOUNT, SCENARIOS
 from benchmarks.tracking_choices import rows, speed, variants
 from benchmarks.tracking_hand import hand
 from benchmarks.tracking_score import Score
-from benchmarks.tracking_suite import PEER, PROCESSES, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
+from benchmarks.tracking_suite import PEER, PROCESSES, THESIS, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
 
 PRODUCT: Final = "group_clustering"
 NO_SWITCHES: Final = ("crossing", "approach", "handshake")
+ONE_DIRECTION: Final = ("approach", "side_by_side", "parallel", "handshake")
 TILTED: Final = ("approach", "crossing")
 INF: Final = float("inf")
 
@@ -41,9 +43,9 @@ class Plan:
 
     names: tuple[str, ...] = tuple(SCENARIOS)
     seeds: int = 20
-    peer_seeds: int = 3
+    peer_seeds: int = 2
     choice_names: tuple[str, ...] = ("approach", "side_by_side", "five_people", "clutter")
-    choice_seeds: int = 2
+    choice_seeds: int = 1
     seconds: float = INF
     processes: int = PROCESSES
 
@@ -53,7 +55,7 @@ QUICK: Final = Plan(seeds=3, peer_seeds=1, choice_names=("approach",), choice_se
 
 
 def jobs(plan: Plan) -> list[Job]:
-    """Every scene once with all trackers, and two kinds again with the radar high and tilted."""
+    """Every scene once with all trackers, some again with one direction in each cell, and two with the radar high and tilted."""
     tried, peer = variants(), peer_installed()
     found = []
     for name in plan.names:
@@ -62,14 +64,20 @@ def jobs(plan: Plan) -> list[Job]:
             found.append(Job(name, seed, TRACKERS, choices, peer=peer and seed < plan.peer_seeds, seconds=plan.seconds))
     product = {PRODUCT: TRACKERS[PRODUCT]}
     high = [Job(name, seed, product, mount=HIGH_MOUNT, seconds=plan.seconds) for name in TILTED for seed in range(plan.seeds)]
-    return found + [job for job in high if job.name in plan.names]
+    plain = [
+        Job(name, seed, {PRODUCT: TRACKERS[PRODUCT], **THESIS}, seconds=plan.seconds, plain=True)
+        for name in ONE_DIRECTION
+        for seed in range(plan.seeds)
+    ]
+    return found + [job for job in high + plain if job.name in plan.names]
 
 
-def by_tracker(done: Sequence[Done], plan: Plan) -> dict[str, dict[str, dict[str, float]]]:
+def by_tracker(done: Sequence[Done], plan: Plan, *, plain: bool = False) -> dict[str, dict[str, dict[str, float]]]:
     """Figures of every tracker on every kind of scene, and on all of them together (``all``)."""
     found: dict[str, dict[str, dict[str, float]]] = {}
-    for tracker in (*TRACKERS, PEER):
-        scores = {name: pooled(done, tracker, (name,)) for name in plan.names} | {"all": pooled(done, tracker)}
+    names = [name for name in plan.names if not plain or name in ONE_DIRECTION]
+    for tracker in (*TRACKERS, *THESIS, PEER):
+        scores = {name: pooled(done, tracker, (name,), plain=plain) for name in names} | {"all": pooled(done, tracker, plain=plain)}
         if scores["all"].clouds:
             found[tracker] = {name: figures(score, name) for name, score in scores.items()}
     return found
@@ -129,7 +137,7 @@ def why(done: Sequence[Done], plan: Plan) -> dict[str, float]:
     }
 
 
-def findings(done: Sequence[Done]) -> dict[str, dict[str, float]]:
+def findings(done: Sequence[Done], *, plain: bool = False) -> dict[str, dict[str, float]]:
     """Compare the trackers as the thesis does (6.3).
 
     Returns
@@ -139,13 +147,34 @@ def findings(done: Sequence[Done]) -> dict[str, dict[str, float]]:
         ``approach_scenes``;
         ``wrong_point_fraction``: share of people's tracked points that carry the other's track, side by side (Fig. 6.3).
     """
-    names = [name for name in (*TRACKERS, PEER) if pooled(done, name).clouds]
-    approach: dict[str, Score] = {name: pooled(done, name, ("approach",)) for name in names}
+    approach: dict[str, Score] = {name: pooled(done, name, ("approach",), plain=plain) for name in (*TRACKERS, *THESIS, PEER)}
+    approach = {name: score for name, score in approach.items() if score.clouds}
     return {
         "approach_lost": {name: score.lost for name, score in approach.items()},
         "approach_scenes": {name: score.scenes for name, score in approach.items()},
-        "wrong_point_fraction": {name: pooled(done, name, ("side_by_side",)).wrong_fraction for name in names},
+        "wrong_point_fraction": {name: pooled(done, name, ("side_by_side",), plain=plain).wrong_fraction for name in approach},
     }
+
+
+def directions(done: Sequence[Done]) -> list[dict[str, Any]]:
+    """Compare one and two directions in a cell: GOSPA of the product's tracker beside the time of the baseband."""
+    scenes = {(d.job.name, d.job.seed) for d in done if d.job.plain}
+    pairs = {
+        plain: [d for d in done if d.job.plain == plain and d.job.mount == MOUNT and (d.job.name, d.job.seed) in scenes]
+        for plain in (True, False)
+    }
+    times = {plain: [ms for d in own for ms in d.baseband_ms] for plain, own in pairs.items()}
+    found = []
+    for plain, label in ((True, "doa.method=dml"), (False, "doa.method=dml2 (preset people)")):
+        if not times[plain]:
+            continue
+        score = pooled(pairs[plain], PRODUCT, plain=plain)
+        title = f"{label}, MOTA {score.mota:.3f}, {score.switches:.0f} switches"
+        accuracy = ("mean GOSPA", score.mean_gospa, "m")
+        found.append(
+            choice("directions in a cell", title, accuracy=accuracy, times_ms=times[plain], reference_ms=None if plain else times[True])
+        )
+    return found
 
 
 def measure(plan: Plan, quick: bool) -> dict[str, Any]:
@@ -156,10 +185,11 @@ def measure(plan: Plan, quick: bool) -> dict[str, Any]:
         from benchmarks.stone_soup import over_stone_soup
 
         parts.append(over_stone_soup(quick))
-    choices = rows(done) + [row for part in parts for row in part.pop("choices")]
+    choices = directions(done) + rows(done) + [row for part in parts for row in part.pop("choices")]
     flat = {key: value for part in parts for key, value in part.items()}
     summed = summary(done, plan) | {key: flat[key] for key in ("over_stone_soup",) if key in flat}
-    tables = {"summary": summed, "why": why(done, plan), **findings(done), "trackers": by_tracker(done, plan)}
+    plain = findings(done, plain=True) | {"trackers": by_tracker(done, plan, plain=True)}
+    tables = {"summary": summed, "why": why(done, plan), **findings(done), "trackers": by_tracker(done, plan), "one_direction": plain}
     result: dict[str, Any] = finite({**flat, **hand(quick), **tables})
     return {**result, "choices": choices}
 
@@ -178,7 +208,8 @@ def run(quick: bool) -> dict[str, Any]:
     -------
     dict
         ``trackers``: tracker to scene to figures; ``summary`` of Group Tracker with Clustering, see `summary`; ``why``, see `why`; the
-        thesis's findings, see `findings`; ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand;
-        ``choices``.
+        thesis's findings, see `findings`; ``one_direction``: the same with one direction in each cell, for the
+        product's tracker and for all as the thesis has them;
+        ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand; ``choices``.
     """
     return measure(QUICK if quick else FULL, quick)

@@ -77,7 +77,12 @@ KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
         "life.walk_distance": (0.4, 1.5),
         "life.left_after": (0.05, 1.0),
         "life.static_speed": (0.1, 0.6),
+        "life.pair_distance": (0.0, 0.3, 0.6),
+        "life.pair_time": (0.5, 2.0),
         "life.reflection_after": (0.5, 3.0),
+        "life.reflection_weaker": (0.0, 4.0),
+        "life.reflection_depth": (0.2, 0.6),
+        "life.reflection_time": (0.3, 3.0),
         "life.merge_distance": (0.0, 0.5),
         "life.merge_after": (0.3, 3.0),
     },
@@ -105,7 +110,6 @@ COMBINED: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
     },
     "track management": {
         "reflection_after=3, farther=0": {"life.reflection_after": 3.0, "life.reflection_farther": 0.0},
-        "reflection_after=3, weaker=-3": {"life.reflection_after": 3.0, "life.reflection_weaker": -3.0},
     },
     "clustering within the tracker": {
         "name=polar_dbscan, angle_reach=0.2": {"association.clustering.name": "polar_dbscan", "association.clustering.angle_reach": 0.2},
@@ -146,6 +150,7 @@ UNVARIED: Final[Mapping[str, str]] = {
     "zones.boundaries": "says where the room is",
     "zones.entries": "says where the room is",
     "zones.settle": "with entries",
+    "zones.walls": "says where the room is",
     "zones.counted": "counts only",
     "zones.counted_boxes": "counts only",
     "max_distance": "says where the room is",

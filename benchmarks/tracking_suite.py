@@ -13,11 +13,12 @@ from joblib import Parallel, delayed, parallel_config
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.scenarios import MOUNT, SCENARIOS, Moment, moments
+from benchmarks.scenarios import MOUNT, SCENARIOS, WALLS, Moment, moments
 from benchmarks.tracking_score import Score, Scorer, total
 from radar_core import PointCloud, Pose, RadarInfo
-from radar_core.config import load, load_file, nest
+from radar_core.config import load, load_file, nest, plain
 from radar_core.paths import find_config
+from radar_dsp import BasebandConfig
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 from radar_tracking.zones import Zones, ZonesConfig
 
@@ -48,6 +49,12 @@ TRACKERS: Final[Mapping[str, TrackerConfig]] = {
 }
 """The thesis's three trackers, and the one that splits merged clusters; the first is the product's."""
 
+THESIS: Final[Mapping[str, TrackerConfig]] = {
+    f"thesis_{name}": replace(load_file(TrackerConfig, find_config("thesis", "tracking", ".yaml")), tracker=name)
+    for name in ("group_clustering", "group", "cluster_first")
+}
+"""The same as the thesis describes them, without what we added."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -65,6 +72,8 @@ class Job:
         Whether Stone Soup runs too.
     seconds : float
         Only the scene's first so many.
+    plain : bool
+        Whether the baseband looks for one direction only in each cell of the range-Doppler map, as the thesis's does.
     """
 
     name: str
@@ -74,15 +83,17 @@ class Job:
     mount: Pose = MOUNT
     peer: bool = False
     seconds: float = float("inf")
+    plain: bool = False
 
 
 @dataclass(frozen=True)
 class Done:
-    """A job and its scores by the names of the trackers and of the choices."""
+    """A job, its scores by the names of the trackers and of the choices, and what the baseband took for each cloud [ms]."""
 
     job: Job
     trackers: Mapping[str, Score]
     choices: Mapping[str, Score]
+    baseband_ms: Sequence[float] = ()
 
 
 def peer_installed() -> bool:
@@ -112,17 +123,23 @@ class Peer:
 
 
 def zones_of(name: str) -> ZonesConfig:
-    """Tell trackers about the room of a scene."""
-    return ZonesConfig(boundaries=FLOOR) if SCENARIOS[name].room else ZonesConfig()
+    """Tell trackers about the room of a scene: the floor on which people walk, and the walls."""
+    return ZonesConfig(boundaries=FLOOR, walls=tuple(np.ravel(WALLS).tolist())) if SCENARIOS[name].room else ZonesConfig()
 
 
 def make(name: str, config: TrackerConfig, info: RadarInfo) -> PeopleTracker:
-    """Make one of our trackers for a scene: it is told the furnished room, by boundaries and what our preset says of reflections."""
-    if SCENARIOS[name].room and config.life.reflection_after == TrackerConfig().life.reflection_after:
-        preset = load_file(TrackerConfig, find_config("furnished", "tracking", ".yaml")).life
-        life = replace(config.life, reflection_after=preset.reflection_after, reflection_weaker=preset.reflection_weaker)
-        config = replace(config, life=life)
-    return PeopleTracker(replace(config, zones=zones_of(name)), info)
+    """Make one of our trackers for a scene; in the furnished room it has what our preset for such rooms changes."""
+    if SCENARIOS[name].room:
+        preset = load_file(TrackerConfig, find_config("furnished", "tracking", ".yaml"))
+        config = load(TrackerConfig, over(plain(config), plain(preset)))
+    zones = zones_of(name) if config.zones == ZonesConfig() else config.zones
+    return PeopleTracker(replace(config, zones=zones), info)
+
+
+def over(given: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
+    """Put given settings over a preset's."""
+    inner = {key: over(value, preset.get(key, {})) if isinstance(value, dict) else value for key, value in given.items()}
+    return preset | inner
 
 
 def follow(name: str, made: Sequence[Moment], trackers: Mapping[str, Tracker], info: RadarInfo) -> dict[str, Score]:
@@ -140,7 +157,8 @@ def follow(name: str, made: Sequence[Moment], trackers: Mapping[str, Tracker], i
 def simulate(job: Job) -> list[Moment]:
     """Make the clouds of a job; whose the points are is found out where people gesture side by side."""
     made: list[Moment] = []
-    for moment in moments(job.name, job.seed, job.mount, owners=job.name == "side_by_side"):
+    config = BasebandConfig() if job.plain else None
+    for moment in moments(job.name, job.seed, job.mount, owners=job.name == "side_by_side", config=config):
         if made and (moment.cloud.stamp_ns - made[0].cloud.stamp_ns) * 1e-9 >= job.seconds:
             break
         made.append(moment)
@@ -156,7 +174,7 @@ def work(job: Job) -> Done:
     if job.peer:
         scores |= follow(job.name, made, {PEER: Peer(zones_of(job.name))}, info)
     choices = {label: make(job.name, config, info) for label, config in job.choices.items()}
-    return Done(job, scores, follow(job.name, made, choices, info))
+    return Done(job, scores, follow(job.name, made, choices, info), [moment.baseband_ms for moment in made])
 
 
 def run_all(jobs: Sequence[Job], processes: int = PROCESSES) -> list[Done]:
@@ -174,9 +192,10 @@ def _length(job: Job) -> float:
     return min(SCENARIOS[job.name].duration, job.seconds) * (10 + len(job.trackers) + 8 * job.peer + len(job.choices))
 
 
-def pooled(done: Sequence[Done], tracker: str, names: Sequence[str] = (), mount: Pose = MOUNT) -> Score:
+def pooled(done: Sequence[Done], tracker: str, names: Sequence[str] = (), mount: Pose = MOUNT, *, plain: bool = False) -> Score:
     """Add up a tracker's scores over all seeds of some scenes; no names: of all scenes."""
-    chosen = [d for d in done if d.job.mount == mount and tracker in d.trackers and (not names or d.job.name in names)]
+    own = [d for d in done if d.job.mount == mount and d.job.plain == plain]
+    chosen = [d for d in own if tracker in d.trackers and (not names or d.job.name in names)]
     return total([d.trackers[tracker] for d in chosen])
 
 

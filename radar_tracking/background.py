@@ -16,6 +16,7 @@ IndexArray = NDArray[np.int64]
 
 _TURN: Final = 2 * math.pi
 _MAX_CELLS: Final = 400  # in range; farther points share the last one
+_NEXT: Final = np.array([[-1], [0], [1]])
 _STALE: Final = 1e-3  # of a cell's share: levels of cells that are nearly empty start anew
 
 
@@ -38,6 +39,7 @@ class Background:
         self._n_azimuth = max(round(_TURN / config.azimuth_cell), 4)
         self._share: dict[bytes, Float64Array] = {}  # by the place of the sensor: its number changes when another one falls silent
         self._level: dict[bytes, Float64Array] = {}
+        self._last: tuple[Points, IndexArray] | None = None
 
     def reset(self) -> None:
         """Forget the map."""
@@ -53,12 +55,12 @@ class Background:
         if not self.config.enabled:
             return found
         still = self.still(points)
-        power = np.nan_to_num(points.power, nan=0.0)
+        power = np.fmax(points.power, 0.0)  # what is not measured has none
         ratio = 10 ** (self.config.stronger / 10)
         for place, seen in _places(points).items():
             if place in self._share:
                 own = np.flatnonzero(still & seen)
-                cell = self._cells(points, own)
+                cell = self._cells(points)[own]
                 found[own] = (self._share[place][cell] > self.config.share) & (power[own] <= ratio * self._level[place][cell])
         return found
 
@@ -87,28 +89,29 @@ class Background:
             keep = math.exp(-dt / self.config.learn_time)
             share *= keep
             own = np.flatnonzero(still & seen)
-            cell = self._around(self._cells(points, own))
-            power = np.broadcast_to(np.nan_to_num(points.power[own], nan=0.0), cell.shape)
-            hit = np.unique(cell)
-            share[hit] += 1 - keep
-            level[hit] = np.where(share[hit] < _STALE, 0.0, keep * level[hit])
-            np.maximum.at(level, cell.ravel(), power.ravel())
+            cell = self._around(self._cells(points)[own])
+            share[cell] += 1 - keep  # once where several points lie, and so below: what repeated indices assign does not add up
+            level[cell] = np.where(share[cell] < _STALE, 0.0, keep * level[cell])
+            np.maximum.at(level, cell, np.tile(np.fmax(points.power[own], 0.0), _NEXT.size**2))
             moving = np.flatnonzero(stirring & seen)
-            share[np.unique(self._around(self._cells(points, moving)))] *= math.exp(-dt / self.config.unlearn_time)
+            if len(moving):
+                share[self._around(self._cells(points)[moving])] *= math.exp(-dt / self.config.unlearn_time)
 
-    def _cells(self, points: Points, index: IndexArray) -> IndexArray:
-        """Cell of each point of ``index``."""
-        away = points.position[index, :2] - points.origins[points.sensor[index], :2]
-        column = np.floor((np.arctan2(away[:, 1], away[:, 0]) + math.pi) / self.config.azimuth_cell).astype(np.int64) % self._n_azimuth
-        row = np.minimum(points.distance[index] / self.config.range_cell, _MAX_CELLS - 1).astype(np.int64)
-        return np.asarray(row * self._n_azimuth + column)
+    def _cells(self, points: Points) -> IndexArray:
+        """Cell of each point; worked out once for the two calls that a cloud makes."""
+        if self._last is None or self._last[0] is not points:
+            away = points.position[:, :2] - points.origins.take(points.sensor, axis=0)[:, :2]
+            column = np.floor((np.arctan2(away[:, 1], away[:, 0]) + math.pi) / self.config.azimuth_cell).astype(np.int64) % self._n_azimuth
+            row = np.minimum(points.distance / self.config.range_cell, _MAX_CELLS - 1).astype(np.int64)
+            self._last = points, row * self._n_azimuth + column
+        return self._last[1]
 
     def _around(self, cell: IndexArray) -> IndexArray:
-        """Cells and their neighbours in range and azimuth, shape (9, n): estimates scatter across the edges of cells."""
+        """Cells and their neighbours in range and azimuth, shape (9 n,): estimates scatter across the edges of cells."""
         row, column = np.divmod(cell, self._n_azimuth)
-        rows = np.clip(row + np.repeat([-1, 0, 1], 3)[:, None], 0, _MAX_CELLS - 1)
-        columns = (column + np.tile([-1, 0, 1], 3)[:, None]) % self._n_azimuth
-        return np.asarray(rows * self._n_azimuth + columns)
+        rows = np.minimum(np.maximum(row + _NEXT, 0), _MAX_CELLS - 1)
+        columns = (column + _NEXT) % self._n_azimuth
+        return np.asarray(rows[:, None] * self._n_azimuth + columns).ravel()
 
 
 def _places(points: Points) -> dict[bytes, NDArray[np.bool_]]:

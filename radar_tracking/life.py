@@ -28,11 +28,11 @@ class TrackManagement:
 
     def __init__(self, config: LifeConfig) -> None:
         self.config = config
-        self._close_ns: dict[tuple[int, int], int] = {}
+        self.reset()
 
     def reset(self) -> None:
         """Forget who was close to whom."""
-        self._close_ns = {}
+        self._close_ns: dict[tuple[int, int], int] = {}
 
     def process(self, roster: Roster, centre: Float64Array, inside: NDArray[np.bool_], stamp_ns: int) -> tuple[Deleted, ...]:
         """Confirm and delete after a cloud.
@@ -68,23 +68,10 @@ class TrackManagement:
         roster.keep(~gone)
         return deleted
 
-    def _note_echoes(self, roster: Roster, stamp_ns: int) -> None:
-        """Note which tracks look like reflections: farther than their cause, and not much louder for their range."""
-        config = self.config
-        known = stamp_ns - roster["seen_ns"] <= whole_ns(0.3)
-        mine, theirs = roster.records[:, None], roster.records[None, known]
-        loud = [part["power"] + 40.0 * np.log10(np.maximum(part["range"], 0.1)) for part in (mine, theirs)]
-        farther = mine["range"] > theirs["range"] + config.reflection_farther
-        echo = (farther & (loud[0] < loud[1] - config.reflection_weaker)).any(axis=1)
-        seen = roster["seen_ns"] == stamp_ns
-        share = np.where(roster["matches"] > 1, 0.2, 1.0)
-        roster["echo"][seen] = (roster["echo"] * (1 - share) + share * echo)[seen]
-
     def _confirm(self, roster: Roster, stamp_ns: int) -> None:
         config = self.config
         wait = np.full(len(roster), whole_ns(config.confirm_after))
         if config.reflection_after > config.confirm_after:
-            self._note_echoes(roster, stamp_ns)
             wait[roster["echo"] > 0.5] = whole_ns(config.reflection_after)
         long = stamp_ns - roster["born_ns"] >= wait
         plausible = (roster["points_sum"] >= config.confirm_points * roster["clouds"]) & (roster["activity"] >= config.confirm_activity)
@@ -121,6 +108,10 @@ class TrackManagement:
         near = np.hypot(step[..., 0], step[..., 1]) < config.merge_distance
         alive = np.array([reason is None for reason in reasons])
         near &= alive[:, None] & alive[None]
+        np.fill_diagonal(near, False)
+        if not near.any():
+            self._close_ns = {}
+            return []
         close: dict[tuple[int, int], int] = {}
         doubled: set[int] = set()
         for old, young in np.argwhere(np.triu(near, 1)):

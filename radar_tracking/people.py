@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud, RadarInfo
-from radar_tracking.association import Clusters, Owners, associate, make_association
+from radar_tracking.association import Clusters, associate, make_association
 from radar_tracking.background import Background
 from radar_tracking.body import measure
 from radar_tracking.estimators import make_estimator
 from radar_tracking.estimators.base import Belief, Measurement
 from radar_tracking.life import TrackManagement
+from radar_tracking.notes import Matched, match, note_extent, note_torso, torsos
+from radar_tracking.pairs import Pairs
 from radar_tracking.people_config import TrackerConfig
 from radar_tracking.points import Admission, Points
+from radar_tracking.reflections import Reflections
 from radar_tracking.roster import RECORD, Roster
 from radar_tracking.sight import Sight, look
 from radar_tracking.solid import part
@@ -32,6 +35,7 @@ _TORSO_TIME = 0.15  # s: and the torso's range and range rate this long
 _ACTIVITY_TIME = 0.5  # s
 _SURFACE = (-0.4, 0.05)  # m: a torso is seen before its centre
 _SLIP, _DEAD = 4.0, 0.7  # how much a torso faster than its track (beyond so many m/s) raises the pull
+_PLANE = np.arange(2)  # axes of the floor plane
 _DISPERSION = 0.15**2  # m^2: of a body of which nothing is known yet, along each axis of the floor plane
 
 
@@ -62,6 +66,8 @@ class PeopleTracker:
         self._estimator = make_estimator(self.config.filter.estimator, 3)
         self._association = make_association(self.config)
         self._clusters = Clusters(self.config.association)
+        self._pairs = Pairs(self.config.life)
+        self._reflections = Reflections(self.config.life, self.config.zones.walls)
         self._management = TrackManagement(self.config.life)
         self.reset()
 
@@ -69,11 +75,13 @@ class PeopleTracker:
         """Forget everything; ids start again. For a new recording."""
         self._admission = Admission(self.config, self._view.origin)
         self._management.reset()
+        self._reflections.reset()
         self._background = Background(self.config.background)
         self._roster = Roster()
         self._next_id = 1
         self._stamp_ns: int | None = None
         self._first_ns = 0
+        self._known: tuple[Belief, tuple[Float64Array, Float64Array]] | None = None
 
     @property
     def dropped_points(self) -> int:
@@ -107,14 +115,22 @@ class PeopleTracker:
         self._predict(dt, cloud.stamp_ns)
         point_track_id = np.full(len(cloud), -1, np.int32)
         points = every.select(~self._background.process(every))
-        owners, behind = self._follow(points, cloud.stamp_ns, point_track_id)
+        free, behind, second = self._follow(points, cloud.stamp_ns, point_track_id)
         self._learn(every, dt)
-        for own in self._births(points, owners.free, behind, cloud.stamp_ns):
+        for own in self._births(points, free, behind, cloud.stamp_ns):
             point_track_id[points.index[own]] = self._start(points, own, cloud.stamp_ns)
-        deleted = self._manage(cloud.stamp_ns)
+        for own in second[: max(self.config.life.max_tracks - len(self._roster), 0)]:
+            point_track_id[points.index[own]] = self._start(points, own, cloud.stamp_ns, confirmed=True)
+        deleted = self._manage(every.origins[:, :2], cloud.stamp_ns)
         if deleted:
             point_track_id[np.isin(point_track_id, [track.id for track in deleted])] = -1
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, self._publish(cloud.stamp_ns), point_track_id, deleted)
+
+    def _kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
+        """Position and velocity of all tracks, and their covariance; worked out once for each belief, not to be written to."""
+        if self._known is None or self._known[0] is not belief:
+            self._known = belief, self._estimator.kinematics(belief)
+        return self._known[1]
 
     def _elapsed(self, cloud: PointCloud) -> float:
         """Check the cloud's stamp; return the seconds since the one before."""
@@ -146,36 +162,46 @@ class PeopleTracker:
             mean[unseen, :, self._estimator.dimensions :] *= math.exp(-step / self.config.filter.damping)
             belief = Belief(mean, belief.covariance, belief.weight)
         roster.belief = part(
-            belief, self._estimator.kinematics(belief), roster["confirmed"], self.config.association.body_width, self._estimator.dimensions
+            belief, self._kinematics(belief), roster["confirmed"], self.config.association.body_width, self._estimator.dimensions
         )
 
-    def _follow(self, points: Points, stamp_ns: int, point_track_id: NDArray[np.int32]) -> tuple[Owners, NDArray[np.bool_]]:
-        """Give points to tracks and update those that got some; also says which points are behind which track."""
-        roster, nobody = self._roster, np.full(len(points), -1, np.int64)
+    def _follow(
+        self, points: Points, stamp_ns: int, point_track_id: NDArray[np.int32]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[IndexArray]]:
+        """Give points to tracks and update those that got some.
+
+        Returns
+        -------
+        tuple
+            Which points are nobody's; which are behind which track, shape (n_tracks, n_points); the points of second people in tracks.
+        """
+        roster, everybody = self._roster, np.ones(len(points), bool)
         if roster.belief is None or len(roster) == 0 or len(points) == 0:
-            return Owners(nobody, nobody), np.zeros((len(roster), len(points)), bool)
-        kinematics = self._estimator.kinematics(roster.belief)
+            return everybody, np.zeros((len(roster), len(points)), bool), []
+        kinematics = self._kinematics(roster.belief)
         sight = look(roster, kinematics, points, self.config.association)
         owners = associate(self._association, points, sight, roster["confirmed"])
-        whole = np.maximum(owners.main, owners.limb)
+        main = owners.main
+        second: list[IndexArray] = []
+        if self.config.life.pair_distance > 0:
+            main, second = self._pairs.process(roster, points, main, kinematics[0][:, :2], stamp_ns)
+        whole = np.maximum(main, owners.limb)
         owned = np.flatnonzero(whole >= 0)
         roster["n_points"][:] = np.bincount(whole[owned], minlength=len(roster))
         roster["points_sum"][:] += roster["n_points"]
         point_track_id[points.index[owned]] = roster["id"][whole[owned]]
-        own = np.flatnonzero(owners.main >= 0)
-        if len(own):
-            self._update(points, sight, own, owners.main[own], kinematics, stamp_ns)
+        matched = match(main, len(roster))
+        if len(matched.own):
+            self._update(points, sight, matched, kinematics, stamp_ns)
             self._note_extent(points, owned, whole[owned], stamp_ns)
-            roster["seen_ns"][np.unique(owners.main[own])] = stamp_ns
-        return owners, sight.behind
+            roster["seen_ns"][matched.rows] = stamp_ns
+        return owners.free, sight.behind, second
 
-    def _update(
-        self, points: Points, sight: Sight, own: IndexArray, row: IndexArray, before: tuple[Float64Array, Float64Array], stamp_ns: int
-    ) -> None:
+    def _update(self, points: Points, sight: Sight, matched: Matched, before: tuple[Float64Array, Float64Array], stamp_ns: int) -> None:
         """Update tracks with their points; the farther all points lie from the prediction, the less they are believed."""
         roster, config = self._roster, self.config.filter
-        rows, group = np.unique(row, return_inverse=True)
-        trust = sight.near[row, own] * sight.torso[row, own]
+        rows, own, group = matched.rows, matched.own, matched.group
+        trust = sight.near[matched.row, own] * sight.torso[matched.row, own]
         weight = points.weight[own] * trust
         speed = np.hypot(before[0][rows, 3], before[0][rows, 4])
         bodies = measure(points, own, group, len(rows), weight, self._offset(speed), config)
@@ -188,7 +214,8 @@ class PeopleTracker:
         roster.belief = roster.belief.put(rows, belief)
         roster["nis"][rows], roster["dof"][rows] = innovation.nis, innovation.dof
         roster["matches"][rows] += 1
-        self._note_torso(points, sight, own, row, weight, dt)
+        seen, fast = torsos(points, sight, matched, weight), self.config.life.confirm_speed
+        note_torso(roster.records, matched, seen, np.exp(-dt / _TORSO_TIME), np.exp(-dt / _ACTIVITY_TIME), fast, _SURFACE)
 
     def _offset(self, speed: Float64Array) -> Float64Array:
         """How far bodies lie behind their visible surface [m], by their speeds [m/s]."""
@@ -209,68 +236,34 @@ class PeopleTracker:
         An arm's points are wrong together for half a second, not each for itself.
         """
         covariance = measurement.covariance.copy()
-        variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :2] / np.maximum(best, 1e-12)[:, None]
+        variance = covariance[:, _PLANE, _PLANE] / np.maximum(best, 1e-12)[:, None]
         slip = np.abs(self._roster["slip"][rows])  # who sets off, or comes to a stop
         fastest = self.config.filter.pull * (1.0 + speed + _SLIP * np.maximum(slip - _DEAD, 0.0)) * np.maximum(dt, 1e-3)
         step = measurement.position[:, :2] - before[0][rows, :2]
         pull = np.hypot(step[:, 0], step[:, 1]) / fastest
-        known = np.diagonal(before[1][rows], axis1=1, axis2=2)[:, :2]
+        known = before[1][rows][:, _PLANE, _PLANE]
         variance = np.maximum(variance, known * (pull - 1.0)[:, None])
-        covariance[:, [0, 1], [0, 1]] = variance
+        covariance[:, _PLANE, _PLANE] = variance
         return Measurement(measurement.position, covariance, measurement.rate, measurement.rate_variance, measurement.origin)
-
-    def _note_torso(self, points: Points, sight: Sight, own: IndexArray, row: IndexArray, weight: Float64Array, dt: Float64Array) -> None:
-        """Remember where the torso was seen and its range rate, smoothed, and the fastest point; ``dt`` since each track's last update."""
-        roster = self._roster
-        rows, group = np.unique(row, return_inverse=True)
-        total = np.bincount(group, weight)
-        keep = np.exp(-dt / _TORSO_TIME)
-        surface = np.bincount(group, weight * sight.beyond[row, own]) / total
-        roster["surface"][rows] = np.clip(keep * roster["surface"][rows] + (1 - keep) * surface, *_SURFACE)
-        slip = sight.slip[row, own]
-        known = np.isfinite(slip)
-        for name, value in (("range", points.distance[own]), ("rate", np.where(known, points.speed[own], 0.0))):
-            roster[name][rows] = keep * roster[name][rows] + (1 - keep) * np.bincount(group, weight * value) / total
-        loud = np.bincount(group, np.nan_to_num(points.power[own]))
-        roster["power"][rows] = keep * roster["power"][rows] + (1 - keep) * 10 * np.log10(np.maximum(loud, 1e-30))
-        share = np.bincount(group, weight * known)
-        mean = np.bincount(group, weight * np.where(known, slip, 0.0)) / np.maximum(share, 1e-300)
-        old = roster["slip"][rows]
-        roster["slip"][rows] = np.where(share > 0, keep * old + (1 - keep) * mean, old)
-        moves = np.zeros(len(rows), bool)
-        moves[group[~(np.abs(points.speed[own]) < self.config.life.confirm_speed)]] = True  # without Doppler nothing can be ruled out
-        keep = np.exp(-dt / _ACTIVITY_TIME)
-        roster["activity"][rows] = keep * roster["activity"][rows] + (1 - keep) * moves
 
     def _note_extent(self, points: Points, owned: IndexArray, row: IndexArray, stamp_ns: int) -> None:
         """Remember how large the tracks are, smoothed; called before `seen_ns` moves on."""
-        roster, n = self._roster, len(self._roster)
+        roster = self._roster
         assert roster.belief is not None
-        centre = self._estimator.kinematics(roster.belief)[0][:, :3]
-        keep = np.exp(-(stamp_ns - roster["seen_ns"]) * _NANOSECOND / _EXTENT_TIME)
-        step = points.position[owned] - centre[row]
-        for axis in range(3):
-            known = np.isfinite(step[:, axis])
-            count = np.bincount(row[known], minlength=n)
-            new = np.bincount(row[known], step[known, axis] ** 2, n) / np.maximum(count, 1)
-            old = roster["spread"][:, axis]
-            mixed = np.where(np.isfinite(old), keep * old + (1 - keep) * new, new)
-            roster["spread"][:, axis] = np.where(count > 0, mixed, old)
-        count = np.maximum(np.bincount(row, minlength=n), 1)
-        seen = (roster["n_points"] > 0)[:, None, None]
-        cross = np.stack([np.bincount(row, step[:, a] * step[:, b], n) / count for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))], -1)
-        new = keep[:, None, None] * roster["dispersion"] + (1 - keep)[:, None, None] * cross.reshape(n, 2, 2)
-        roster["dispersion"][:] = np.where(seen, new, roster["dispersion"])
+        step = points.position.take(owned, axis=0) - self._kinematics(roster.belief)[0][:, :3].take(row, axis=0)
+        note_extent(roster.records, row, step, np.exp(-(stamp_ns - roster["seen_ns"]) * _NANOSECOND / _EXTENT_TIME))
 
     def _learn(self, points: Points, dt: float) -> None:
         """Learn what stands where nobody is."""
-        roster, near = self._roster, np.zeros((0, len(points)), bool)
-        if roster.belief is not None and len(roster):
-            centre = self._estimator.kinematics(roster.belief)[0][:, :2]
-            step = points.plane[None] - centre[:, None]
-            near = np.hypot(step[..., 0], step[..., 1]) < self.config.background.body
-        body = near[roster["confirmed"]].any(axis=0)
-        standing = near[roster["confirmed"] & roster["still"]].any(axis=0)
+        roster, config = self._roster, self.config.background
+        rows = np.flatnonzero(roster["confirmed"])
+        body: NDArray[np.bool_] = np.zeros(len(points), bool)
+        standing = body
+        if roster.belief is not None and len(rows):
+            centre = self._kinematics(roster.belief)[0][rows]
+            step_x, step_y = points.position[:, 0] - centre[:, :1], points.position[:, 1] - centre[:, 1:2]
+            near = step_x * step_x + step_y * step_y < config.body**2
+            body, standing = np.asarray(near.any(axis=0)), np.asarray(near[roster["still"][rows]].any(axis=0))
         self._background.learn(points, body, standing & ~self._background.still(points), dt)
 
     def _births(self, points: Points, free: NDArray[np.bool_], behind: NDArray[np.bool_], stamp_ns: int) -> list[IndexArray]:
@@ -281,7 +274,7 @@ class PeopleTracker:
             return []
         labels = self._clusters.labels(points, index)
         belief = self._roster.belief
-        old = np.zeros((0, 2)) if belief is None else self._estimator.kinematics(belief)[0][:, :2]
+        old = np.zeros((0, 2)) if belief is None else self._kinematics(belief)[0][:, :2]
         new: list[Float64Array] = []
         age = (stamp_ns - self._first_ns) * _NANOSECOND
         found = []
@@ -303,8 +296,8 @@ class PeopleTracker:
         known = np.isfinite(power)
         return bool(known.any()) and 10 * math.log10(max(float(power[known].sum()), 1e-30)) < self.config.life.birth_snr
 
-    def _start(self, points: Points, own: IndexArray, stamp_ns: int) -> int:
-        """Start a tentative track from a cluster; returns its id."""
+    def _start(self, points: Points, own: IndexArray, stamp_ns: int, *, confirmed: bool = False) -> int:
+        """Start a track from a cluster, tentative unless it has proved itself within another; returns its id."""
         config = self.config.filter
         group = np.zeros(len(own), np.int64)
         bodies = measure(points, own, group, 1, points.weight[own], np.array([config.surface]), config)
@@ -321,6 +314,7 @@ class PeopleTracker:
             "matches": 1,
             "birthplace": bodies.measurement.position[0, :2],
             "stirred_ns": stamp_ns,
+            "confirmed": confirmed,
             "surface": -config.surface,
             "slip": rate if math.isfinite(rate) else 0.0,
             "dispersion": np.eye(2) * _DISPERSION,
@@ -337,17 +331,19 @@ class PeopleTracker:
         self._next_id += 1
         return self._next_id - 1
 
-    def _manage(self, stamp_ns: int) -> tuple[Deleted, ...]:
-        """Confirm and delete."""
+    def _manage(self, origins: Float64Array, stamp_ns: int) -> tuple[Deleted, ...]:
+        """Confirm and delete; ``origins`` [m], shape (n_sensors, 2), are where the sensors stand."""
         roster = self._roster
         if roster.belief is None or len(roster) == 0:
             return ()
-        mean = self._estimator.kinematics(roster.belief)[0]
+        mean = self._kinematics(roster.belief)[0]
         seen = roster["seen_ns"] == stamp_ns
         roster["still"][seen] = np.hypot(mean[seen, 3], mean[seen, 4]) < self.config.life.static_speed
         away = mean[:, :2] - roster["birthplace"]
         roster["walked"][:] |= np.hypot(away[:, 0], away[:, 1]) >= self.config.life.walk_distance
         roster["stirred_ns"][roster["activity"] >= self.config.life.confirm_activity] = stamp_ns
+        if self.config.life.reflection_after > self.config.life.confirm_after:
+            self._reflections.process(roster, mean[:, :2], origins, stamp_ns)
         inside = self._view.sees(mean[:, :3]) & self._zones.inside(mean[:, :3])
         return self._management.process(roster, mean[:, :2], inside, stamp_ns)
 
@@ -356,25 +352,26 @@ class PeopleTracker:
         roster = self._roster
         if roster.belief is None or len(roster) == 0:
             return ()
-        mean, covariance = self._estimator.kinematics(roster.belief)
-        unseen = (stamp_ns - roster["seen_ns"]) * _NANOSECOND
-        age = (stamp_ns - roster["born_ns"]) * _NANOSECOND
-        extent = np.sqrt(roster["spread"])
+        mean, covariance = self._kinematics(roster.belief)
+        # columns as plain numbers: one by one they cost several times as much
+        age, unseen = (((stamp_ns - roster[name]) * _NANOSECOND).tolist() for name in ("born_ns", "seen_ns"))
+        number, confirmed, n_points, nis, dof = (roster[name].tolist() for name in ("id", "confirmed", "n_points", "nis", "dof"))
+        position, velocity, covariance, extent = mean[:, :3].copy(), mean[:, 3:].copy(), covariance.copy(), np.sqrt(roster["spread"])
         return tuple(
             Track(
-                id=int(record["id"]),
-                status=_status(bool(record["confirmed"]), float(unseen[row])),
-                age=float(age[row]),
-                unseen=float(unseen[row]),
-                n_points=int(record["n_points"]),
-                position=mean[row, :3].copy(),
-                velocity=mean[row, 3:].copy(),
+                id=number[row],
+                status=_status(confirmed[row], unseen[row]),
+                age=age[row],
+                unseen=unseen[row],
+                n_points=n_points[row],
+                position=position[row],
+                velocity=velocity[row],
                 extent=extent[row],
-                covariance=covariance[row].copy(),
-                nis=float(record["nis"]),
-                dof=int(record["dof"]),
+                covariance=covariance[row],
+                nis=nis[row],
+                dof=dof[row],
             )
-            for row, record in enumerate(roster.records)
+            for row in range(len(roster))
         )
 
 

@@ -91,10 +91,18 @@ class LifeConfig:
         unit="s",
         low=0.0,
         high=600.0,
-        doc="a tentative track that looks like a reflection (farther than a confirmed one, not much louder) waits this long; 0: off",
+        doc="a tentative track that looks like the reflection of another one waits this long; 0: off",
     )
     reflection_farther: float = knob(0.3, unit="m", low=-10.0, high=100.0, doc="a reflection is at least so much farther than its cause")
     reflection_weaker: float = knob(2.0, unit="dB", low=-50.0, high=50.0, doc="and at least so much weaker, for its range")
+    reflection_depth: float = knob(
+        0.4,
+        unit="m",
+        low=0.01,
+        high=10.0,
+        doc="where walls are known (zones.walls): a reflection's range is within this of what they make it",
+    )
+    reflection_time: float = knob(0.1, unit="s", low=1e-3, high=100.0, doc="whether a track looks like a reflection is averaged over this")
     tentative_after: float = knob(0.15, unit="s", low=0.0, high=60.0, doc="a tentative track unseen for longer is deleted")
     delete_after: float = knob(1.0, unit="s", low=0.0, high=600.0, doc="a confirmed track unseen for longer is deleted")
     delete_static_after: float = knob(
@@ -118,6 +126,10 @@ class LifeConfig:
         doc="two tracks this near for `merge_after` are one person; confirmed ones come so near only where association.body_width is less",
     )
     merge_after: float = knob(1.0, unit="s", low=0.0, high=600.0, doc="see merge_distance; a tentative track goes at once")
+    pair_distance: float = knob(
+        0.4, unit="m", low=0.0, high=10.0, doc="a track whose points fall into two heaps so far apart is two people; 0: never"
+    )
+    pair_time: float = knob(1.0, unit="s", low=0.01, high=100.0, doc="if it is so in half of the clouds, averaged over this time")
     max_tracks: int = knob(50, low=1, high=1000, doc="no new tracks beyond this many")
 
 

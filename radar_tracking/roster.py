@@ -34,6 +34,7 @@ RECORD: Final = np.dtype(
         ("rate", np.float64),  # range rate of them, lately [m/s]
         ("power", np.float64),  # summed signal-to-noise ratio of its points, lately [dB]
         ("echo", np.float64),  # share of the clouds, lately, in which it looked like a reflection of a confirmed track
+        ("pair", np.float64, 2),  # share of the clouds, lately, in which it looked like two people, across and along the line of sight
         ("nis", np.float64),  # of this cloud's update; NaN: none
         ("dof", np.int64),
     ]

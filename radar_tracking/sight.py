@@ -14,6 +14,7 @@ from radar_tracking.roster import Roster
 
 Float64Array = NDArray[np.float64]
 _SHOULDER = 0.1  # m: heights are sure to this
+_FAR_BELOW = 1.0  # m: ten times as sure
 _LEAST = 1e-3  # weight of a point that is no torso for sure
 _BEHIND = 0.1  # m: what is farther behind the torso than that counts less and less, too
 _SHORT = 1e-9  # m: a track at the very place of the sensor has no line of sight
@@ -98,7 +99,10 @@ def look(roster: Roster, kinematics: tuple[Float64Array, Float64Array], points: 
 
 def below(points: Points, config: AssociationConfig) -> Float64Array:
     """How much each point counts as torso by its height, shape (n_points,): what is above the shoulders is a raised arm, or a head."""
-    above = np.nan_to_num(points.position[:, 2] - config.arm_height, nan=-np.inf)
+    above = points.position[:, 2] - config.arm_height
+    if not (above > -_FAR_BELOW).any():
+        return np.ones(len(points))
+    above = np.nan_to_num(above, nan=-np.inf)
     return np.asarray(_LEAST + (1.0 - _LEAST) / (1.0 + np.exp(np.clip(2.0 * above / _SHOULDER, -50.0, 50.0))))
 
 
@@ -111,7 +115,8 @@ def torso_reference(
     strongly than anything else of the track (for its range). What is far behind and weak is a reflection, or somebody else.
     """
     beyond_surface = beyond - surface[:, None]
-    echo = np.where(np.isfinite(points.power), points.power, 1.0) * points.distance**4
+    square = points.distance * points.distance
+    echo = np.where(np.isfinite(points.power), points.power, 1.0) * square * square
     strongest = np.where(inside & (beyond_surface < config.torso_depth), echo, 0.0).max(axis=1, initial=0.0, keepdims=True)
     strong = (beyond_surface < config.arm_length) & (echo >= config.torso_echo * strongest)
     possible = inside & ((beyond_surface < config.torso_depth) | strong)

@@ -42,9 +42,10 @@ def part(belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: N
     centre = state[rows, :2]
     step = centre[None] - centre[:, None]
     distance = np.hypot(step[..., 0], step[..., 1])
-    pairs = np.argwhere(np.triu((distance < width) & (distance > _SAME), 1))
-    if len(pairs) == 0:
+    near = (distance < width) & (distance > _SAME)
+    if not near.any():
         return belief
+    pairs = np.argwhere(np.triu(near, 1))
     mean = belief.mean.copy()
     spread = np.trace(covariance[rows, :2, :2], axis1=1, axis2=2)
     for i, j in pairs:

@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import RadarInfo
-from radar_core.geometry import cartesian_to_spherical
+from radar_core import Pose, RadarInfo
 
 Float64Array = NDArray[np.float64]
 
@@ -28,8 +27,9 @@ class View:
     """
 
     def __init__(self, info: RadarInfo | None = None) -> None:
-        self._info = info
-        self.origin = np.zeros(3) if info is None else info.mount.origin
+        self._mount = Pose(z=0.0) if info is None else info.mount
+        self._half, self._reach = (math.inf, math.inf) if info is None else _bounds(info)
+        self.origin = self._mount.origin
 
     def sees(self, position: Float64Array) -> NDArray[np.bool_]:
         """Whether bodies are in view, shape (n,); elevation is left out, because some part of a body mostly is.
@@ -39,9 +39,12 @@ class View:
         position : ndarray of float64, shape (n, 3)
             In ``room`` [m].
         """
-        if self._info is None:
-            return np.ones(len(position), bool)
-        distance, azimuth, _ = cartesian_to_spherical(self._info.mount.from_room(position))
-        waveform = self._info.waveform
-        reach = waveform.max_range if waveform.modulation == "fmcw" and waveform.n_sample > 0 else math.inf
-        return np.asarray((np.abs(azimuth) <= self._info.array.fov_azimuth / 2) & (distance < reach))
+        x, y, z = self._mount.from_room(position).T
+        return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
+
+
+def _bounds(info: RadarInfo) -> tuple[float, float]:
+    """Half the field of view in azimuth [rad] and how far a radar sees [m]; infinite where its waveform does not tell."""
+    waveform = info.waveform
+    ranges = waveform.modulation == "fmcw" and waveform.n_sample > 0
+    return info.array.fov_azimuth / 2, waveform.max_range if ranges else math.inf

@@ -31,6 +31,13 @@ class ZonesConfig:
     settle: float = knob(
         2.0, unit="s", low=0.0, high=1e6, doc="so long after the first cloud tracks may begin anywhere: some people are there already"
     )
+    walls: tuple[float, ...] = knob(
+        (),
+        unit="m",
+        low=-1e4,
+        high=1e4,
+        doc="smooth walls, x and y of both ends one after the other: they mirror people, see life.reflection_after",
+    )
     counted: tuple[str, ...] = knob((), doc="names of zones whose people are counted, e.g. sofa")
     counted_boxes: tuple[float, ...] = knob(
         (), unit="m", low=-1e4, high=1e4, doc="one box x_low, x_high, y_low, y_high per name in counted"
@@ -40,6 +47,8 @@ class ZonesConfig:
         """Raise `ConfigError` when a list does not hold whole boxes, a box has no area, or names and boxes do not fit."""
         for name in ("boundaries", "entries", "counted_boxes"):
             _refuse_bad_boxes(name, getattr(self, name))
+        if len(self.walls) % _BOX:
+            raise ConfigError(f"ZonesConfig.walls has {len(self.walls)} numbers; every wall needs four: x and y of both ends (in metres)")
         boxes = len(self.counted_boxes) // _BOX
         if boxes != len(self.counted):
             raise ConfigError(

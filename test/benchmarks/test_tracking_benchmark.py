@@ -209,13 +209,14 @@ def test_only_the_furnished_room_has_boundaries():
 
 
 def test_plan_has_every_scene_once():
-    """Twenty seeds of ten scenes; the tilted radar sees two of them again; knobs and Stone Soup run on the first seeds only."""
+    """Twenty seeds of ten scenes; a tilted radar and a plain baseband see some again; knobs and Stone Soup run on the first seeds only."""
     found = tracking.jobs(tracking.FULL)
-    assert len(found) == 20 * 10 + 20 * 2
-    assert len({(job.name, job.seed, job.mount) for job in found}) == len(found)
+    assert len(found) == 20 * 10 + 20 * 2 + 20 * 4
+    assert len({(job.name, job.seed, job.mount, job.plain) for job in found}) == len(found)
     assert sum(job.mount == HIGH_MOUNT for job in found) == 40
-    assert sum(bool(job.choices) for job in found) == 4 * 2
-    assert sum(job.peer for job in found) == (30 if peer_installed() else 0)
+    assert sum(job.plain for job in found) == 80
+    assert sum(bool(job.choices) for job in found) == 4
+    assert sum(job.peer for job in found) == (20 if peer_installed() else 0)
     assert {job.seed for job in tracking.jobs(tracking.QUICK)} == {0, 1, 2}
 
 

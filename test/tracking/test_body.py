@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from blobs import Shell, make_cloud, standing, walking
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.config import load
 from radar_tracking import FilterConfig, PeopleTracker, TrackerConfig
 from radar_tracking.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, measure
+from radar_tracking.body_kernels import centre, centre_reference
 from radar_tracking.points import Admission, Points
 
 AROUND = [Pose(x=3 * np.cos(a), y=3 * np.sin(a), yaw=(a + np.pi) % (2 * np.pi) - np.pi * 2) for a in np.arange(8) * np.pi / 4]
@@ -116,6 +119,22 @@ def test_the_range_rate_is_that_of_one_sensor():
         seen = [cloud.select(np.arange(3 if i == fewer else 4)) for i, cloud in enumerate(clouds)]
         body = measured(admitted(merge(seen, mounts))).measurement
         assert (body.origin[0, 0], body.rate[0]) == (x, pytest.approx(rate))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6), n_sensors=st.integers(1, 3), missing=st.sampled_from([0.0, 0.3, 1.0]))
+def test_the_compiled_means_equal_their_reference(seed, n, n_sensors, missing):
+    """With and without heights and range rates, of one sensor and of several."""
+    rng = np.random.default_rng(seed)
+    group = np.concatenate([np.arange(n), rng.integers(0, n, rng.integers(0, 40))])
+    m = len(group)
+    position, speed = rng.normal(0, 2, (m, 3)), rng.normal(0, 1, m)
+    position[rng.random(m) < missing, 2] = np.nan
+    speed[rng.random(m) < missing] = np.nan
+    sensor, origins = rng.integers(0, n_sensors, m), rng.normal(0, 3, (n_sensors, 3))
+    arguments = (position, rng.random(m), speed, sensor, origins, group, rng.uniform(1e-6, 1.0, m), n)
+    for found, expected in zip(centre(*arguments), centre_reference(*arguments), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 def errors(shell: Shell, mounts: list[Pose], estimator: str, n: int) -> np.ndarray:
