@@ -1,4 +1,4 @@
-"""Pictures and figures of docs/recordings.md, from the recordings themselves.
+"""Pictures and figures of docs/recordings.md, from the recordings themselves; those of tracking are made by make_recording_pictures.py.
 
     python docs/make_pictures.py --data ../shared/data            # pictures into docs/img
     python docs/make_pictures.py --data ../shared/data --figures  # the numbers, as JSON
@@ -34,7 +34,6 @@ from radar_ros.offline import open_recording
 from radar_sim.truth import Truth
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
 
-COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink")
 COMMON = {"rotate", "pull", "push", "swipe_up", "swipe_down"}  # what the data sets and we both know
 
 
@@ -56,24 +55,6 @@ def walkers(data: Path, name: str) -> tuple[list[PointCloud], dict[int, np.ndarr
                     seconds = (cloud.stamp_ns - clouds[0].stamp_ns) * 1e-9
                     lives.setdefault(track.id, []).append((cloud.sequence, seconds, *track.position[:2], *radial))
     return clouds, {key: np.array(life) for key, life in sorted(lives.items(), key=lambda item: -len(item[1]))}
-
-
-def draw_walkers(data: Path, out: Path) -> None:
-    """Tracks of two_people.npz in the floor plane, and their sideways place over time."""
-    clouds, lives = walkers(data, "two_people")
-    fig, (plane, time) = plt.subplots(1, 2, figsize=(10, 4.5), width_ratios=(1, 1.4))
-    x, y = np.concatenate([c.x for c in clouds]), np.concatenate([c.y for c in clouds])
-    t = np.concatenate([np.full(len(c), (c.stamp_ns - clouds[0].stamp_ns) * 1e-9) for c in clouds])
-    plane.plot(y, x, ",", color="0.75", rasterized=True)
-    time.plot(t, y, ",", color="0.75", rasterized=True)
-    for k, (key, life) in enumerate(lives.items()):
-        style = {"color": COLOURS[k % len(COLOURS)], "lw": 2 if k < 2 else 1, "label": f"track {key}" if k < 2 else None}
-        plane.plot(life[:, 3], life[:, 2], **style)
-        time.plot(life[:, 1], life[:, 3], **style)
-    plane.set(xlim=(6, -6), ylim=(0, 15), xlabel="y, left [m]", ylabel="x, forward [m]", aspect="equal", title="floor plane")
-    time.set(ylim=(-6, 6), xlabel="time [s]", ylabel="y, left [m]", title="side over time (thin: short-lived ghosts)")
-    time.legend(loc="upper left")
-    save(fig, out / "two_people.png")
 
 
 def raw_cloud(data: Path, kind: str, source: str, **options: Any) -> tuple[Any, RadarFrame, PointCloud]:
@@ -127,15 +108,13 @@ def save(fig: Any, path: Path) -> None:
 
 
 def walker_figures(data: Path, name: str) -> dict[str, Any]:
-    """How long the tracks live, and whether time base and range rates agree."""
+    """Whether time base and range rates agree."""
     clouds, lives = walkers(data, name)
     first = next(iter(lives.values()))
     seen = first[np.isfinite(first[:, 4])]
     return {
         "clouds": len(clouds),
         "frame_interval_ms": (clouds[-1].stamp_ns - clouds[0].stamp_ns) * 1e-6 / (len(clouds) - 1),
-        "track_lives": [len(life) for life in lives.values()],
-        "track_first_and_last_cloud": [[int(life[0, 0]), int(life[-1, 0])] for life in lives.values()],
         "range_change_m": float(seen[-5:, 4].mean() - seen[:5, 4].mean()),
         "range_change_by_doppler_m": float(np.sum(seen[:-1, 5] * np.diff(seen[:, 1]))),
     }
@@ -186,20 +165,6 @@ def gesture_figures(data: Path, kind: str, limit: int) -> dict[str, Any]:
     return result
 
 
-def mars_figures(data: Path, name: str) -> dict[str, Any]:
-    """How far the nearest confirmed track is from the body (SpineBase), on the floor plane."""
-    recording = open_original("mars", data / "mars" / f"{name}.npz")
-    tracker, away, clouds, tracks = PeopleTracker(), [], 0, ()
-    for item in recording.items:
-        if isinstance(item, PointCloud):
-            clouds += 1
-            tracks = [t for t in tracker.process(item.to_room(recording.info.mount)).tracks if t.status != TrackStatus.TENTATIVE]
-        elif tracks:
-            away.append(min(float(np.hypot(*(t.position[:2] - item.position[0, :2]))) for t in tracks))
-    median, p95 = np.percentile(away, [50, 95])
-    return {"clouds": clouds, "with_track": len(away) / clouds, "distance_m_median": float(median), "distance_m_p95": float(p95)}
-
-
 def daily_figures(data: Path) -> dict[str, Any]:
     """Events a minute when nobody gestures."""
     recording = open_original("mhomeges", data / "mhomeges" / "daily_random.npz")
@@ -229,7 +194,6 @@ def figures(data: Path, limit: int) -> dict[str, Any]:
         "dca1000": raw_figures(data, "dca1000", "dca1000/test_one_frame.pcap", tx=(1,), n_rx=1),
         "mhomeges": gesture_figures(data, "mhomeges", limit),
         "mtranssee": gesture_figures(data, "mtranssee", limit),
-        "mars": {name: mars_figures(data, name) for name in ("subject1_test", "subject3_test")},
         "daily_random": daily_figures(data),
     }
 
@@ -249,7 +213,7 @@ def main() -> None:
         print(json.dumps(figures(arguments.data, arguments.segments), indent=1))
         return
     arguments.out.mkdir(parents=True, exist_ok=True)
-    for draw in (draw_walkers, draw_openradar, draw_gestures):
+    for draw in (draw_openradar, draw_gestures):
         draw(arguments.data, arguments.out)
     print("\n".join(f"{p.name}: {p.stat().st_size // 1000} kB" for p in sorted(arguments.out.glob("*.png"))))
 
