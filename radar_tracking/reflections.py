@@ -16,7 +16,7 @@ Float64Array = NDArray[np.float64]
 _KNOWN_NS: Final = 300_000_000  # ns: causes have been seen lately
 _BEYOND: Final = 0.3  # m: walls are taken to be so much longer on both ends
 _ASIDE: Final = 0.2  # rad: reflections are seen so much beside where they are
-_SHORT: Final = 1e-6  # m
+_SHORT: Final = 1e-6  # m: shorter walls are none
 
 
 class Reflections:
@@ -116,15 +116,15 @@ def detours(place: Float64Array, walls: Float64Array) -> tuple[Float64Array, Flo
         Azimuth of the mirror image beyond that of the body [rad].
     """
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), _SHORT)
-    along = along / length[:, None]
+    length = np.hypot(along[:, 0], along[:, 1])
+    along = along / np.maximum(length, _SHORT)[:, None]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     height, own = ((place[:, None] - start) * normal).sum(-1), -(start * normal).sum(-1)
     image = place[:, None] - 2.0 * height[..., None] * normal
     with np.errstate(invalid="ignore", divide="ignore"):  # who stands in a wall has no reflection
         bounce = image * (own / (own + height))[..., None]
         at = ((bounce - start) * along).sum(-1)
-        real = (own * height > 0) & (at > -_BEYOND) & (at < length + _BEYOND)
+        real = (length >= _SHORT) & (own * height > 0) & (at > -_BEYOND) & (at < length + _BEYOND)
     half = 0.5 * (np.hypot(place[:, 0], place[:, 1])[:, None] + np.hypot(image[..., 0], image[..., 1]))
     turn = wrap(np.arctan2(image[..., 1], image[..., 0]) - np.arctan2(place[:, 1], place[:, 0])[:, None])
     return np.where(real, half, np.nan), turn
