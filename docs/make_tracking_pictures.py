@@ -12,7 +12,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +27,19 @@ from matplotlib.patches import Polygon
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
 
 from benchmarks.scenarios import MOUNT, Moment, moments, scenario
-from benchmarks.tracking_suite import TRACKERS, make
+from benchmarks.tracking_suite import FLOOR, THESIS, TRACKERS, Tracker, make
 from radar_core import RadarInfo
-from radar_tracking import TrackerConfig, Tracks, TrackStatus
+from radar_dsp import BasebandConfig
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
 from radar_tracking.metrics import ClearMot, ObjectSet, people
+from radar_tracking.zones import ZonesConfig
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")  # Okabe and Ito: told apart by everybody
 MARKERS = "os^DvP"
 NOBODY = "0.7"
-THESIS = ("group_clustering", "group", "cluster_first")
+NAMES = ("group_clustering", "group", "cluster_first")
 APPROACH, ARMS, ROOM = 0, 0, 1  # seeds
+INFO = RadarInfo(mount=MOUNT)
 PANELS = (("mota", "MOTA", "{:.2f}"), ("id_switches", "identity switches", "{:.0f}"), ("gospa", "mean GOSPA [m]", "{:.2f}"))
 
 
@@ -61,9 +64,9 @@ class Followed:
         return np.array([self.holders[k].get(int(identity), -1) for identity in self.results[k].point_track_id], np.int64)
 
 
-def follow(name: str, made: Sequence[Moment], config: TrackerConfig) -> Followed:
+def follow(made: Sequence[Moment], tracker: Tracker) -> Followed:
     """Run a tracker over a scene."""
-    tracker, mot = make(name, config, RadarInfo(mount=MOUNT)), ClearMot()
+    mot = ClearMot()
     results, holders = [], []
     on: dict[int, int] = {}
     for moment in made:
@@ -99,26 +102,31 @@ def draw_table(figures: dict[str, Any], out: Path) -> None:
 
 
 def draw_approach(out: Path, seed: int = APPROACH) -> None:
-    """Side over time of two who meet and go back (thesis, Fig. 6.2), one panel for each tracker."""
-    made = list(moments("approach", seed))
-    seconds = np.array([(m.cloud.stamp_ns - made[0].cloud.stamp_ns) * 1e-9 for m in made])
-    fig, panels = plt.subplots(1, len(THESIS), figsize=(13, 4.2), sharey=True)
-    for axes, name in zip(panels, THESIS, strict=True):
-        axes.plot(np.repeat(seconds, [len(m.cloud) for m in made]), np.concatenate([m.cloud.y for m in made]), ",", color=NOBODY)
-        for row in range(2):
-            axes.plot(seconds, [m.truth.position[row, 1] for m in made], "k--", lw=1, label=None if row else "true centres")
-        for place, (identity, path) in enumerate(sorted(follow("approach", made, TRACKERS[name]).paths().items())):
-            axes.plot(seconds, path[:, 1], lw=2, color=COLOURS[place % len(COLOURS)], label=f"track {identity}")
-        axes.set(title=name, xlabel="time [s]", ylim=(-2.4, 2.4))
-        axes.legend(loc="upper right", fontsize=8)
-    panels[0].set_ylabel("y, left [m]")
+    """Side over time of two who meet and go back (thesis, Fig. 6.2): all as the thesis has it, and below all as we have it."""
+    fig, rows = plt.subplots(2, len(NAMES), figsize=(13, 8), sharex=True, sharey=True)
+    for panels, config, form in zip(rows, (BasebandConfig(), None), ("thesis_", ""), strict=True):
+        made = list(moments("approach", seed, config=config))
+        seconds = np.array([(m.cloud.stamp_ns - made[0].cloud.stamp_ns) * 1e-9 for m in made])
+        for axes, name in zip(panels, NAMES, strict=True):
+            axes.plot(np.repeat(seconds, [len(m.cloud) for m in made]), np.concatenate([m.cloud.y for m in made]), ",", color=NOBODY)
+            for row in range(2):
+                axes.plot(seconds, [m.truth.position[row, 1] for m in made], "k--", lw=1, label=None if row else "true centres")
+            followed = follow(made, make("approach", (TRACKERS | THESIS)[form + name], INFO))
+            for place, (identity, path) in enumerate(sorted(followed.paths().items())):
+                axes.plot(seconds, path[:, 1], lw=2, color=COLOURS[place % len(COLOURS)], label=f"track {identity}")
+            axes.set(title=f"{name}, {'as in the thesis' if form else 'ours'}", ylim=(-2.4, 2.4))
+            axes.legend(loc="upper right", fontsize=8)
+        panels[0].set_ylabel("y, left [m]")
+    for axes in rows[-1]:
+        axes.set_xlabel("time [s]")
     save(fig, out / "tracking_approach.png")
 
 
 def draw_arms(out: Path, seed: int = ARMS) -> None:
-    """One cloud of two who gesture side by side (thesis, Fig. 6.3): whose the points are, and whose two trackers say they are."""
-    made = list(moments("side_by_side", seed, owners=True))
-    followed = {name: follow("side_by_side", made, TRACKERS[name]) for name in ("group", "group_clustering")}
+    """One cloud of two who gesture side by side (thesis, Fig. 6.3): whose the points are, and whose the thesis's trackers say they are."""
+    made = list(moments("side_by_side", seed, owners=True, config=BasebandConfig()))
+    names = ("group", "group_clustering")
+    followed = {name: follow(made, make("side_by_side", THESIS[f"thesis_{name}"], INFO)) for name in names}
     wrong = {name: np.array([count_wrong(m, f.rows(k)) for k, m in enumerate(made)]) for name, f in followed.items()}
     k = int(np.argmax(wrong["group"] - wrong["group_clustering"]))
     cloud, truth = made[k].cloud, made[k].truth
@@ -156,16 +164,16 @@ def draw_points(
 
 
 def draw_room(out: Path, seed: int = ROOM) -> None:
-    """Thirty seconds in a furnished room, from above: tracks with the background learned, and without."""
+    """Thirty seconds in a furnished room, from above: told of floor and walls, with the preset for such rooms, and of the floor only."""
     made = list(moments("clutter", seed))
-    base = TRACKERS["group_clustering"]
-    configs = {"background learned": base, "background.enabled = false": replace(base, background=replace(base.background, enabled=False))}
+    floor = PeopleTracker(TrackerConfig(zones=ZonesConfig(boundaries=FLOOR)), INFO)
+    trackers = {"preset furnished, walls known": make("clutter", TRACKERS["group_clustering"], INFO), "default settings": floor}
     fig, panels = plt.subplots(1, 2, figsize=(11, 5.6), sharex=True, sharey=True)
-    for axes, (title, config) in zip(panels, configs.items(), strict=True):
+    for axes, (title, tracker) in zip(panels, trackers.items(), strict=True):
         axes.plot(np.concatenate([m.cloud.y for m in made]), np.concatenate([m.cloud.x for m in made]), ",", color=NOBODY, zorder=0)
         draw_furniture(axes, seed)
         axes.plot(*np.array([m.truth.position[0, 1::-1] for m in made]).T, "k--", lw=1.5, label="true path")
-        paths = follow("clutter", made, config).paths()
+        paths = follow(made, tracker).paths()
         for place, path in enumerate(paths.values()):
             label = {0: "tracks, a colour each"}.get(place)
             axes.plot(path[:, 1], path[:, 0], lw=2, color=COLOURS[place % len(COLOURS)], alpha=0.8, label=label)
