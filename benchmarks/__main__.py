@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import json
 import os
 import pkgutil
@@ -39,8 +40,12 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--quick", action="store_true", help="small data, few repetitions: checks that it runs, not for quoting")
     parser.add_argument("--plot", type=Path, metavar="PNG", help="also draw accuracy against time")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep finished parts there; the same command goes on where it stopped")
     options = parser.parse_args()
-    result = importlib.import_module(f"benchmarks.{options.name}").run(quick=options.quick)
+    run = importlib.import_module(f"benchmarks.{options.name}").run
+    if options.keep and "keep" not in inspect.signature(run).parameters:
+        parser.error(f"{options.name} takes minutes and cannot be resumed: leave --keep out")
+    result = run(quick=options.quick, **({"keep": options.keep} if options.keep else {}))
     if options.plot:
         from benchmarks.plot import draw
 

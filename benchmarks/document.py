@@ -1,4 +1,7 @@
-"""Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document [NAME ...]``."""
+"""Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document [NAME[=FILE] ...]``.
+
+``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring.
+"""
 
 from __future__ import annotations
 
@@ -52,14 +55,20 @@ def sections(text: str) -> dict[str, str]:
     return {part.split("\n", 1)[0]: part.split("\n", 1)[1] for part in parts}
 
 
+def measure(name: str) -> str:
+    """Run one benchmark in a process of its own; returns what it printed."""
+    command = [sys.executable, "-m", "benchmarks", name, "--json"]
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+
+
 def main() -> None:
     """Run each benchmark (all, or those named) in a process of its own, so that none warms the caches of another."""
     path = ROOT / "docs" / "benchmarks.md"
     kept = sections(path.read_text(encoding="utf-8")) if path.exists() else {}
     head = HEAD.format(machine=f"{platform.system()} {platform.machine()}, Python {platform.python_version()}")
-    for name in track(sys.argv[1:] or NAMES, description="measuring"):
-        done = subprocess.run([sys.executable, "-m", "benchmarks", name, "--json"], cwd=ROOT, check=True, capture_output=True, text=True)
-        result = json.loads(done.stdout.splitlines()[-1])
+    for argument in track(sys.argv[1:] or NAMES, description="measuring"):
+        name, _, file = argument.partition("=")
+        result = json.loads((Path(file).read_text(encoding="utf-8") if file else measure(name)).splitlines()[-1])
         draw(result["choices"], ROOT / "docs" / "img" / f"choices_{name}.png")
         kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n"
         body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -177,9 +178,9 @@ def directions(done: Sequence[Done]) -> list[dict[str, Any]]:
     return found
 
 
-def measure(plan: Plan, quick: bool) -> dict[str, Any]:
+def measure(plan: Plan, quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Run a plan, and what needs no scenes; ``None`` stands for what has nothing to divide by."""
-    done = run_all(jobs(plan), plan.processes)
+    done = run_all(jobs(plan), plan.processes, keep)
     parts = [speed(quick), clustering(quick)]
     if peer_installed():
         from benchmarks.stone_soup import over_stone_soup
@@ -201,8 +202,8 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Measure.
+def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
+    """Measure; ``keep`` is a folder for finished scenes, with which an interrupted run goes on where it stopped.
 
     Returns
     -------
@@ -212,4 +213,4 @@ def run(quick: bool) -> dict[str, Any]:
         product's tracker and for all as the thesis has them;
         ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand; ``choices``.
     """
-    return measure(QUICK if quick else FULL, quick)
+    return measure(QUICK if quick else FULL, quick, keep)

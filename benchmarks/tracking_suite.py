@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from joblib import Parallel, delayed, parallel_config
+from joblib import Memory, Parallel, delayed, parallel_config
 from rich.console import Console
 from rich.progress import track
 
@@ -25,6 +27,7 @@ from radar_tracking.zones import Zones, ZonesConfig
 FLOOR: Final = (0.0, 5.1, -2.1, 2.1)  # m: where people walk in the furnished room, half a metre inside its walls
 PROCESSES: Final = 2
 PEER: Final = "stone_soup"
+PACKAGES: Final = ("benchmarks", "radar_core", "radar_dsp", "radar_sim", "radar_tracking")
 _TURN: Final = 50  # clouds
 
 
@@ -177,11 +180,31 @@ def work(job: Job) -> Done:
     return Done(job, scores, follow(job.name, made, choices, info), [moment.baseband_ms for moment in made])
 
 
-def run_all(jobs: Sequence[Job], processes: int = PROCESSES) -> list[Done]:
-    """Do all jobs, the longest first; progress on stderr."""
+def sources() -> str:
+    """Digest of all our modules: whatever was measured with others does not count."""
+    root = Path(__file__).resolve().parent.parent
+    found = hashlib.sha256()
+    for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def run_all(jobs: Sequence[Job], processes: int = PROCESSES, keep: Path | None = None) -> list[Done]:
+    """Do all jobs, the longest first; progress on stderr.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        What to do.
+    processes : int
+        How many at the same time.
+    keep : Path or None
+        Folder in which finished jobs are kept, and from which they are taken when nothing in the sources has changed since.
+    """
+    do = work if keep is None else Memory(keep / sources(), verbose=0).cache(work)
     order = sorted(range(len(jobs)), key=lambda i: -_length(jobs[i]))
     with parallel_config(backend="loky", inner_max_num_threads=1) if processes > 1 else parallel_config(backend="sequential"):
-        results = Parallel(n_jobs=min(processes, os.cpu_count() or 1), return_as="generator")(delayed(work)(jobs[i]) for i in order)
+        results = Parallel(n_jobs=min(processes, os.cpu_count() or 1), return_as="generator")(delayed(do)(jobs[i]) for i in order)
         console = Console(stderr=True)
         done = dict(zip(order, track(results, "scenes", total=len(jobs), console=console), strict=True))
     return [done[i] for i in range(len(jobs))]

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import tracking, tracking_choices
+from benchmarks import tracking, tracking_choices, tracking_suite
 from benchmarks.document import figures as listed
 from benchmarks.plot import scalars, tables
 from benchmarks.scenarios import HIGH_MOUNT, MOUNT, Moment
 from benchmarks.tracking_score import Score, Scorer, apart, fresh_misses, total
-from benchmarks.tracking_suite import FLOOR, PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, zones_of
+from benchmarks.tracking_suite import FLOOR, PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, simulate, zones_of
 from radar_core import PointCloud, RadarInfo
 from radar_sim import Truth
 from radar_tracking import PeopleTracker, Track, TrackerConfig, Tracks, TrackStatus
@@ -231,6 +231,21 @@ def done():
         Job("fast_walker", 0, product, mount=HIGH_MOUNT, seconds=0.5),
     ]
     return run_all(jobs, processes=1)
+
+
+def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    """Kept jobs are taken instead of done again, also after some others were added; other sources make all anew."""
+    first = Job("fast_walker", 0, {"group_clustering": TRACKERS["group_clustering"]}, seconds=0.2)
+    other = replace(first, seed=1)
+    made = run_all([first], processes=1, keep=tmp_path)
+    calls = []
+    monkeypatch.setattr(tracking_suite, "simulate", lambda job: calls.append(job.seed) or simulate(job))
+    again = run_all([first, other], processes=1, keep=tmp_path)
+    assert calls == [1]
+    np.testing.assert_array_equal(again[0].trackers["group_clustering"].times, made[0].trackers["group_clustering"].times)
+    monkeypatch.setattr(tracking_suite, "sources", lambda: "changed")
+    run_all([first], processes=1, keep=tmp_path)
+    assert calls == [1, 0]
 
 
 def test_jobs_pool_by_tracker_scene_and_mount(done):
