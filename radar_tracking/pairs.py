@@ -1,6 +1,6 @@
 """Two people in one track: who came together, or stood so from the beginning, is found to be two when their points fall into two heaps.
 
-One person's points do so now and then, when an arm is stretched out, but not half of the time (docs/tracking.md has the measurement).
+One person's points do so now and then, when an arm is stretched out, but not half of the time: see the benchmark's rows of pair_distance.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.notes import match
+from radar_tracking.notes import Matched, match
 from radar_tracking.people_config import LifeConfig
 from radar_tracking.points import Points
 from radar_tracking.roster import Roster
@@ -41,8 +41,8 @@ class Pairs:
         self._config = config
 
     def process(
-        self, roster: Roster, points: Points, main: IndexArray, centre: Float64Array, stamp_ns: int
-    ) -> tuple[IndexArray, list[IndexArray]]:
+        self, roster: Roster, points: Points, matched: Matched, centre: Float64Array, stamp_ns: int
+    ) -> tuple[Matched, list[IndexArray]]:
         """Take in whose the points of a cloud seem to be.
 
         Parameters
@@ -51,8 +51,8 @@ class Pairs:
             The tracks; ``pair`` is changed.
         points : Points
             Of the cloud.
-        main : ndarray of int64, shape (n_points,)
-            Row of the track that each point measures, -1: none.
+        matched : Matched
+            Which of them measure which tracks.
         centre : ndarray of float64, shape (n_tracks, 2)
             Where tracks are predicted on the floor plane [m].
         stamp_ns : int
@@ -60,12 +60,13 @@ class Pairs:
 
         Returns
         -------
-        main : ndarray of int64, shape (n_points,)
+        matched : Matched
             The same, but that second people have their points: those who have a track already, which nothing else belongs to.
         second : list of ndarray of int64
-            Points of each second person who has been in a track for long enough and has none; nobody's in ``main``.
+            Points of each second person who has been in a track for long enough and has none; nobody's in ``matched``.
         """
-        matched, main, second = match(main, len(roster)), main.copy(), []
+        second: list[IndexArray] = []
+        main = None
         own, group, rows = matched.own, matched.group, matched.rows
         value = _offsets(points, own, centre[rows][group])
         amplitude = (
@@ -83,6 +84,9 @@ class Pairs:
             heaps = [own[(group == k) & side] for side in (value[axis] > bound[axis, k], value[axis] <= bound[axis, k])]
             place = np.stack([points.plane[heap].mean(axis=0) for heap in heaps])
             lost, which = _takes(place, centre[rows[k]], centre, unseen)
+            if main is None:
+                main = np.full(len(points), -1, np.int64)
+                main[own] = matched.row
             if lost >= 0:
                 main[heaps[which]], unseen[lost] = lost, False
             elif share[axis] > _HALF:
@@ -90,7 +94,7 @@ class Pairs:
                 second.append(heaps[which])
                 main[heaps[which]] = -1
                 roster["pair"][rows[k]] = 0.0
-        return main, second
+        return (matched if main is None else match(main, len(roster))), second
 
 
 def _offsets(points: Points, own: IndexArray, centre: Float64Array) -> Float64Array:

@@ -181,16 +181,16 @@ class PeopleTracker:
         kinematics = self._kinematics(roster.belief)
         sight = look(roster, kinematics, points, self.config.association)
         owners = associate(self._association, points, sight, roster["confirmed"])
-        main = owners.main
+        matched = match(owners.main, len(roster))
         second: list[IndexArray] = []
         if self.config.life.pair_distance > 0:
-            main, second = self._pairs.process(roster, points, main, kinematics[0][:, :2], stamp_ns)
-        whole = np.maximum(main, owners.limb)
+            matched, second = self._pairs.process(roster, points, matched, kinematics[0][:, :2], stamp_ns)
+        whole = owners.limb.copy()
+        whole[matched.own] = matched.row
         owned = np.flatnonzero(whole >= 0)
         roster["n_points"][:] = np.bincount(whole[owned], minlength=len(roster))
         roster["points_sum"][:] += roster["n_points"]
         point_track_id[points.index[owned]] = roster["id"][whole[owned]]
-        matched = match(main, len(roster))
         if len(matched.own):
             self._update(points, sight, matched, kinematics, stamp_ns)
             self._note_extent(points, owned, whole[owned], stamp_ns)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_tracking.estimators.convert import wrap
 from radar_tracking.people_config import LifeConfig
 from radar_tracking.roster import Roster
 
@@ -91,11 +92,6 @@ class Reflections:
             between = (step > -_ASIDE) & (step < np.abs(turn) + _ASIDE)
             found |= (between & (np.abs(reach[:, None, None] - half) < self._config.reflection_depth)).any(axis=2)
         return found
-
-
-def wrap(angle: Float64Array) -> Float64Array:
-    """Bring angles [rad] between -pi and pi."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def detours(place: Float64Array, walls: Float64Array) -> tuple[Float64Array, Float64Array]:
