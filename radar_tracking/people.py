@@ -285,7 +285,7 @@ class PeopleTracker:
             centre = points.position[own, :2].mean(axis=0)
             least = np.where(behind[:, own].all(axis=1), life.birth_behind, life.birth_distance)
             apart = bool((np.hypot(*(old - centre).T) >= least).all())
-            apart &= all(math.hypot(*(centre - other)) >= life.birth_behind for other in new)
+            apart &= all(math.hypot(*(centre - other)) >= life.birth_together for other in new)
             if apart and self._zones.may_enter(centre, age):
                 new.append(centre)
                 found.append(own)

@@ -79,6 +79,9 @@ class LifeConfig:
     birth_behind: float = knob(
         0.4, unit="m", low=0.0, high=10.0, doc="the same for points behind a person (see association.body_depth), which are no arm"
     )
+    birth_together: float = knob(
+        0.6, unit="m", low=0.0, high=10.0, doc="tracks that begin with the same cloud are this far apart; nearer: see pair_distance"
+    )
     confirm_after: float = knob(0.2, unit="s", low=0.0, high=60.0, doc="a tentative track that is seen this long is confirmed")
     confirm_matches: int = knob(3, low=1, high=1000, doc="and has been updated by so many clouds")
     confirm_points: float = knob(2.0, low=0.0, high=1000.0, doc="points per cloud that a track must have had on average to be confirmed")
