@@ -129,6 +129,8 @@ class Baseband:
         if not power.any() and not cube.any():
             quality |= Quality.NO_SIGNAL
         cells = self._run.find(self._detector.detect(power), power, self.config.grouping)
+        if self.config.select == "doppler":
+            cells = strongest_per_speed(cells, power)
         kept = self._cap(cells, power)
         if len(kept[0]) < len(cells[0]):
             quality |= Quality.CAPPED
@@ -239,6 +241,27 @@ class Baseband:
         arrays = self._run.pack(estimates, found.noise, angles, np.flatnonzero(keep), self._finder.mode == "azimuth", shift_db)
         named = dict(zip(ARRAY_FIELDS, arrays, strict=True))
         return PointCloud(frame.stamp_ns + self._half_ns, frame.sequence, frame.frame_id, quality=quality, **named)
+
+
+def strongest_per_speed(cells: Cells, power: FloatMap) -> Cells:
+    """Keep of every speed bin only the cell with most power over range (thesis, section 4.2); of equal ones the nearest.
+
+    Parameters
+    ----------
+    cells : tuple of ndarray of intp, shape (n_cells,)
+        Speed and range, ordered by speed, then range.
+    power : ndarray of float32, shape (n_speed, n_range)
+        Integrated spectrum.
+
+    Returns
+    -------
+    tuple of ndarray of intp, shape (n_kept,)
+        At most one cell per speed, ordered by speed.
+    """
+    speed, distance = cells
+    order = np.lexsort((-power[cells], speed))  # stable: equal powers stay in the order of range
+    first = order[np.flatnonzero(np.diff(speed[order], prepend=-1))]
+    return speed[first], distance[first]
 
 
 def pick(record: T, index: NDArray[np.intp]) -> T:

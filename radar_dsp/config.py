@@ -119,6 +119,11 @@ class BasebandConfig:
         choices=GROUPINGS,
         doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
     )
+    select: str = knob(
+        "all",
+        choices=("all", "doppler"),
+        doc="doppler: of every Doppler bin only the strongest cell over range becomes a point (thesis, 4.2); for one person in view",
+    )
     refine: str = knob(
         "none",
         choices=("none", "ml"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,11 @@ FEATURE_NAMES: Final[tuple[str, ...]] = (
     "azimuth_at_min_speed",
     "elevation_at_min_speed",
 )
-"""The thirteen features of section 4.2, in the order of `extract` and of ``Gesture.features``."""
+"""The thirteen features of section 4.2, in the order of `extract` and of ``Gesture.features``.
+
+``zero_crossings`` is a count, times are s from the start of the event, speeds m/s (positive = receding); azimuths (left positive) and
+elevations (up positive) are rad, or m where ``FeatureConfig.angles`` is ``offset``.
+"""
 
 
 _SIDELOBE_RANGE: Final[float] = 0.3  # m: the body's echo and its side lobes spread over a few range bins
@@ -50,6 +54,63 @@ class FeatureConfig:
         doc="what the azimuth and elevation features hold: offsets from the track in metres, angles from it in rad, or sensor angles",
     )
     smoothing: float = knob(0.06, unit="s", low=0.0, high=1.0, doc="length of the window over which angles are averaged, weighted by SNR")
+
+
+class Detections(Protocol):
+    """What features and maps need of a cloud, or of one track's share of it; every array float32, shape (n_points,)."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Of the cloud [ns]."""
+
+    @property
+    def radial_speed(self) -> NDArray[np.float32]:
+        """Range rate, positive = receding [m/s]."""
+
+    @property
+    def snr(self) -> NDArray[np.float32]:
+        """Signal over noise floor [dB]."""
+
+    @property
+    def range(self) -> NDArray[np.float32]:
+        """Distance from the sensor [m]."""
+
+    @property
+    def azimuth(self) -> NDArray[np.float32]:
+        """Seen from the sensor, left positive [rad]."""
+
+    @property
+    def elevation(self) -> NDArray[np.float32]:
+        """Seen from the sensor, up positive [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """The detections of a cloud that belong to one track; as `Detections`."""
+
+    stamp_ns: int
+    radial_speed: NDArray[np.float32]
+    snr: NDArray[np.float32]
+    range: NDArray[np.float32]
+    azimuth: NDArray[np.float32]
+    elevation: NDArray[np.float32]
+
+
+def shares(cloud: PointCloud, owner: NDArray[np.integer], track_ids: Iterable[int]) -> Iterator[Share]:
+    """Give each track its share of a cloud.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        All detections.
+    owner : ndarray of int, shape (n_points,)
+        Track of each detection.
+    track_ids : iterable of int
+        Whose shares, in this order.
+    """
+    values = np.array((cloud.radial_speed, cloud.snr, cloud.range, cloud.azimuth, cloud.elevation))
+    for track_id in track_ids:
+        yield Share(cloud.stamp_ns, *values[:, owner == track_id])
 
 
 @dataclass(frozen=True)
@@ -99,8 +160,8 @@ def doppler_gates(radial_speed: NDArray[np.float32], snr: NDArray[np.float32], g
     """
     known = np.flatnonzero(np.isfinite(radial_speed))
     number = np.rint(radial_speed[known].astype(np.float64) / gate)
-    strength = np.nan_to_num(snr[known], nan=-1e9, posinf=1e9, neginf=-1e9)
-    order = np.lexsort((strength, number))
+    strength = snr[known]
+    order = np.lexsort((np.where(np.isnan(strength), -np.inf, strength), number))
     number = number[order]
     last = np.append(number[1:] != number[:-1], True) if len(number) else np.zeros(0, bool)
     return np.asarray(known[order[last]])
@@ -108,16 +169,52 @@ def doppler_gates(radial_speed: NDArray[np.float32], snr: NDArray[np.float32], g
 
 def weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:
     """Median of ``values`` with non-negative ``weights`` (shape (n,) each), leaving non-finite values out; NaN when none is left."""
-    good = np.isfinite(values) & (weights > 0)
-    if not good.any():
+    return weighted_medians(np.asarray(values)[None], weights)[0]
+
+
+def weighted_medians(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> list[float]:
+    """Weighted median of every row, between the values where it falls between two.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_rows, n)
+        Values; non-finite ones are left out.
+    weights : ndarray, shape (n,)
+        Not negative; a value of weight 0 is left out.
+
+    Returns
+    -------
+    list of float, length n_rows
+        NaN for a row of which nothing is left.
+    """
+    if not len(weights):
+        return [math.nan] * len(rows)
+    good = np.isfinite(rows) & (weights > 0)
+    order = np.where(good, rows, np.inf).argsort(axis=1)
+    row = np.arange(len(rows))[:, None]
+    value, weight = rows[row, order].astype(np.float64), np.where(good, weights, 0.0)[row, order]
+    total = weight.cumsum(axis=1)
+    position, half = total - 0.5 * weight, 0.5 * total[:, -1:]
+    place = (position < half).sum(axis=1).tolist()
+    return [
+        _between(*numbers)
+        for numbers in zip(place, half[:, 0].tolist(), position.tolist(), value.tolist(), good.any(axis=1).tolist(), strict=True)
+    ]
+
+
+def _between(place: int, x: float, positions: list[float], values: list[float], known: bool) -> float:
+    """Value at x, on the line between the values at the positions before and at ``place``; NaN when not ``known``."""
+    if not known:
         return math.nan
-    order = np.argsort(values[good])
-    value, weight = values[good][order].astype(np.float64), weights[good][order].astype(np.float64)
-    position = np.cumsum(weight) - 0.5 * weight
-    return float(np.interp(0.5 * weight.sum(), position, value))
+    if place == 0:
+        return values[0]
+    low, high = positions[place - 1], positions[place]
+    return values[place - 1] + (x - low) * (values[place] - values[place - 1]) / (high - low)
 
 
-def summarise(cloud: PointCloud, body: tuple[float, float, float], settings: FeatureConfig) -> MotionSample:
+def summarise(
+    cloud: Detections, body: tuple[float, float, float], settings: FeatureConfig, picked: NDArray[np.intp] | None = None
+) -> MotionSample:
     """Reduce one cloud's points of one track to a motion sample.
 
     The thesis takes the highest velocity of each frame and the median angle. Here the side (approaching or receding) is the one whose
@@ -126,15 +223,24 @@ def summarise(cloud: PointCloud, body: tuple[float, float, float], settings: Fea
 
     Parameters
     ----------
-    cloud : PointCloud
+    cloud : Detections
         The track's points only.
     body : tuple of float
         Distance, azimuth, elevation of the track's centre seen from the sensor [m, rad, rad].
     settings : FeatureConfig
         The knobs.
+    picked : ndarray of int, shape (n_gates,), or None
+        The strongest detections of the gates, where the caller has them already (`doppler_gates`).
+
+    Returns
+    -------
+    MotionSample
+        Speed and weight 0 and NaN for the place when nothing moves. A direction is NaN when none of the gates that count has one: those
+        that have one decide. A detection without SNR counts as one of ``min_snr``, one without a range rate not at all.
     """
-    snr = np.clip(np.nan_to_num(cloud.snr, nan=settings.min_snr, posinf=200.0, neginf=-200.0).astype(np.float64), -200.0, 200.0)
-    picked = doppler_gates(cloud.radial_speed, cloud.snr, settings.gate)
+    snr = np.clip(np.where(np.isnan(cloud.snr), settings.min_snr, cloud.snr).astype(np.float64), -200.0, 200.0)
+    if picked is None:
+        picked = doppler_gates(cloud.radial_speed, cloud.snr, settings.gate)
     picked = picked[_is_arm(cloud, snr, settings)[picked]]
     if len(picked):
         picked = picked[snr[picked] >= snr[picked].max() - settings.weak]
@@ -143,20 +249,14 @@ def summarise(cloud: PointCloud, body: tuple[float, float, float], settings: Fea
         return MotionSample(cloud.stamp_ns, 0.0, 0.0, math.nan, math.nan, math.nan, body)
     amplitude = 10.0 ** (snr / 20)
     receding = float(amplitude @ speed) > 0
-    side = speed > 0 if receding else speed < 0
-    weights = np.where(side, amplitude, 0.0)
-    return MotionSample(
-        cloud.stamp_ns,
-        float(speed.max() if receding else speed.min()),
-        float(weights.sum()),
-        weighted_median(cloud.range[picked], weights),
-        weighted_median(cloud.azimuth[picked], weights),
-        weighted_median(cloud.elevation[picked], weights),
-        body,
-    )
+    weights = np.where(speed > 0 if receding else speed < 0, amplitude, 0.0)
+    places = np.array((cloud.range[picked], cloud.azimuth[picked], cloud.elevation[picked]))
+    distance, azimuth, elevation = weighted_medians(places, weights)
+    fastest = float(speed.max() if receding else speed.min())
+    return MotionSample(cloud.stamp_ns, fastest, float(weights.sum()), distance, azimuth, elevation, body)
 
 
-def _is_arm(cloud: PointCloud, snr: NDArray[np.float64], settings: FeatureConfig) -> NDArray[np.bool_]:
+def _is_arm(cloud: Detections, snr: NDArray[np.float64], settings: FeatureConfig) -> NDArray[np.bool_]:
     """Mask of the detections that move and are no leakage of a strong slow one (the body) through the side lobes of the Doppler window."""
     speed = np.abs(cloud.radial_speed)
     moving = (speed >= settings.body_speed) & (snr >= settings.min_snr)
@@ -222,7 +322,15 @@ def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureCon
     Returns
     -------
     ndarray of float64, shape (13,) = `FEATURE_NAMES`, or None
-        Always finite. None when too few samples have motion. Angle features are 0 where the sensor does not measure the angle.
+        Always finite, in s, m/s and rad (m with ``angles`` offset).
+
+        - None when fewer than ``min_samples`` samples have motion (no detections, or all slow): there is nothing to measure then.
+        - An angle that is NaN in some samples is averaged over its neighbours within ``smoothing``; where these have none either, it is
+          the mean over the event.
+        - An angle that is NaN in all samples, as the elevation of a sensor that does not measure it, gives 0 in all its features: with
+          angles taken from the track this is "at the height of the body".
+        - A track whose own direction is unknown counts as straight ahead (0).
+        - With ``angles`` offset, a sample without a distance has no angles.
     """
     rows = np.array([(s.stamp_ns - start_ns, s.speed, s.weight, s.distance, s.azimuth, s.elevation, *s.body) for s in samples], np.float64)
     if len(rows) == 0 or np.count_nonzero(rows[:, 2]) < min_samples:

@@ -1,16 +1,32 @@
-"""Feature maps: micro-Doppler and directions over time, as pictures (thesis, sections 4.2 and 7.2, figures 4.4 to 4.8)."""
+"""Feature maps: micro-Doppler, directions and distance over time, as pictures (thesis, sections 4.2 and 7.2, figures 4.4 to 4.8)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import PointCloud
-from radar_gestures.features import doppler_gates
+from radar_core.config import config, knob
+from radar_gestures.features import Detections, doppler_gates
+
+_ROWS: Final[int] = 128  # of a new ring: two seconds at 50 Hz and some more
+_EMPTY: Final[tuple[float, float, float, float]] = (0.0, math.nan, math.nan, math.nan)
+
+
+@config
+class MapConfig:
+    """How large the maps of an event are; their gates are those of the features."""
+
+    max_speed: float = knob(
+        4.2, unit="m/s", low=0.1, high=100.0, doc="maps reach from minus to plus this; the outermost gates hold what is faster"
+    )
+    length: float = knob(
+        0.0, unit="s", low=0.0, high=20.0, doc="maps of an event are that long, empty where it is over (the thesis: 1 s); 0: as long as it"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +43,8 @@ class FeatureMaps:
         SNR [dB]; 0 where nothing was detected.
     azimuth, elevation : ndarray of float32, shape (n_frames, n_speed)
         Direction seen from the sensor [rad]; NaN where nothing was detected or the sensor does not measure it.
+    distance : ndarray of float32, shape (n_frames, n_speed)
+        Distance from the sensor [m]; NaN where nothing was detected or the sensor does not measure it.
     """
 
     stamp_ns: NDArray[np.int64]
@@ -34,27 +52,162 @@ class FeatureMaps:
     micro_doppler: NDArray[np.float32]
     azimuth: NDArray[np.float32]
     elevation: NDArray[np.float32]
+    distance: NDArray[np.float32]
 
 
-def feature_maps(clouds: Sequence[PointCloud], gate: float, max_speed: float) -> FeatureMaps:
+class GateAxis:
+    """The Doppler gates of a map.
+
+    Parameters
+    ----------
+    gate : float
+        Width of a gate [m/s].
+    max_speed : float
+        The gates reach from minus to plus this [m/s], or a little farther; what is faster goes to the outermost gate.
+
+    Attributes
+    ----------
+    speed : ndarray of float32, shape (n_speed,)
+        Middle of each gate, ascending [m/s].
+    """
+
+    def __init__(self, gate: float, max_speed: float) -> None:
+        self._gate = gate
+        self._half = math.ceil(max_speed / gate - 0.5)
+        self.speed: NDArray[np.float32] = (np.arange(-self._half, self._half + 1) * gate).astype(np.float32)
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    def find(self, radial_speed: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Gate of every range rate [m/s], shape (n_points,); each has to be a number."""
+        number = np.rint(radial_speed.astype(np.float64) / self._gate)
+        return np.clip(number, -self._half, self._half).astype(np.int64) + self._half
+
+
+class MapRing:
+    """The feature maps of the last seconds of one track, in arrays that are made once; its length is a time, whatever the frame rate.
+
+    Adding a cloud writes its strongest points and nothing else. The arrays double when a source sends so fast that they fill up.
+
+    Parameters
+    ----------
+    window : float
+        Clouds older than this [s] are forgotten.
+    axis : GateAxis
+        The Doppler gates.
+    max_frames : int
+        Bound for sources that send absurdly fast; the oldest clouds go first.
+    """
+
+    def __init__(self, window: float, axis: GateAxis, max_frames: int = 4096) -> None:
+        self._window_ns = round(window * 1e9)
+        self._axis = axis
+        self._max_frames = max_frames
+        self._empty = np.repeat(np.array(_EMPTY, np.float32)[:, None], len(axis), axis=1)
+        self._stamp = np.zeros(min(_ROWS, max_frames), np.int64)
+        self._maps = np.empty((4, len(self._stamp), len(axis)), np.float32)
+        self._first = 0  # row of the oldest cloud
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, cloud: Detections, picked: NDArray[np.intp]) -> None:
+        """Take in one cloud of the track.
+
+        A cloud that is not later than the last means that time jumped back, and everything before it is forgotten.
+
+        Parameters
+        ----------
+        cloud : Detections
+            Whose stamp, SNR, directions and ranges are kept.
+        picked : ndarray of int, shape (n_gates,)
+            Its points to keep, ordered by range rate: one of every gate, see `doppler_gates`.
+        """
+        row = self._next_row(cloud.stamp_ns)
+        self._stamp[row] = cloud.stamp_ns
+        self._maps[:, row] = self._empty
+        if len(picked):
+            write(self._maps[:, row], cloud, picked, self._axis)
+
+    def window(self, start_ns: int, end_ns: int, length: float = 0.0) -> FeatureMaps:
+        """Copy the maps of the clouds with ``start_ns <= stamp_ns <= end_ns``, in order of time.
+
+        Parameters
+        ----------
+        start_ns, end_ns : int
+            Limits [ns].
+        length : float
+            Make the maps that long [s] from the first cloud on (section 4.2: 1.0 s): frames without detections, at the usual interval of
+            the clouds, follow the last one; a longer window is cut. 0: as long as the window. With one cloud the interval is unknown, and
+            nothing follows it.
+        """
+        order = (self._first + np.arange(self._count)) % len(self._stamp)
+        stamps = self._stamp[order]
+        first, last = np.searchsorted(stamps, start_ns, "left"), np.searchsorted(stamps, end_ns, "right")
+        order, stamps = order[first:last], stamps[first:last]
+        maps = self._maps[:, order]
+        if length > 0 and len(stamps) > 1:
+            interval = max(int(np.median(np.diff(stamps))), 1)
+            n = min(math.ceil(round(length * 1e9) / interval), self._max_frames)
+            beyond = np.repeat(self._empty[:, None], max(n - len(stamps), 0), axis=1)
+            maps = np.concatenate([maps[:, :n], beyond], axis=1)
+            stamps = np.concatenate([stamps[:n], stamps[-1] + interval * np.arange(1, beyond.shape[1] + 1)])
+        return FeatureMaps(stamps, self._axis.speed, *maps)
+
+    def _next_row(self, stamp_ns: int) -> int:
+        """Row for a new cloud; forgets what it makes too old."""
+        if self._count and stamp_ns <= self._stamp[(self._first + self._count - 1) % len(self._stamp)]:
+            self._count = 0
+        while self._count and self._stamp[self._first] < stamp_ns - self._window_ns:
+            self._drop()
+        if self._count == len(self._stamp):
+            if self._count < self._max_frames:
+                self._grow()
+            else:
+                self._drop()
+        self._count += 1
+        return (self._first + self._count - 1) % len(self._stamp)
+
+    def _drop(self) -> None:
+        self._first = (self._first + 1) % len(self._stamp)
+        self._count -= 1
+
+    def _grow(self) -> None:
+        order = (self._first + np.arange(self._count)) % len(self._stamp)
+        n = min(2 * self._count, self._max_frames)
+        stamp, maps = np.zeros(n, np.int64), np.empty((4, n, len(self._axis)), np.float32)
+        stamp[: self._count], maps[:, : self._count] = self._stamp[order], self._maps[:, order]
+        self._stamp, self._maps, self._first = stamp, maps, 0
+
+
+def write(maps: NDArray[np.float32], cloud: Detections, picked: NDArray[np.intp], axis: GateAxis) -> None:
+    """Write the picked points of a cloud into one frame of the maps, shape (4, n_speed) = (SNR, azimuth, elevation, distance)."""
+    column = axis.find(cloud.radial_speed[picked])
+    if len(column) > 1 and (column[0] == column[1] or column[-1] == column[-2]):  # several beyond an outermost gate: the strongest stays
+        order = np.argsort(np.nan_to_num(cloud.snr[picked], nan=-np.inf), kind="stable")
+        column, picked = column[order], picked[order]
+    for target, values in zip(maps, (cloud.snr, cloud.azimuth, cloud.elevation, cloud.range), strict=True):
+        target[column] = values[picked]
+
+
+def feature_maps(clouds: Sequence[Detections], gate: float, max_speed: float) -> FeatureMaps:
     """Put the detections of clouds side by side.
 
     Parameters
     ----------
-    clouds : sequence of PointCloud
+    clouds : sequence of Detections
         In order of time; of one person, or of the one person in view.
     gate : float
         Width of a Doppler gate [m/s].
     max_speed : float
         The maps go from minus to plus this [m/s]; what is faster goes to the outermost gate.
     """
-    half = math.ceil(max_speed / gate - 0.5)  # the outermost gates reach beyond max_speed
-    maps = np.full((3, len(clouds), 2 * half + 1), np.nan, np.float32)
-    maps[0] = 0.0
+    axis = GateAxis(gate, max_speed)
+    maps = np.empty((4, len(clouds), len(axis)), np.float32)
+    maps[:] = np.array(_EMPTY, np.float32)[:, None, None]
     for row, cloud in enumerate(clouds):
-        picked = doppler_gates(cloud.radial_speed, cloud.snr, gate)
-        speed = np.clip(np.rint(cloud.radial_speed[picked].astype(np.float64) / gate), -half, half)
-        column = speed.astype(np.int64) + half
-        maps[:, row, column] = cloud.snr[picked], cloud.azimuth[picked], cloud.elevation[picked]
+        write(maps[:, row], cloud, doppler_gates(cloud.radial_speed, cloud.snr, gate), axis)
     stamps = np.array([cloud.stamp_ns for cloud in clouds], np.int64)
-    return FeatureMaps(stamps, (np.arange(-half, half + 1) * gate).astype(np.float32), *maps)
+    return FeatureMaps(stamps, axis.speed, *maps)

@@ -1,117 +1,39 @@
-"""The classifier: a multi-layer perceptron with one hidden layer (thesis, section 4.2), in plain numpy at run time."""
+"""The file of a classifier: plain arrays and JSON in an npz archive. Reading one never executes anything that is in it."""
 
 from __future__ import annotations
 
+import io
 import json
+import math
+import os
 import zipfile
+import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, ConfigError, DataError
+from radar_core import ConfigError, DataError
 from radar_core.paths import find_config
-from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.perceptron import ADVICE, RANDOM, GestureModel
+from radar_gestures.rejection import make_rejector
 
-FORMAT: Final[int] = 1
-"""Version of the model file; a reader refuses every other."""
+__all__ = ["FORMAT", "RANDOM", "GestureModel", "load_model", "save_model"]
 
-_ARRAYS: Final[tuple[str, ...]] = ("mean", "scale", "hidden_weights", "hidden_bias", "output_weights", "output_bias")
-_ADVICE: Final[str] = "make a new one with `handwave train`, or name the model that comes with Handwave (gestures)"
+FORMAT: Final[int] = 2
+"""Version of the model file; a reader refuses every other. 1, of the first releases, had one hidden layer, always, and no calibration."""
 
-
-@dataclass(frozen=True, eq=False)
-class GestureModel:
-    """A trained perceptron: standardise, hidden layer with ReLU, output layer with softmax.
-
-    Attributes
-    ----------
-    mean, scale : ndarray of float64, shape (n_features,)
-        Standardisation: ``(features - mean) / scale``.
-    hidden_weights : ndarray of float64, shape (n_features, n_hidden)
-    hidden_bias : ndarray of float64, shape (n_hidden,)
-    output_weights : ndarray of float64, shape (n_hidden, n_labels)
-    output_bias : ndarray of float64, shape (n_labels,)
-    settings : mapping
-        How the features were made (knobs of `FeatureConfig` and `EventConfig`): a recogniser set otherwise refuses the model.
-    figures : mapping
-        What training measured: number of samples, accuracy, seed.
-    """
-
-    mean: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    hidden_weights: NDArray[np.float64]
-    hidden_bias: NDArray[np.float64]
-    output_weights: NDArray[np.float64]
-    output_bias: NDArray[np.float64]
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    figures: Mapping[str, Any] = field(default_factory=dict)
-    _weights: NDArray[np.float64] = field(init=False, repr=False)
-    _bias: NDArray[np.float64] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        hidden = len(self.hidden_bias) if self.hidden_bias.ndim == 1 else -1
-        n, k = len(FEATURE_NAMES), len(GESTURES)
-        wanted = {
-            "mean": (n,),
-            "scale": (n,),
-            "hidden_weights": (n, hidden),
-            "hidden_bias": (hidden,),
-            "output_weights": (hidden, k),
-            "output_bias": (k,),
-        }
-        for name, shape in wanted.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != np.float64:
-                raise ConfigError(f"gesture model: {name} is {array.dtype} {array.shape}, expected float64 {shape}; {_ADVICE}")
-            if not np.isfinite(array).all():
-                raise ConfigError(f"gesture model: {name} has non-finite numbers; {_ADVICE}")
-        if not (self.scale > 0).all():
-            raise ConfigError(f"gesture model: scale has entries that are not positive; {_ADVICE}")
-        # Standardisation is linear, so it goes into the hidden layer.
-        weights = self.hidden_weights / self.scale[:, None]
-        object.__setattr__(self, "_weights", weights)
-        object.__setattr__(self, "_bias", self.hidden_bias - self.mean @ weights)
-
-    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Probability of every label.
-
-        Parameters
-        ----------
-        features : ndarray, shape (..., 13)
-            As `extract` gives them.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 10)
-            Sums to 1 along the last axis.
-
-        Raises
-        ------
-        DataError
-            When a feature is not finite, or there are not thirteen.
-        """
-        x = np.asarray(features, np.float64)
-        if x.shape[-1:] != self.mean.shape:
-            raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)})")
-        if not np.logical_and.reduce(np.isfinite(x), axis=None):
-            raise DataError("features has non-finite values")
-        hidden = np.dot(x, self._weights)  # for one sample a quarter of the time of @
-        hidden += self._bias
-        np.maximum(hidden, 0.0, out=hidden)
-        score = np.dot(hidden, self.output_weights)
-        score += self.output_bias
-        score -= np.maximum.reduce(score, axis=-1, keepdims=True)
-        np.exp(score, out=score)
-        score /= np.add.reduce(score, axis=-1, keepdims=True)
-        return np.asarray(score)
+_MOST_BYTES: Final[int] = 8_000_000  # of the whole content: a hundred times what a model of ours takes
+_MOST_MEMBERS: Final[int] = 64
+_COMPRESSIONS: Final[tuple[int, ...]] = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_KEYS: Final[frozenset[str]] = frozenset({"labels", "features", "n_layers", "temperature", "reject", "rejector", "settings", "figures"})
 
 
 def save_model(model: GestureModel, path: str | Path) -> None:
-    """Write ``model`` to ``path`` (.npz); the file holds plain arrays and JSON text, no pickles.
+    """Write ``model`` to ``path`` (.npz). The same model gives the same bytes; a killed run leaves no half file.
 
     Parameters
     ----------
@@ -119,18 +41,54 @@ def save_model(model: GestureModel, path: str | Path) -> None:
         What to write.
     path : str or Path
         Target; its folder is made.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be written.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = {"labels": list(GESTURES), "features": list(FEATURE_NAMES), "settings": dict(model.settings), "figures": dict(model.figures)}
-    with path.open("wb") as file:
-        np.savez_compressed(
-            file, format=np.int64(FORMAT), about=np.array(json.dumps(text)), **{name: getattr(model, name) for name in _ARRAYS}
-        )
+    about = {
+        "labels": list(model.labels),
+        "features": list(model.names),
+        "n_layers": len(model.weights),
+        "temperature": model.temperature,
+        "reject": model.reject,
+        "rejector": model.rejector.name,
+        "settings": dict(model.settings),
+        "figures": dict(model.figures),
+    }
+    arrays: dict[str, NDArray[Any]] = {
+        "format": np.array(FORMAT, np.int64),
+        "about": np.frombuffer(json.dumps(about, sort_keys=True).encode(), np.uint8),
+        "mean": model.mean,
+        "scale": model.scale,
+    }
+    for number, (weights, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
+        arrays |= {f"weights_{number}": weights, f"bias_{number}": bias}
+    arrays |= {f"rejector_{name}": array for name, array in model.rejector.arrays().items()}
+    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its switch
+        partial.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise DataError(f"{path}: the model cannot be written ({error.strerror}); name another place") from None
 
 
 def load_model(name_or_path: str | Path = "gestures") -> GestureModel:
     """Read a model: a file, or one of ours in ``config/models`` by its bare name.
+
+    Sizes are checked before anything is unpacked, and arrays of Python objects are refused, so a hostile file costs neither memory nor
+    trust.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        E.g. ``"gestures"``.
 
     Raises
     ------
@@ -139,29 +97,90 @@ def load_model(name_or_path: str | Path = "gestures") -> GestureModel:
     """
     path = find_config(name_or_path, "models", ".npz")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ConfigError(f"{path}: not a gesture model ({error}); {_ADVICE}") from None
-    missing = {"format", "about", *_ARRAYS} - content.keys()
-    if missing:
-        raise ConfigError(f"{path}: not a gesture model: it has no {', '.join(sorted(missing))}; {_ADVICE}")
-    if content["format"].shape != () or int(content["format"]) != FORMAT:
-        raise ConfigError(f"{path}: model format {content['format']}, but this version of Handwave reads format {FORMAT}; {_ADVICE}")
-    about = _read_about(path, content["about"])
-    try:
-        return GestureModel(**{name: content[name] for name in _ARRAYS}, settings=about["settings"], figures=about["figures"])
+        with zipfile.ZipFile(path) as archive:
+            return _read_model(archive)
+    except (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+        raise ConfigError(f"{path}: not a gesture model ({error}); {ADVICE}") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def _read_about(path: Path, text: NDArray[Any]) -> dict[str, Any]:
+def _read_model(archive: zipfile.ZipFile) -> GestureModel:
+    members = archive.infolist()
+    if len(members) > _MOST_MEMBERS or sum(member.file_size for member in members) > _MOST_BYTES:
+        raise ConfigError(f"not a gesture model: it holds more than {_MOST_MEMBERS} arrays or {_MOST_BYTES // 1_000_000} MB; {ADVICE}")
+    if any(member.compress_type not in _COMPRESSIONS for member in members):
+        raise ConfigError(f"not a gesture model: it is packed in an unusual way; {ADVICE}")
+    content = {member.filename.removesuffix(".npy"): member for member in members}
+    _need(content, "format", "about")
+    found = _read_array(archive, content["format"])
+    if found.shape != () or found.dtype.kind not in "iu" or int(found) != FORMAT:
+        raise ConfigError(f"model format {found}, but this version of Handwave reads format {FORMAT}; {ADVICE}")
+    about = _read_about(_read_array(archive, content["about"]))
+    layers = range(about["n_layers"])
+    _need(content, "mean", "scale", *(f"{kind}_{number}" for number in layers for kind in ("weights", "bias")))
+
+    def numbers(name: str) -> NDArray[Any]:
+        array = _read_array(archive, content[name])
+        if array.dtype != np.float32:
+            raise ConfigError(f"gesture model: {name} is {array.dtype}, expected float32; {ADVICE}")
+        return array
+
+    own = {name.removeprefix("rejector_"): numbers(name) for name in content if name.startswith("rejector_")}
+    return GestureModel(
+        numbers("mean"),
+        numbers("scale"),
+        tuple(numbers(f"weights_{number}") for number in layers),
+        tuple(numbers(f"bias_{number}") for number in layers),
+        labels=tuple(about["labels"]),
+        names=tuple(about["features"]),
+        temperature=about["temperature"],
+        reject=about["reject"],
+        rejector=make_rejector(about["rejector"], own),
+        settings=about["settings"],
+        figures=about["figures"],
+    )
+
+
+def _need(content: Mapping[str, Any], *names: str) -> None:
+    missing = sorted(set(names) - content.keys())
+    if missing:
+        raise ConfigError(f"not a gesture model: it has no {', '.join(missing)}; {ADVICE}")
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """Read one array; `numpy.load` would set aside whatever memory the header asks for before it looks at the data."""
+    with archive.open(member) as file:
+        data = file.read(_MOST_BYTES)
     try:
-        about = json.loads(str(text))
-        labels, names = tuple(about["labels"]), tuple(about["features"])
-        about["settings"].items(), about["figures"].items()
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise ConfigError(f"{path}: not a gesture model: its description cannot be read; {_ADVICE}") from None
-    if labels != GESTURES or names != FEATURE_NAMES:
-        raise ConfigError(f"{path}: the model was trained for other labels or features; {_ADVICE}")
+        return _array_of(io.BytesIO(data))
+    except (ValueError, TypeError, SyntaxError, OverflowError, RecursionError, MemoryError) as error:
+        raise ConfigError(f"not a gesture model: {member.filename} is no plain array ({error}); {ADVICE}") from None
+
+
+def _array_of(file: IO[bytes]) -> NDArray[Any]:
+    version = np.lib.format.read_magic(file)
+    if version != (1, 0):
+        raise ValueError(f"npy version {version}")
+    shape, fortran, kind = np.lib.format.read_array_header_1_0(file)
+    if kind.hasobject:
+        raise ValueError("an array of Python objects")
+    data = file.read()
+    if any(length < 0 for length in shape) or math.prod(shape) * kind.itemsize != len(data):
+        raise ValueError(f"its header says {kind} {shape}, its data are {len(data)} bytes")
+    return np.frombuffer(data, kind).reshape(shape, order="F" if fortran else "C")
+
+
+def _read_about(text: NDArray[Any]) -> dict[str, Any]:
+    """Read the description, and check the types of what is in it."""
+    try:
+        about = json.loads(text.tobytes().decode())
+        sound = isinstance(about, dict) and about.keys() >= _KEYS
+        sound = sound and all(isinstance(about[name], list) for name in ("labels", "features"))
+        sound = sound and all(isinstance(about[name], dict) for name in ("settings", "figures"))
+        sound = sound and type(about["n_layers"]) is int and 0 < about["n_layers"] <= _MOST_MEMBERS
+    except (ValueError, RecursionError):
+        sound = False
+    if not sound:
+        raise ConfigError(f"not a gesture model: its description cannot be read; {ADVICE}")
     return dict(about)

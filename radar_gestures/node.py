@@ -6,12 +6,14 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from handwave.msg import Gesture as GestureMsg
+from handwave.msg import GestureMaps as GestureMapsMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import HandwaveError, RadarInfo
-from radar_gestures.messages import gesture_to_msg
+from radar_gestures.messages import gesture_to_msg, maps_to_msg
 from radar_gestures.model import load_model
 from radar_gestures.recognizer import GestureConfig, GestureRecognizer
 from radar_ros import qos
@@ -30,12 +32,15 @@ class GesturesNode(StageNode):
         super().__init__("gestures", **kwargs)
         self._config = declare_config(self, GestureConfig)
         self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
+        self._model.probabilities(np.zeros(len(self._model.names)))  # compiled now, not at the end of the first gesture
         self._recognizer: GestureRecognizer | None = None
         self._gestures = self.create_publisher(GestureMsg, "gestures", qos.RESULT)
+        self._maps = self.create_publisher(GestureMapsMsg, "gestures/maps", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
+        # Only the newest cloud and tracks wait while this node is busy (thesis, section 4.5.4); `count_gap` counts what was left out.
         inputs = [
-            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
-            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),
+            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.frames_in(reliable=self.reliable)),
+            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.results_in(newest=not self.reliable)),
         ]
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)
@@ -54,14 +59,19 @@ class GesturesNode(StageNode):
             tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
             if self.went_back(tracked.cloud.stamp_ns):
                 self._configure(info)
-            gestures = self._recognizer.process(tracked)
+            events = self._recognizer.find(tracked)
+            gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
         except HandwaveError as error:
             self.dropped += 1
             self.problem(str(error))
             return
-        for gesture in gestures:
+        for gesture in filter(self._recognizer.wanted, gestures):
             self._gestures.publish(gesture_to_msg(gesture))
         self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
+        if events and self._maps.get_subscription_count():
+            for event in events:
+                if event.maps is not None:
+                    self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
 
 
 def make_node(**kwargs: Any) -> GesturesNode:

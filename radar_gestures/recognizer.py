@@ -14,7 +14,8 @@ from radar_core import GESTURES, ConfigError, Pose
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
 from radar_gestures.events import Event, EventConfig, EventDetector
-from radar_gestures.features import FEATURE_NAMES, FeatureConfig, MotionRing, MotionSample, extract, summarise
+from radar_gestures.features import FEATURE_NAMES, FeatureConfig, MotionRing, MotionSample, Share, doppler_gates, extract, shares, summarise
+from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing
 from radar_gestures.model import GestureModel
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
@@ -29,11 +30,14 @@ class GestureConfig:
 
     features: FeatureConfig = FeatureConfig()
     events: EventConfig = EventConfig()
+    maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
     walk_distance: float = knob(
         0.6, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
     )
-    min_confidence: float = knob(0.4, low=0.0, high=1.0, doc="a gesture less probable than this is published as random")
+    min_confidence: float = knob(
+        0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"
+    )
     publish_random: bool = knob(True, doc="publish events that are no gesture, with label 0 (random)")
 
 
@@ -61,6 +65,9 @@ class Gesture:
         First and last moment of fast motion [ns].
     features : ndarray of float64, shape (13,)
         What the classifier saw; all NaN when the event had too few samples to make them.
+    known : bool
+        False: unlike everything that the classifier was trained with, or too little to tell, and therefore random; see
+        `GestureRecognizer`.
     """
 
     stamp_ns: int
@@ -73,6 +80,12 @@ class Gesture:
     start_ns: int
     end_ns: int
     features: NDArray[np.float64]
+    known: bool = True
+
+    @property
+    def latency(self) -> float:
+        """From the event's end to the cloud at which it was decided [s]."""
+        return (self.stamp_ns - self.end_ns) * 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +102,15 @@ class TrackEvent:
         None: too few samples.
     walked : float
         Farthest that the track was from itself, from shortly before to shortly after [m]; see `walked`.
+    maps : FeatureMaps or None
+        From ``margin`` before the event to ``margin`` after it, or as long as `MapConfig` says.
     """
 
     track_id: int
     event: Event
     features: NDArray[np.float64] | None
     walked: float
+    maps: FeatureMaps | None = None
 
 
 class EventStage:
@@ -124,11 +140,12 @@ class EventStage:
         alive = {track.id for track in tracks.tracks}
         self._states = {key: state for key, state in self._states.items() if key in alive}
         found = []
-        for track in tracks.tracks:
-            state = self._states.setdefault(track.id, _TrackState(self._settings))
-            points = tracked.cloud.select(np.flatnonzero(tracks.point_track_id == track.id))
-            sample = summarise(points, self._seen_from_sensor(track), self._settings.features)
-            event = state.process(sample, track.id)
+        points = shares(tracked.cloud, tracks.point_track_id, [track.id for track in tracks.tracks])
+        for track, share in zip(tracks.tracks, points, strict=True):
+            state = self._states.get(track.id)
+            if state is None:
+                state = self._states[track.id] = _TrackState(self._settings)
+            event = state.process(share, self._seen_from_sensor(track), track.id)
             if event is not None and track.status != TrackStatus.TENTATIVE:
                 found.append(event)
         return tuple(found)
@@ -139,23 +156,29 @@ class EventStage:
 
 
 class _TrackState:
-    """Ring and event detector of one track."""
+    """Rings and event detector of one track."""
 
     def __init__(self, settings: GestureConfig) -> None:
         self._settings = settings
         events = settings.events
         self._margin_ns = round(settings.margin * 1e9)
-        self._ring = MotionRing(events.max_duration + max(events.quiet, settings.margin) + settings.margin + events.max_gap)
+        window = events.max_duration + max(events.quiet, settings.margin) + settings.margin + events.max_gap
+        self._motion = MotionRing(window)
+        self._maps = MapRing(window, GateAxis(settings.features.gate, settings.maps.max_speed))
         self._detector = EventDetector(events)
 
-    def process(self, sample: MotionSample, track_id: int) -> TrackEvent | None:
-        self._ring.add(sample)
+    def process(self, points: Share, body: tuple[float, float, float], track_id: int) -> TrackEvent | None:
+        picked = doppler_gates(points.radial_speed, points.snr, self._settings.features.gate)
+        sample = summarise(points, body, self._settings.features, picked)
+        self._motion.add(sample)
+        self._maps.add(points, picked)
         event = self._detector.process(sample.stamp_ns, sample.speed)
         if event is None:
             return None
-        samples = self._ring.between(event.start_ns - self._margin_ns, event.end_ns + self._margin_ns)
-        around = self._ring.between(event.start_ns - _AROUND_NS, event.end_ns + _AROUND_NS)
-        return TrackEvent(track_id, event, extract(samples, event.start_ns, self._settings.features), walked(around))
+        start, end = event.start_ns - self._margin_ns, event.end_ns + self._margin_ns
+        features = extract(self._motion.between(start, end), event.start_ns, self._settings.features)
+        around = self._motion.between(event.start_ns - _AROUND_NS, event.end_ns + _AROUND_NS)
+        return TrackEvent(track_id, event, features, walked(around), self._maps.window(start, end, self._settings.maps.length))
 
 
 def walked(samples: Sequence[MotionSample]) -> float:
@@ -174,9 +197,11 @@ def walked(samples: Sequence[MotionSample]) -> float:
 class GestureRecognizer:
     """Names what the people do with their arms.
 
-    An event without enough moving samples, one during which the person walked (``walk_distance``) and one whose best label is less
-    probable than ``min_confidence`` is "random". The speed of the body is not subtracted from the arm's: a standing person's is zero, an
-    estimate of it would only add its error, and events of walking people are random anyway.
+    An event is "random" when the model says so, when it has too few moving samples for features, when the person walked during it
+    (``walk_distance``), and when it is unknown: the model does not know such a gesture (``model.known``), or its best label is less
+    probable than ``min_confidence``. Unknown events and those without features are not ``known``. The speed of the body is not subtracted
+    from the arm's: a standing person's is zero, an estimate of it would only add its error, and events of walking people are random
+    anyway.
 
     Parameters
     ----------
@@ -190,15 +215,24 @@ class GestureRecognizer:
     Raises
     ------
     ConfigError
-        When the model was trained with other features or events than ``settings`` asks for.
+        When the model was trained with other features or events than ``settings`` asks for, for other gestures than `GESTURES`, or on
+        other features than `FEATURE_NAMES`.
     """
 
     def __init__(self, settings: GestureConfig, model: GestureModel, mount: Pose | None = None) -> None:
         different = _differences(dict(model.settings), feature_settings(settings))
         if different:
             raise ConfigError(f"the gesture model was trained with other settings: {different}; set these, or train another model")
+        if model.names != FEATURE_NAMES:
+            raise ConfigError(
+                f"the gesture model takes other features ({', '.join(model.names[:3])}, ...); use one trained on the thirteen"
+            )
+        strange = [label for label in model.labels if label not in GESTURES]
+        if strange:
+            raise ConfigError(f"the gesture model names {', '.join(strange)}; a recogniser can publish only {', '.join(GESTURES)}")
         self._settings = settings
         self._model = model
+        self._place = [GESTURES.index(label) for label in model.labels]
         self._stage = EventStage(settings, mount if mount is not None else Pose())
 
     @property
@@ -207,7 +241,7 @@ class GestureRecognizer:
         return self._stage.track_ids
 
     def process(self, tracked: TrackedCloud) -> tuple[Gesture, ...]:
-        """Take one cloud with its tracks and return the gestures that were decided with it.
+        """Take one cloud with its tracks and return the gestures that were decided with it; `find` and `name` in one.
 
         Parameters
         ----------
@@ -217,24 +251,43 @@ class GestureRecognizer:
         Returns
         -------
         tuple of Gesture
-            In the order of the tracks; mostly empty.
+            In the order of the tracks; mostly empty. Without the random ones when ``publish_random`` is off.
         """
-        named = (self._name(event, tracked) for event in self._stage.process(tracked))
-        return tuple(gesture for gesture in named if self._settings.publish_random or gesture.label != RANDOM)
+        named = (self.name(event, tracked.tracks.stamp_ns) for event in self.find(tracked))
+        return tuple(gesture for gesture in named if self.wanted(gesture))
 
-    def _name(self, found: TrackEvent, tracked: TrackedCloud) -> Gesture:
+    def find(self, tracked: TrackedCloud) -> tuple[TrackEvent, ...]:
+        """Take one cloud with its tracks and return the events that ended with it, with their maps; for who names them later."""
+        return self._stage.process(tracked)
+
+    def wanted(self, gesture: Gesture) -> bool:
+        """Whether a gesture is to be published."""
+        return self._settings.publish_random or gesture.label != RANDOM
+
+    def name(self, found: TrackEvent, stamp_ns: int) -> Gesture:
+        """Name one event.
+
+        Parameters
+        ----------
+        found : TrackEvent
+            Of `find`.
+        stamp_ns : int
+            Of the cloud with which it ended [ns].
+        """
         features = found.features
         probabilities = np.zeros(len(GESTURES))
         if features is None or found.walked > self._settings.walk_distance:
-            probabilities[RANDOM] = 1.0
+            known = features is not None
+            label, probabilities[RANDOM] = RANDOM, 1.0
         else:
-            probabilities = self._model.probabilities(features)
-        label = int(np.argmax(probabilities))
-        if probabilities[label] < self._settings.min_confidence:
-            label = RANDOM
+            own = self._model.probabilities(features)
+            probabilities[self._place] = own
+            label = int(np.argmax(probabilities))
+            known = label == RANDOM or (self._model.known(features, own) and probabilities[label] >= self._settings.min_confidence)
+            label = label if known else RANDOM
         return Gesture(
-            tracked.tracks.stamp_ns,
-            tracked.tracks.frame_id,
+            stamp_ns,
+            "room",
             found.track_id,
             label,
             GESTURES[label],
@@ -243,6 +296,7 @@ class GestureRecognizer:
             found.event.start_ns,
             found.event.end_ns,
             features if features is not None else np.full(len(FEATURE_NAMES), np.nan),
+            bool(known),
         )
 
 

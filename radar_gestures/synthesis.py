@@ -1,4 +1,4 @@
-"""Synthetic data sets: one gesture of one person a file, with feature maps, features and truth (thesis, chapter 5).
+"""Synthetic data sets: one gesture of one person a file, with clouds, features and truth (thesis, sections 4.3 and chapter 5).
 
 `radar_gestures.dataset` simulates whole scenes, for training what the recogniser will meet. Here each sample is one stroke, as in the
 thesis: for maps, for other classifiers, for comparing with recordings. A sample takes about half a second of one core.
@@ -13,36 +13,33 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import json
 import math
 import threading
-import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import load, plain
+from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.dataset import Recording, find_events, label_events
-from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.maps import feature_maps
-from radar_gestures.recognizer import GestureConfig, TrackEvent, feature_settings
-from radar_gestures.samples import MANIFEST, SampleSet, open_folder, write_chunk
+from radar_gestures.readings import read_stroke
+from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.samples import FORMAT, ONE, SampleSet, open_folder, pack_clouds, read_manifest, read_samples, sample_path, write_chunk
 from radar_gestures.scoring import TruthSegment
-from radar_gestures.synthesis_plan import Plan, Sample, draw_sample
+from radar_gestures.synthesis_plan import Plan, Sample, draw_sample, named_plan, stroke_of
 from radar_gestures.workers import work_through
 from radar_sim import Scene, SimulatedFrame, Simulator
 from radar_sim.motions.library import library_hash
+from radar_tracking import TrackerConfig
 
-FORMAT: Final[int] = 1
-"""Of the files; a folder made with another one is not gone on with."""
-_LEAD: Final[float] = 0.6  # s: time in which a track settles
-_NO_EVENT: Final[NDArray[np.float64]] = np.full(len(FEATURE_NAMES), np.nan)
+__all__ = ["Job", "feature_samples", "read_samples", "remake", "scene_of", "simulate_sample", "stroke_frames", "synthesise", "write_sample"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +58,8 @@ class Job:
         As `Person.body`.
     raw : bool
         Whether raw frames are kept.
+    one_tx : bool
+        Whether the clouds of the first transmitter alone are kept too.
     settings : GestureConfig
         Knobs of events and features.
     info : RadarInfo
@@ -72,6 +71,7 @@ class Job:
     plan: Plan
     body: str
     raw: bool
+    one_tx: bool
     settings: GestureConfig
     info: RadarInfo
 
@@ -84,6 +84,7 @@ class Job:
             "plan": dataclasses.asdict(self.plan),
             "body": self.body,
             "raw": self.raw,
+            "one_tx": self.one_tx,
             "settings": feature_settings(self.settings),
             "radar": dataclasses.asdict(self.info),
             "motions": library_hash(),
@@ -101,7 +102,7 @@ class Job:
 
     def path(self, number: int) -> Path:
         """File of a sample."""
-        return self.folder / f"sample_{number:05d}.npz"
+        return sample_path(self.folder, number)
 
     def draw(self, number: int) -> Sample:
         """Draw a sample."""
@@ -110,35 +111,38 @@ class Job:
 
 def synthesise(
     folder: str | Path,
-    n_samples: int = 600,
+    n_samples: int | None = None,
     *,
     seed: int = 1,
     n_jobs: int | None = None,
     plan: Plan | str = "thesis",
     body: str = "mesh",
     raw: bool = False,
+    one_tx: bool = False,
     settings: GestureConfig | None = None,
     info: RadarInfo | None = None,
     progress: bool = True,
 ) -> int:
-    """Simulate single strokes and write each, with its maps, features and truth, to a file of its own; a stopped run goes on where it was.
+    """Simulate single strokes and write each, with clouds, features and truth, to a file of its own; a stopped run goes on where it was.
 
     Parameters
     ----------
     folder : str or Path
         Where the files go: ``sample_00000.npz`` and so on, as `simulate_sample` describes them, and ``dataset.json``.
-    n_samples : int
-        Samples that the folder shall hold in the end; 600 are 60 of each of the thesis's animations. More can be added later.
+    n_samples : int or None
+        Samples that the folder shall hold in the end; None: `Plan.n_samples`. More can be added later.
     seed : int
         The file of sample ``i`` depends on ``seed`` and ``i`` only, byte for byte: neither the workers nor a restart change anything.
     n_jobs : int or None
         Samples simulated at the same time, each on a core of its own, -1: on all cores; None: what joblib's configuration says, else 1.
     plan : Plan or str
-        What is drawn; a name: `Plan.animations` with the usual bounds.
+        What is drawn; a name: one of `PLANS`.
     body : str
         As `Person.body`: ``mesh``, or ``ellipsoids``, which takes less time.
     raw : bool
         Keep the raw frames too, about 16 MB a sample.
+    one_tx : bool
+        Keep the clouds of the same frames through the first transmitter alone too (thesis, table 4.1).
     settings : GestureConfig or None
         Knobs of events and features; None: the defaults.
     info : RadarInfo or None
@@ -156,10 +160,11 @@ def synthesise(
     ConfigError
         When the folder holds samples made with another seed, plan, radar or other settings, or there is no such plan or body.
     """
+    chosen = named_plan(plan) if isinstance(plan, str) else plan
+    n_samples = chosen.n_samples if n_samples is None else n_samples
     if n_samples < 0 or seed < 0:
         raise ConfigError(f"synthesise: n_samples ({n_samples}) and seed ({seed}) must not be negative")
-    chosen = Plan(animations=plan) if isinstance(plan, str) else plan
-    job = Job(Path(folder).absolute(), seed, chosen, body, raw, settings or GestureConfig(), info or RadarInfo())
+    job = Job(Path(folder).absolute(), seed, chosen, body, raw, one_tx, settings or GestureConfig(), info or RadarInfo())
     job.check()
     open_folder(job.folder, job.manifest)
     todo = [number for number in range(n_samples) if not job.path(number).exists()]
@@ -170,10 +175,13 @@ def synthesise(
 
 def write_sample(job: Job, number: int) -> None:
     """Simulate one sample of a data set and write its file."""
-    write_chunk(job.path(number), simulate_sample(job.draw(number), job.settings, raw=job.raw, margin=job.plan.margin))
+    columns = simulate_sample(job.draw(number), job.settings, raw=job.raw, one_tx=job.one_tx, margin=job.plan.margin)
+    write_chunk(job.path(number), columns, compressed=True)
 
 
-def simulate_sample(sample: Sample, settings: GestureConfig, *, raw: bool = False, margin: float = 0.2) -> dict[str, NDArray[Any]]:
+def simulate_sample(
+    sample: Sample, settings: GestureConfig, *, raw: bool = False, one_tx: bool = False, margin: float = 0.2
+) -> dict[str, NDArray[Any]]:
     """Simulate one stroke and take it through baseband, tracking, event detection and features.
 
     Only the frames that begin between ``margin`` before the stroke and ``margin`` after it are simulated.
@@ -186,6 +194,8 @@ def simulate_sample(sample: Sample, settings: GestureConfig, *, raw: bool = Fals
         Knobs of events and features.
     raw : bool
         Whether to keep raw frames.
+    one_tx : bool
+        Whether to keep the clouds of the first transmitter alone.
     margin : float
         Before and after the stroke [s].
 
@@ -194,8 +204,10 @@ def simulate_sample(sample: Sample, settings: GestureConfig, *, raw: bool = Fals
     dict of ndarray
         What a file holds:
 
-        - ``label``, ``variant`` (int64), ``gesture`` (text), ``scene`` (JSON; subject, place, speed, effects and radar): see `scene_of`;
-        - ``stamp_ns`` (n_frames,), ``speed`` (n_speed,), ``micro_doppler``, ``azimuth``, ``elevation`` (n_frames, n_speed): `FeatureMaps`;
+        - ``number``, ``label``, ``variant``, ``subject`` (int64), ``gesture`` (text);
+        - ``scene``, ``radar``, ``settings`` (JSON), ``margin`` (float64) and ``hash`` (text), from which `remake` makes it again;
+        - ``stamp_ns`` (n_frames,), and the clouds, in the sensor frame: ``cloud_offset`` and ``cloud_<field>``, see `pack_clouds`; with
+          ``one_tx`` also ``one_offset`` and ``one_<field>``, of the first transmitter alone;
         - ``found``: whether the event stage found the gesture; if so ``features`` (13,), ``event_ns`` (2,), its start and end, and
           ``walked`` as in `TrackEvent`, else NaN, 0 and 0;
         - ``stroke_ns`` (2,): true start and end; ``position``, ``velocity``, ``hand_position``, ``hand_velocity`` (n_frames, 3): true
@@ -207,21 +219,52 @@ def simulate_sample(sample: Sample, settings: GestureConfig, *, raw: bool = Fals
     baseband = _baseband(simulator.info, threading.get_ident())
     clouds = [baseband.process(simulated.frame) for simulated in frames]
     truths = [simulated.truth for simulated in frames]
-    maps = feature_maps(clouds, settings.features.gate, simulator.info.waveform.max_speed)
+    truth = {name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")}
+    stroke = TruthSegment(sample.subject, sample.label, _ns(sample.start), _ns(sample.end))
     columns: dict[str, NDArray[Any]] = {
-        "label": np.array(sample.label, np.int64),
-        "variant": np.array(sample.variant, np.int64),
-        "gesture": np.array(sample.gesture),
-        "scene": np.array(json.dumps(plain(sample.scene), sort_keys=True)),
-        **{field.name: getattr(maps, field.name) for field in dataclasses.fields(maps)},
-        **_features(simulator, clouds, frames, settings, _segment(sample)),
-        "stroke_ns": np.array([_ns(sample.start), _ns(sample.end)]),
-        **{name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")},
+        **_about(sample, settings, margin),
+        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
+        **pack_clouds(clouds),
+        **read_stroke(simulator.info, clouds, truth["position"], stroke, settings).columns,
+        "stroke_ns": np.array([stroke.start_ns, stroke.end_ns], np.int64),
+        **truth,
     }
+    if one_tx:
+        columns |= pack_clouds(one_clouds(simulator.info, frames), ONE)
     if raw:
         columns["cube"] = np.stack([simulated.frame.cube for simulated in frames])
         columns["frame_ns"] = np.array([simulated.frame.stamp_ns for simulated in frames], np.int64)
     return columns
+
+
+def _about(sample: Sample, settings: GestureConfig, margin: float) -> dict[str, NDArray[Any]]:
+    """Columns that say what a sample is and how it was made."""
+    return {
+        "number": np.array(sample.number, np.int64),
+        "label": np.array(sample.label, np.int64),
+        "variant": np.array(sample.variant, np.int64),
+        "subject": np.array(sample.subject, np.int64),
+        "gesture": np.array(sample.gesture),
+        "scene": np.array(json.dumps(plain(sample.scene), sort_keys=True)),
+        "radar": np.array(json.dumps(plain(sample.scene.radars[0].info), sort_keys=True)),
+        "settings": np.array(json.dumps(plain(settings), sort_keys=True)),
+        "margin": np.array(margin),
+        "hash": np.array(sample_hash(sample.scene, settings, margin)),
+    }
+
+
+def sample_hash(scene: Scene, settings: GestureConfig, margin: float) -> str:
+    """SHA-256 over all that a sample depends on: scene with seed and radar, knobs of every stage with their defaults, motion library."""
+    described = {
+        "format": FORMAT,
+        "scene": dataclasses.asdict(scene),
+        "baseband": dataclasses.asdict(BasebandConfig()),
+        "tracker": dataclasses.asdict(TrackerConfig()),
+        "settings": feature_settings(settings),
+        "margin": margin,
+        "motions": library_hash(),
+    }
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
 def stroke_frames(simulator: Simulator, sample: Sample, margin: float) -> range:
@@ -232,12 +275,8 @@ def stroke_frames(simulator: Simulator, sample: Sample, margin: float) -> range:
     return range(max(first, 0), min(last + 1, simulator.n_frames))
 
 
-def _ns(seconds: float) -> np.int64:
-    return np.int64(round(seconds * 1e9))
-
-
-def _segment(sample: Sample) -> TruthSegment:
-    return TruthSegment(sample.scene.people[0].id, sample.label, int(_ns(sample.start)), int(_ns(sample.end)))
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
 
 
 @functools.lru_cache(maxsize=8)
@@ -246,87 +285,72 @@ def _baseband(info: RadarInfo, thread: int) -> Baseband:
     return Baseband(BasebandConfig(), info)
 
 
-def _features(
-    simulator: Simulator, clouds: list[PointCloud], frames: list[SimulatedFrame], settings: GestureConfig, stroke: TruthSegment
-) -> dict[str, NDArray[Any]]:
-    """Run tracking and the event stage over the sample; an event is the gesture when a training sample of it would get its label."""
-    mount = simulator.info.mount
-    room = [cloud.to_room(mount) for cloud in clouds]
-    before = [cloud for cloud in room if cloud.stamp_ns < stroke.start_ns] or room[:1]
-    after = [cloud for cloud in room if cloud.stamp_ns > stroke.end_ns] or room[-1:]
-    step = round(simulator.interval * 1e9)
-    lead = _at_rest(before, settings, room[0].stamp_ns - step, -step, _LEAD)
-    rest = _at_rest(after, settings, room[-1].stamp_ns + step, step, settings.events.quiet)
-    truths = [simulated.truth for simulated in frames]
-    recording = Recording(simulator.info, [*lead[::-1], *room, *rest], [*truths[:1] * len(lead), *truths, *truths[-1:] * len(rest)])
-    found: list[TrackEvent] = []
-    for pair in find_events(recording, settings):
-        missed = label_events([pair], [stroke])["missed"].any()
-        if not missed and pair[1].features is not None:
-            found.append(pair[1])
-    best = max(found, key=lambda one: one.event.end_ns - one.event.start_ns, default=None)
-    event = (0, 0) if best is None else (best.event.start_ns, best.event.end_ns)
-    return {
-        "features": np.asarray(_NO_EVENT if best is None else best.features, np.float64),
-        "found": np.array(best is not None),
-        "walked": np.array(0.0 if best is None else best.walked),
-        "event_ns": np.array(event, np.int64),
-    }
+def one_clouds(info: RadarInfo, frames: list[SimulatedFrame]) -> list[PointCloud]:
+    """Clouds of the same frames through the first transmitter alone."""
+    baseband = _baseband(one_transmitter(info), threading.get_ident())
+    return [baseband.process(one_transmitter_frame(simulated.frame, info)) for simulated in frames]
 
 
-def _at_rest(near: list[PointCloud], settings: GestureConfig, start_ns: int, step_ns: int, duration: float) -> list[PointCloud]:
-    """Clouds before or after those that were simulated: body and hand rest then, so what stands still nearby is what would come.
-
-    With them tracking knows the person, as it long does at run time when a gesture begins, and the quiet time that ends an event passes.
-    """
-    slow = min(settings.features.body_speed, settings.events.release)
-    still = [cloud.select(np.flatnonzero(~(np.abs(cloud.radial_speed) >= slow))) for cloud in near]
-    n = math.ceil(duration * 1e9 / abs(step_ns)) + 1
-    return [dataclasses.replace(still[k % len(still)], stamp_ns=start_ns + k * step_ns) for k in range(n)]
-
-
-def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """Read the samples of a folder one after the other, in order; each as `simulate_sample` describes it.
+def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
+    """Return the scene that a sample is of, to simulate it again, look at it or change it.
 
     Raises
     ------
     DataError
-        When the folder is no such data set, holds no sample, or one cannot be read.
+        When the sample was recorded, not simulated.
     """
-    folder = Path(folder)
-    files = sorted(folder.glob("sample_*.npz"))
-    if not files or not (folder / MANIFEST).is_file():
-        raise DataError(f"{folder}: no samples here; make some with `handwave synthesise`, or radar_gestures.synthesis.synthesise")
-    for path in files:
-        try:
-            with np.load(path, allow_pickle=False) as content:
-                yield {name: content[name] for name in content.files}
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise DataError(f"{path}: cannot be read ({error}); delete it and simulate again") from None
+    text = str(sample["scene"])
+    if not text:
+        raise DataError(f"sample {int(sample['number'])} was recorded, not simulated: it has no scene")
+    return load(Scene, json.loads(text), "sample")
 
 
-def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
-    """Return the scene that a sample is of, to simulate it again, look at it or change it."""
-    return load(Scene, json.loads(str(sample["scene"])), "sample")
+def remake(sample: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Simulate a stored sample again, from nothing but what its file says; equal to it byte for byte on the same kind of machine.
+
+    Parameters
+    ----------
+    sample : mapping
+        As `read_samples` gives it.
+
+    Returns
+    -------
+    dict of ndarray
+        As `simulate_sample`; with raw frames and the clouds of one transmitter where the sample has them.
+
+    Raises
+    ------
+    DataError
+        When the sample was recorded, or what it depends on (defaults of the stages, the motion library) is no longer the same.
+    """
+    scene, settings = scene_of(sample), load(GestureConfig, json.loads(str(sample["settings"])), "sample")
+    margin = float(sample["margin"])
+    if sample_hash(scene, settings, margin) != str(sample["hash"]):
+        raise DataError(
+            f"sample {int(sample['number'])} was made with other defaults or another motion library: it cannot be made again by this "
+            "version; install the one that made it, or generate the data set anew"
+        )
+    start, end = stroke_of(scene)
+    again = Sample(int(sample["number"]), str(sample["gesture"]), int(sample["variant"]), int(sample["subject"]), scene, start, end)
+    return simulate_sample(again, settings, raw="cube" in sample, one_tx=f"{ONE}_offset" in sample, margin=margin)
 
 
 def feature_samples(folder: str | Path) -> SampleSet:
-    """Read only features and labels, as training takes them; every sample has a person of its own.
+    """Read features and labels as they were made with the data set's own settings; `collect` makes them with others.
 
     Raises
     ------
     DataError
         As `read_samples`.
     """
-    samples = list(read_samples(folder))
-    label = np.array([sample["label"] for sample in samples], np.int64)
-    found = np.array([sample["found"] for sample in samples], np.bool_)
-    manifest = json.loads((Path(folder) / MANIFEST).read_text(encoding="utf-8"))
+    names = ("label", "subject", "found", "features", "walked")
+    samples = [[sample[name] for name in names] for sample in read_samples(folder)]
+    label, subject, found, features, walked = (np.array(column) for column in zip(*samples, strict=True))
     return SampleSet(
-        features=np.array([sample["features"] for sample in samples], np.float64)[found],
+        features=features[found],
         label=label[found],
-        person=np.flatnonzero(found),
-        walked=np.array([sample["walked"] for sample in samples], np.float64)[found],
+        person=subject[found],
+        walked=walked[found],
         missed=np.bincount(label[~found], minlength=len(GESTURES)),
-        settings=manifest["settings"],
+        settings=read_manifest(folder)["settings"],
     )

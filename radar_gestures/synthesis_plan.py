@@ -1,10 +1,12 @@
-"""What is performed, where, by whom and how fast in each sample of a synthetic data set (thesis, section 5.3)."""
+"""What is performed, where, by whom and how fast in each sample of a synthetic data set (thesis, sections 4.3 and 5.3)."""
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,33 +16,47 @@ from radar_sim import (
     GESTURE_DURATION,
     VARIANTS,
     Action,
+    ChannelErrors,
     Coupling,
     Effects,
+    Fidelity,
     Losses,
+    Multipath,
     Noise,
     Occlusion,
     Person,
     Scene,
     SceneRadar,
     Variation,
+    Walk,
 )
 from radar_sim.motions.script import Segment, Timeline
+from radar_sim.scene import MODELS
 
+WALKING: Final[int] = 1
+"""Variant of the label random: a walk; 0: a random movement of the arm."""
 _THESIS: Final[tuple[tuple[str, int], ...]] = (
     ("push", 0), ("push", 1), ("pull", 0), ("pull", 1), ("rotate", 0), ("rotate", 1),
     ("swipe_left", 0), ("swipe_right", 0), ("wave", 0), ("push_pull", 0),
 )  # fmt: skip
+_WAYS: Final[dict[str, int]] = {**VARIANTS, "random": WALKING + 1}
 ANIMATIONS: Final[dict[str, tuple[tuple[tuple[str, int], ...], ...]]] = {
     "thesis": tuple((animation,) for animation in _THESIS),
-    "all": tuple(tuple((name, variant) for variant in range(VARIANTS.get(name, 1))) for name in GESTURES),
+    "all": tuple(tuple((name, variant) for variant in range(_WAYS.get(name, 1))) for name in GESTURES),
 }
 """Gesture and variant by plan: samples go through the entries in turn, and within an entry, round by round, through its variants."""
-_STREAM: Final[int] = 0x5A3  # keeps these draws apart from others with the same seed
+_STREAM, _SUBJECT_STREAM = 0x5A3, 0x5B1  # keep these draws apart from others with the same seed
+_PER_ENTRY = 60  # samples of each animation, unless there are subjects (section 5.3)
+_BEFORE = 0.4  # s: who walks has stood that long before
+_WALK_TIME = (1.0, 1.6)  # s, at full speed
 
 
 @config
 class Plan:
-    """Which gestures a data set holds, and between what bounds its samples differ; each pair of bounds is drawn from evenly."""
+    """Which gestures a data set holds, whose, and between what bounds its samples differ.
+
+    Without subjects each pair of bounds is drawn from evenly. A subject has a usual value of each, and repetitions differ about it.
+    """
 
     animations: str = knob(
         "thesis",
@@ -48,6 +64,11 @@ class Plan:
         doc="thesis: its ten animations, push, pull and rotate in two variants each; all: the ten gestures, random movement included",
     )
     gestures: tuple[str, ...] = knob((), choices=None, doc="keep only these of them; empty: all")
+    n_subjects: int = knob(0, low=0, high=100_000, doc="people who perform every gesture again and again; 0: every sample is of another")
+    repetitions: int = knob(15, low=1, high=100_000, doc="of every gesture by every subject")
+    within: float = knob(
+        0.35, low=0.0, high=1.0, doc="how far repetitions of a subject differ: share of the bounds of speed, size, tilt, path and sway"
+    )
     distance: tuple[float, float] = knob((2.0, 3.0), unit="m", low=0.5, high=100.0, doc="of the person from the radar, on the floor")
     sides: tuple[float, ...] = knob(
         (math.radians(-20.0), 0.0, math.radians(20.0)), unit="rad", low=-1.4, high=1.4, doc="azimuths from the boresight, taken in turn"
@@ -62,15 +83,20 @@ class Plan:
     tilt: tuple[float, float] = knob((-0.15, 0.15), unit="rad", low=-1.6, high=1.6, doc="turn of the gesture about the forward axis")
     path: tuple[float, float] = knob((0.01, 0.05), unit="m", low=0.0, high=0.1, doc="standard deviation of the hand's path")
     sway: tuple[float, float] = knob((0.5, 1.5), low=0.0, high=3.0, doc="how far the trunk goes along, relative to the usual")
+    walk: tuple[float, float] = knob((0.6, 1.4), unit="m/s", low=0.2, high=3.0, doc="walking speed, where random is a walk")
     start: float = knob(0.1, unit="s", low=0.0, high=1.0, doc="strokes start up to this later, so anywhere between two frames")
     noise_figure: tuple[float, float] = knob((12.0, 16.0), unit="dB", low=0.0, high=60.0, doc="of the receivers")
     losses: tuple[float, float] = knob((17.0, 21.0), unit="dB", low=0.0, high=100.0, doc="of board and clothes")
     coupling: tuple[float, float] = knob((-65.0, -55.0), unit="dB", low=-300.0, high=0.0, doc="of transmitters into receivers")
+    channel_gain: float = knob(0.0, unit="dB", low=0.0, high=30.0, doc="rms gain error of a virtual channel, other in every sample")
+    channel_phase: float = knob(0.0, unit="rad", low=0.0, high=math.pi, doc="rms phase error of a virtual channel, other in every sample")
+    floor: float = knob(0.0, low=0.0, high=1.0, doc="share of the power that the floor mirrors (multipath); 0: none")
+    fidelity: str = knob("auto", choices=("auto", *MODELS), doc="model of propagation, as Scene.fidelity")
     margin: float = knob(0.2, unit="s", low=0.0, high=0.3, doc="simulated before and after the stroke; the hand is still then")
 
     def validate(self) -> None:
         """Raise `ConfigError` when bounds are not in order, there is no azimuth, or a gesture is not one of the plan's."""
-        for name in ("distance", "height", "build", "speed", "size", "tilt", "path", "sway", "noise_figure", "losses", "coupling"):
+        for name in ("distance", "height", "build", "speed", "size", "tilt", "path", "sway", "walk", "noise_figure", "losses", "coupling"):
             low, high = getattr(self, name)
             if low > high:
                 raise ConfigError(f"Plan.{name}: {low:g} is above {high:g}; give the lower bound first")
@@ -86,6 +112,61 @@ class Plan:
         """What samples go through in turn, see `ANIMATIONS`."""
         return tuple(entry for entry in ANIMATIONS[self.animations] if not self.gestures or entry[0][0] in self.gestures)
 
+    @property
+    def n_samples(self) -> int:
+        """Samples of the whole data set: of every subject all repetitions, or 60 of each animation."""
+        return len(self.entries) * (self.n_subjects * self.repetitions if self.n_subjects else _PER_ENTRY)
+
+
+PLANS: Final[dict[str, Plan]] = {
+    "subjects": Plan(animations="all", n_subjects=10),
+    "thesis": Plan(),
+    "all": Plan(animations="all"),
+}
+"""subjects: ten people, ten gestures, 15 repetitions at three places (section 4.3); thesis: 600 samples of seven gestures (section 5.3);
+all: the same of ten gestures, every sample of another person."""
+
+
+def named_plan(name: str, **changes: Any) -> Plan:
+    """Return one of `PLANS`, with some knobs changed.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such plan, or a knob makes no sense.
+    """
+    if name not in PLANS:
+        near = difflib.get_close_matches(name, PLANS, n=1)
+        raise ConfigError(f"there is no plan {name!r}{f' (did you mean {near[0]!r}?)' if near else ''}; choose one of {', '.join(PLANS)}")
+    return dataclasses.replace(PLANS[name], **changes)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Somebody who performs gestures, and how they usually do.
+
+    Attributes
+    ----------
+    number : int
+        Of the subject.
+    height, build : float
+        Stature [m], and as `Person.build`.
+    sex, arm : str
+        As of `Person`.
+    usual : dict of str to float
+        Where in the plan's bounds of speed, size, tilt, path, sway and walk they usually are, 0 to 1.
+    variant : dict of str to int
+        How they perform gestures that there are several ways of; the number of ways: in each way in turn.
+    """
+
+    number: int
+    height: float
+    build: float
+    sex: str
+    arm: str
+    usual: dict[str, float]
+    variant: dict[str, int]
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -98,16 +179,19 @@ class Sample:
     gesture : str
         One of `GESTURES`.
     variant : int
-        Which way of performing it.
+        Which way of performing it; of random, 1 (`WALKING`) is a walk.
+    subject : int
+        Who performs it; without subjects, the number of the sample.
     scene : Scene
         One person who performs it once.
     start, end : float
-        Of the stroke, in scene time [s].
+        Of the stroke, or the walk, in scene time [s].
     """
 
     number: int
     gesture: str
     variant: int
+    subject: int
     scene: Scene
     start: float
     end: float
@@ -118,10 +202,34 @@ class Sample:
         return GESTURES.index(self.gesture)
 
 
+def draw_subject(plan: Plan, seed: int, number: int) -> Subject:
+    """Draw a subject: a function of the arguments only.
+
+    Parameters
+    ----------
+    plan : Plan
+        Bounds.
+    seed : int
+        Of the data set.
+    number : int
+        Of the subject, from 0.
+    """
+    rng = np.random.default_rng([seed, number, _SUBJECT_STREAM])
+    return Subject(
+        number=number,
+        height=_between(rng, plan.height),
+        build=_between(rng, plan.build),
+        sex="female" if rng.random() < 0.5 else "male",
+        arm="left" if rng.random() < plan.left_arm else "right",
+        usual={name: float(rng.random()) for name in ("speed", "size", "tilt", "path", "sway", "walk")},
+        variant={name: int(rng.integers(n + 1)) for name, n in VARIANTS.items()},
+    )
+
+
 def draw_sample(plan: Plan, seed: int, number: int, *, body: str = "mesh", info: RadarInfo | None = None) -> Sample:
     """Draw a sample: a function of the arguments only, whatever was drawn before.
 
-    Gestures, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn.
+    Gestures, then subjects, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn.
 
     Parameters
     ----------
@@ -138,10 +246,16 @@ def draw_sample(plan: Plan, seed: int, number: int, *, body: str = "mesh", info:
     """
     info = info if info is not None else RadarInfo()
     rng = np.random.default_rng([seed, number, _STREAM])
-    entries = plan.entries
-    turn, entry = divmod(number, len(entries))
-    gesture, variant = entries[entry][turn % len(entries[entry])]
-    person = _draw_person(plan, rng, info, _draw_action(plan, rng, gesture, variant), plan.sides[turn % len(plan.sides)], body)
+    turn, entry = divmod(number, len(plan.entries))
+    turn, who = divmod(turn, plan.n_subjects) if plan.n_subjects else (turn, number)
+    subject = draw_subject(plan, seed, who)
+    gesture, variant = _choose(plan, subject, entry, turn)
+    person = _draw_person(plan, rng, info, subject, plan.sides[turn % len(plan.sides)], body)
+    person = (
+        _walk(plan, rng, subject, person)
+        if (gesture, variant) == ("random", WALKING)
+        else _act(plan, rng, subject, person, gesture, variant)
+    )
     scene_seed = int(rng.integers(1 << 62))
     stroke = _stroke(Timeline(person, scene_seed, (info.mount.x, info.mount.y)))
     scene = Scene(
@@ -150,51 +264,94 @@ def draw_sample(plan: Plan, seed: int, number: int, *, body: str = "mesh", info:
         radars=(SceneRadar.of(info),),
         people=(person,),
         effects=_draw_effects(plan, rng),
+        fidelity=Fidelity(model=plan.fidelity),
     )
-    return Sample(number, gesture, variant, scene, stroke.start, stroke.end)
+    return Sample(number, gesture, variant, subject.number, scene, stroke.start, stroke.end)
 
 
 def _between(rng: np.random.Generator, bounds: tuple[float, float]) -> float:
     return float(rng.uniform(*bounds))
 
 
-def _draw_action(plan: Plan, rng: np.random.Generator, gesture: str, variant: int) -> Action:
-    return Action(
+def _choose(plan: Plan, subject: Subject, entry: int, turn: int) -> tuple[str, int]:
+    """Gesture and variant of a turn; subjects have habits, and half of the random samples are walks whoever's they are."""
+    ways = plan.entries[entry]
+    gesture = ways[0][0]
+    if not plan.n_subjects:
+        return ways[turn % len(ways)]
+    habit = subject.variant.get(gesture, len(ways))
+    # Subjects begin with different ones, so that an odd number of repetitions makes none more frequent.
+    return ways[habit] if habit < len(ways) else ways[(turn + subject.number) % len(ways)]
+
+
+def _about(plan: Plan, rng: np.random.Generator, subject: Subject, name: str) -> float:
+    """Draw a value about what the subject usually does, within the plan's bounds."""
+    low, high = getattr(plan, name)
+    within = plan.within if plan.n_subjects else 0.0
+    return float(low + (high - low) * ((1 - within) * subject.usual[name] + within * rng.random()))
+
+
+def _act(plan: Plan, rng: np.random.Generator, subject: Subject, person: Person, gesture: str, variant: int) -> Person:
+    """Let somebody perform a gesture once."""
+    action = Action(
         gesture=gesture,
         variant=variant,
-        duration=GESTURE_DURATION[gesture] / _between(rng, plan.speed),
-        size=_between(rng, plan.size),
-        tilt=_between(rng, plan.tilt),
+        duration=GESTURE_DURATION[gesture] / _about(plan, rng, subject, "speed"),
+        size=_about(plan, rng, subject, "size"),
+        tilt=_about(plan, rng, subject, "tilt"),
     )
+    return dataclasses.replace(person, script=(action,))
 
 
-def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, action: Action, side: float, body: str) -> Person:
+def _walk(plan: Plan, rng: np.random.Generator, subject: Subject, person: Person) -> Person:
+    """Let somebody walk straight through where they would have stood, in any direction; both ends are less than 1 m from there."""
+    speed = _about(plan, rng, subject, "walk")
+    half = min(0.5 * speed * _between(rng, _WALK_TIME), 0.95, 0.45 * plan.distance[0])
+    heading = rng.uniform(-math.pi, math.pi)
+    (x, y), dx, dy = person.position, half * math.cos(heading), half * math.sin(heading)
+    stand = Action(stand=_BEFORE + plan.start * float(rng.random()))
+    walk = Action(walk=Walk(to=(x + dx, y + dy), speed=speed))
+    return dataclasses.replace(person, position=(x - dx, y - dy), heading=heading, script=(stand, walk))
+
+
+def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, subject: Subject, side: float, body: str) -> Person:
+    """Put the subject into a place; they have nothing to do yet."""
     distance = _between(rng, plan.distance)
     azimuth = info.mount.yaw + side + rng.uniform(-plan.spread, plan.spread)
     x, y = info.mount.x + distance * math.cos(azimuth), info.mount.y + distance * math.sin(azimuth)
     heading = azimuth + math.pi + rng.uniform(-plan.turn, plan.turn)
+    variation = Variation(path=_about(plan, rng, subject, "path"), sway=_about(plan, rng, subject, "sway"), start=plan.start)
     return Person(
         position=(x, y),
         heading=math.remainder(heading, 2 * math.pi),
-        sex="female" if rng.random() < 0.5 else "male",
-        height=_between(rng, plan.height),
-        build=_between(rng, plan.build),
-        arm="left" if rng.random() < plan.left_arm else "right",
+        sex=subject.sex,
+        height=subject.height,
+        build=subject.build,
+        arm=subject.arm,
         body=body,
-        variation=Variation(path=_between(rng, plan.path), sway=_between(rng, plan.sway), start=plan.start),
-        script=(action,),
+        variation=variation,
     )
 
 
 def _draw_effects(plan: Plan, rng: np.random.Generator) -> Effects:
+    errors = ChannelErrors(gain=plan.channel_gain, phase=plan.channel_phase, shift=0.0, seed=int(rng.integers(1 << 62)))
     return Effects(
         occlusion=Occlusion(),
         doppler_in_chirp=True,
         noise=Noise(noise_figure=_between(rng, plan.noise_figure)),
         losses=Losses(level=_between(rng, plan.losses)),
         coupling=Coupling(level=_between(rng, plan.coupling)),
+        multipath=Multipath(floor=plan.floor) if plan.floor > 0 else None,
+        channel_errors=errors if plan.channel_gain > 0 or plan.channel_phase > 0 else None,
     )
 
 
+def stroke_of(scene: Scene) -> tuple[float, float]:
+    """Start and end of what the person of a sample's scene does, gesture or walk [s]."""
+    mount = scene.radars[0].mount
+    stroke = _stroke(Timeline(scene.people[0], scene.seed, (mount.x, mount.y)))
+    return stroke.start, stroke.end
+
+
 def _stroke(timeline: Timeline) -> Segment:
-    return next(segment for segment in timeline.segments if segment.kind == "gesture")
+    return next(segment for segment in timeline.segments if segment.kind in ("gesture", "walk"))

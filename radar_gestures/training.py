@@ -1,18 +1,42 @@
-"""Training the classifier on a simulated data set (thesis, sections 4.5.3 and 5.3)."""
+"""Training the perceptron on labelled samples (thesis, sections 4.5.3 and 5.3)."""
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, DataError
-from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.model import GestureModel, save_model
-from radar_gestures.samples import SampleSet, load_samples
+from radar_core import GESTURES, ConfigError, DataError
+from radar_core.config import config, knob, load
+from radar_gestures.calibration import calibration_error, choose_reject, fit_temperature, soften
+from radar_gestures.model import RANDOM, GestureModel, save_model
+from radar_gestures.rejection import ByDistance, ByProbability, Rejector
+from radar_gestures.samples import MANIFEST, SampleSet, load_samples
+from radar_gestures.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out
+
+_MOST_REPEATS: Final[int] = 8  # of a rare sample: more of the same teaches nothing
+
+
+@config
+class TrainingConfig:
+    """How a perceptron is trained."""
+
+    hidden: tuple[int, ...] = knob((32,), low=1, high=4096, doc="neurons of each hidden layer")
+    regularisation: float = knob(1e-2, low=0.0, high=1e3, doc="L2 penalty on the weights, in place of the thesis's dropout")
+    learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam, at the start")
+    max_iterations: int = knob(600, low=1, high=1_000_000, doc="most passes over the samples; training ends earlier when it gains nothing")
+    balanced: bool = knob(True, doc="repeat rare labels, at most eight times a sample, until all weigh the same")
+    rejector: str = knob("distance", choices=("distance", "probability"), doc="what tells gestures that the model does not know")
+    shared: bool = knob(False, doc="rejector distance: one covariance for all labels, which keeps the file small with many features")
+    lost: float = knob(0.05, low=0.0, high=1.0, doc="known gestures that may be lost so that unknown ones are rejected")
+    folds: int = knob(10, low=2, high=1000, doc="most parts of the cross-validation; each leaves at least two people out")
+    seed: int = knob(1, low=0, high=2**31 - 1, doc="of the split, the start weights and the order of samples")
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,55 +46,42 @@ class TrainingReport:
     Attributes
     ----------
     model : GestureModel
-        Trained on the training part.
-    n_train, n_test : int
-        Samples in each part; no person is in both.
-    accuracy : float
-        Share of the test samples that get the right label.
-    gesture_accuracy : float
-        The same over the nine gestures only, random left out.
-    confusion : ndarray of int, shape (10, 10)
-        True label by recognised label, test part.
+        Trained on all samples, calibrated on people left out.
+    validation : Validation
+        What models trained without them say about the people left out, calibrated.
+    settings : TrainingConfig
+        How it was trained.
+    calibration_error : tuple of float, length 2
+        Expected calibration error of people left out, before and after the temperature.
+    lost : float
+        Known gestures of people left out that are called random or rejected, as a share.
     """
 
     model: GestureModel
-    n_train: int
-    n_test: int
-    accuracy: float
-    gesture_accuracy: float
-    confusion: NDArray[np.int64]
+    validation: Validation
+    settings: TrainingConfig
+    calibration_error: tuple[float, float]
+    lost: float
 
 
 def train(
-    folder: str | Path,
-    out: str | Path | None = None,
-    *,
-    hidden: int = 32,
-    regularisation: float = 1e-2,
-    test_fraction: float = 0.2,
-    max_iterations: int = 600,
-    seed: int = 1,
+    folder: str | Path, out: str | Path | None = None, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES
 ) -> TrainingReport:
     """Train a perceptron on the samples in ``folder`` and write it to ``out``.
 
-    People are either in the training or in the test part, never in both; rare labels are repeated until all weigh the same.
+    The figures, the temperature and the limit for rejection come from people that the models which judged them had not seen; the model
+    itself is then trained on everybody. The same samples and settings give the same file, bit for bit, on one machine.
 
     Parameters
     ----------
     folder : str or Path
-        A data set made by `radar_gestures.dataset.generate`.
+        A data set of scenes or of single samples.
     out : str or Path or None
         Model file to write (.npz); None: write nothing.
-    hidden : int
-        Neurons of the hidden layer.
-    regularisation : float
-        L2 penalty on the weights.
-    test_fraction : float
-        Share of the people kept for the test.
-    max_iterations : int
-        Most passes over the training samples.
-    seed : int
-        Of the split, the start weights and the order of samples.
+    settings : TrainingConfig or None
+        None: the defaults.
+    labels : sequence of str
+        What the model shall tell apart, of `GESTURES`; samples of others are left out.
 
     Returns
     -------
@@ -79,75 +90,189 @@ def train(
 
     Raises
     ------
+    ConfigError
+        When a label is none of ours.
     DataError
-        When the folder holds no samples, or a label has none.
+        When the folder holds no samples, those of fewer than two people, or none of a label.
     """
-    samples = load_samples(folder)
-    test = split_by_person(samples.person, test_fraction, seed)
-    report = fit(samples, test, hidden=hidden, regularisation=regularisation, max_iterations=max_iterations, seed=seed)
+    report = train_on(of_labels(read_folder(folder), labels), settings, labels=labels)
     if out is not None:
         save_model(report.model, out)
     return report
 
 
-def split_by_person(person: NDArray[np.int64], test_fraction: float, seed: int) -> NDArray[np.bool_]:
-    """Mark the samples (shape (n,)) of a random share of the people as test samples; at least one person stays on each side.
+def read_folder(folder: str | Path) -> SampleSet:
+    """Read a data set of scenes (`radar_gestures.dataset.generate`) or one of single samples (`radar_gestures.synthesis.synthesise`).
 
-    Parameters
-    ----------
-    person : ndarray of int, shape (n,)
-        Whose sample each is.
-    test_fraction : float
-        Share of the people.
-    seed : int
-        Of the draw.
+    Raises
+    ------
+    DataError
+        When it is neither, holds no samples, or one cannot be read.
     """
-    people = np.unique(person)
-    if len(people) < 2:
-        raise DataError(f"the data set has samples of {len(people)} people; it takes at least 2 to keep one for the test: simulate more")
-    count = min(max(round(test_fraction * len(people)), 1), len(people) - 1)
-    chosen = np.random.default_rng(seed).permutation(people)[:count]
-    return np.isin(person, chosen)
+    folder = Path(folder)
+    if (folder / MANIFEST).is_file() and any(folder.glob("sample_*.npz")):
+        from radar_gestures.synthesis import feature_samples  # loads the simulator, which scenes of others do not need
+
+        return feature_samples(folder)
+    return load_samples(folder)
 
 
-def fit(
-    samples: SampleSet, test: NDArray[np.bool_], *, hidden: int, regularisation: float, max_iterations: int, seed: int
-) -> TrainingReport:
-    """Train on the samples that ``test`` (shape (n,)) does not mark and measure on those it does.
+def train_on(samples: SampleSet, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES) -> TrainingReport:
+    """Train a perceptron on samples in memory; see `train`.
 
     Parameters
     ----------
     samples : SampleSet
-        All samples.
-    test : ndarray of bool, shape (n,)
-        The test part.
-    hidden, regularisation, max_iterations, seed
-        See `train`.
+        With whatever features; ``label`` is an index into ``labels``.
+    settings : TrainingConfig or None
+        None: the defaults.
+    labels : sequence of str
+        What the labels mean.
     """
-    features, label = samples.features[~test], samples.label[~test]
-    missing = [name for number, name in enumerate(GESTURES) if number not in label]
+    settings = settings if settings is not None else TrainingConfig()
+    folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
+    judges: list[GestureModel] = []
+
+    def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+        judges.append(fit(samples, known, settings, labels=labels))
+        return judges[-1].probabilities(samples.features[test])
+
+    raw = cross_validate(samples.label, samples.person, folds, judge, labels=labels, split="subjects")
+    temperature = fit_temperature(raw.probabilities, raw.label)
+    soft = dataclasses.replace(raw, probabilities=soften(raw.probabilities, temperature))
+    score = np.empty(len(samples.label))
+    for model, test in zip(judges, folds, strict=True):
+        score[test] = model.score(samples.features[test], soft.probabilities[test])
+    reject, lost = reject_limit(soft, score, settings.lost)
+    error = (calibration_error(raw.probabilities, raw.label), calibration_error(soft.probabilities, soft.label))
+    figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": _plain(settings)}
+    model = fit(samples, np.ones(len(samples.label), np.bool_), settings, labels=labels)
+    model = dataclasses.replace(model, temperature=temperature, reject=reject, figures=figures)
+    return TrainingReport(model, soft, settings, error, lost)
+
+
+def validate(
+    samples: SampleSet, folds: Sequence[Mask], settings: TrainingConfig, *, labels: Sequence[str] = GESTURES, split: str = "subjects"
+) -> Validation:
+    """Train a perceptron without each fold in turn and judge the samples left out.
+
+    Parameters
+    ----------
+    samples : SampleSet
+        ``label`` is an index into ``labels``.
+    folds : sequence of ndarray of bool, shape (n,)
+        Test parts, see `radar_gestures.validation`.
+    settings : TrainingConfig
+        How to train.
+    labels : sequence of str
+        What the labels mean.
+    split : str
+        Name of the split.
+    """
+
+    def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+        return fit(samples, known, settings, labels=labels).probabilities(samples.features[test])
+
+    return cross_validate(samples.label, samples.person, folds, judge, labels=labels, split=split)
+
+
+def settings_of(model: GestureModel) -> TrainingConfig:
+    """Return how a model was trained; for one that does not say, the defaults with its layers."""
+    known = {field.name for field in dataclasses.fields(TrainingConfig)}
+    said = model.figures.get("training")
+    told = {name: value for name, value in said.items() if name in known} if isinstance(said, Mapping) else {}
+    return load(TrainingConfig, told | {"hidden": [len(bias) for bias in model.biases[:-1]]}, "gesture model")
+
+
+def reject_limit(validation: Validation, score: NDArray[np.float64], lost: float) -> tuple[float, float]:
+    """Limit of the score below which events are rejected, and the share of known gestures that are lost: rejected or called random.
+
+    Parameters
+    ----------
+    validation : Validation
+        Of samples that were not in the training.
+    score : ndarray of float64, shape (n,)
+        Of these samples, see `GestureModel.score`.
+    lost : float
+        The share that may be lost.
+    """
+    gesture = validation.is_gesture
+    if not gesture.any():
+        return 0.0, 0.0
+    random = validation.labels.index(RANDOM) if RANDOM in validation.labels else -1
+    kept = np.where(validation.probabilities.argmax(axis=-1) == random, -1.0, score)[gesture]
+    limit = max(choose_reject(kept, lost), 0.0)
+    return limit, float(np.mean(kept < limit))
+
+
+def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Sequence[str] = GESTURES) -> GestureModel:
+    """Train one perceptron on the samples that ``known`` marks; temperature 1, nothing rejected.
+
+    Parameters
+    ----------
+    samples : SampleSet
+        With whatever features; ``label`` is an index into ``labels``.
+    known : ndarray of bool, shape (n,)
+        The training part.
+    settings : TrainingConfig
+        How.
+    labels : sequence of str
+        What the labels mean.
+
+    Raises
+    ------
+    DataError
+        When a label has fewer than two samples in the training part.
+    """
+    features, label = samples.features[known], samples.label[known]
+    missing = [name for number, name in enumerate(labels) if np.count_nonzero(label == number) < 2]
     if missing:
-        raise DataError(f"the training part has no sample of {', '.join(missing)}: simulate more scenes")
+        raise DataError(
+            f"the training part has no sample, or only one, of {', '.join(missing)}: simulate more scenes, or leave the label out"
+        )
     mean, scale = features.mean(axis=0), features.std(axis=0)
     scale = np.where(scale > 1e-9, scale, 1.0)
-    rng = np.random.default_rng(seed)
-    order = rng.permutation(_balanced(label, rng))
-    weights, biases = _perceptron((features[order] - mean) / scale, label[order], hidden, regularisation, max_iterations, seed)
-    model = GestureModel(mean, scale, weights[0], biases[0], weights[1], biases[1], settings=samples.settings)
-    confusion = _confusion(samples.label[test], model.probabilities(samples.features[test]).argmax(axis=-1))
-    accuracy = float(np.trace(confusion) / max(confusion.sum(), 1))
-    gestures = float(np.trace(confusion[1:, 1:]) / max(confusion[1:].sum(), 1))
-    figures = {
-        "n_train": int((~test).sum()),
-        "n_test": int(test.sum()),
-        "accuracy": accuracy,
-        "gesture_accuracy": gestures,
-        "hidden": hidden,
-        "regularisation": regularisation,
-        "seed": seed,
-    }
-    model = GestureModel(mean, scale, weights[0], biases[0], weights[1], biases[1], settings=samples.settings, figures=figures)
-    return TrainingReport(model, int((~test).sum()), int(test.sum()), accuracy, gestures, confusion)
+    standard = (features - mean) / scale
+    rng = np.random.default_rng(settings.seed)
+    order = rng.permutation(_balanced(label, rng) if settings.balanced else np.arange(len(label)))
+    weights, biases = _perceptron(standard[order], label[order], settings)
+    rejector: Rejector = ByProbability()
+    if settings.rejector == "distance":
+        rejector = ByDistance.fit(standard, label, len(labels), shared=settings.shared)
+    return GestureModel(
+        mean.astype(np.float32),
+        scale.astype(np.float32),
+        tuple(layer.astype(np.float32) for layer in weights),
+        tuple(layer.astype(np.float32) for layer in biases),
+        labels=tuple(labels),
+        names=samples.names,
+        rejector=rejector,
+        settings=dict(samples.settings),
+    )
+
+
+def _plain(settings: TrainingConfig) -> dict[str, Any]:
+    """Return all settings as the model file keeps them: JSON has no tuples."""
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in dataclasses.asdict(settings).items()}
+
+
+def of_labels(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
+    """Return the samples of some of our gestures; ``label`` becomes an index into ``labels``.
+
+    Raises
+    ------
+    ConfigError
+        When a label is none of ours, or occurs twice.
+    """
+    unknown = [name for name in labels if name not in GESTURES]
+    if unknown or len(set(labels)) != len(labels) or len(labels) < 2:
+        wrong = f"{', '.join(unknown)}: no such gesture" if unknown else f"{', '.join(labels)}: give at least two, each once"
+        raise ConfigError(f"labels: {wrong}; choose of {', '.join(GESTURES)}")
+    number = np.full(len(GESTURES), -1)
+    number[[GESTURES.index(name) for name in labels]] = np.arange(len(labels))
+    keep = number[samples.label] >= 0
+    columns = {name: getattr(samples, name)[keep] for name in ("features", "person", "walked")}
+    return dataclasses.replace(samples, **columns, label=number[samples.label][keep])
 
 
 def _balanced(label: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
@@ -156,38 +281,42 @@ def _balanced(label: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.
     parts = []
     for number in np.unique(label):
         own = np.flatnonzero(label == number)
-        want = min(most, 8 * len(own))
+        want = min(most, _MOST_REPEATS * len(own))
         parts.append(np.concatenate([np.tile(own, want // len(own)), rng.choice(own, want % len(own), replace=False)]))
     return np.concatenate(parts)
 
 
 def _perceptron(
-    x: NDArray[np.float64], label: NDArray[np.int64], hidden: int, regularisation: float, max_iterations: int, seed: int
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    x: NDArray[np.float64], label: NDArray[np.int64], settings: TrainingConfig
+) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
     from sklearn.exceptions import ConvergenceWarning  # only training needs scikit-learn
     from sklearn.neural_network import MLPClassifier
 
     network = MLPClassifier(
-        (hidden,), alpha=regularisation, max_iter=max_iterations, random_state=seed, learning_rate_init=3e-3, tol=1e-5, n_iter_no_change=30
+        settings.hidden,
+        alpha=settings.regularisation,
+        max_iter=settings.max_iterations,
+        random_state=settings.seed,
+        learning_rate_init=settings.learning_rate,
+        tol=1e-5,
+        n_iter_no_change=30,
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice
         network.fit(x, label)
-    return list(network.coefs_), list(network.intercepts_)
-
-
-def _confusion(true: NDArray[np.int64], found: NDArray[np.intp]) -> NDArray[np.int64]:
-    counts = np.zeros((len(GESTURES), len(GESTURES)), np.int64)
-    np.add.at(counts, (true, found), 1)
-    return counts
+    weights, biases = list(network.coefs_), list(network.intercepts_)
+    if len(network.classes_) == 2:  # one output, the score of the second label over the first
+        weights[-1], biases[-1] = weights[-1] * [[-0.5, 0.5]], biases[-1] * [-0.5, 0.5]
+    return tuple(weights), tuple(biases)
 
 
 def describe(report: TrainingReport) -> str:
-    """Write the figures and the confusion matrix as text, one line per true label."""
-    lines = [
-        f"{report.n_train} training samples, {report.n_test} test samples of other people, {len(FEATURE_NAMES)} features",
-        f"accuracy {report.accuracy:.1%}, of the nine gestures {report.gesture_accuracy:.1%}",
-        " " * 12 + " ".join(f"{name[:5]:>5}" for name in GESTURES),
-    ]
-    lines += [f"{name:12}" + " ".join(f"{count:5d}" for count in row) for name, row in zip(GESTURES, report.confusion, strict=True)]
-    return "\n".join(lines)
+    """Write figures and the confusion matrix of people left out as text, then what calibration and rejection found."""
+    before, after = report.calibration_error
+    return "\n".join(
+        [
+            as_text(report.validation),
+            f"temperature {report.model.temperature:.2f}: calibration error {before:.1%} without, {after:.1%} with it",
+            f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures",
+        ]
+    )

@@ -30,6 +30,7 @@ TYPES: Mapping[str, str] = {
     "tracks": "handwave/msg/TrackArray",
     "people_count": "std_msgs/msg/UInt32",
     "gestures": "handwave/msg/Gesture",
+    "gestures/maps": "handwave/msg/GestureMaps",
     "hand": "handwave/msg/HandTrack",
     "hand/value": "std_msgs/msg/Float32",
     "truth": "handwave/msg/Truth",
@@ -42,8 +43,8 @@ TYPES: Mapping[str, str] = {
 }
 """Type of every topic that recordings may hold."""
 
-RECORDED = tuple(topic for topic in TYPES if topic != "radar/points2")
-"""What is recorded unless something else is asked for; radar/points2 says nothing that radar/points does not say."""
+RECORDED = tuple(topic for topic in TYPES if topic not in ("radar/points2", "gestures/maps"))
+"""What is recorded unless something else is asked for; the two left out say nothing that radar/points and tracks do not say."""
 
 
 @cache

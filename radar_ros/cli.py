@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import dataset_commands, scene_commands
+from radar_ros import dataset_commands, scene_commands, training_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -328,27 +328,6 @@ def import_(
 
 
 @app.command()
-def train(
-    folder: Annotated[Path, typer.Argument(help="folder of the data set; what is there already is used, and a stopped run goes on")],
-    out: Annotated[Path, typer.Option(help="model file to write (.npz)")] = Path("gestures.npz"),
-    scenes: Annotated[int, typer.Option(help="scenes to simulate: about 20 samples and 6 s of one core each", min=2)] = 120,
-    jobs: Annotated[int, typer.Option(help="processes that simulate", min=1)] = 2,
-    seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
-) -> None:
-    """Simulate labelled gestures of many people and train the classifier on them; no recording is needed.
-
-    Use the model with: `handwave up --param gestures.model=gestures.npz`
-    """
-    from radar_gestures.dataset import generate
-    from radar_gestures.training import train as fit
-
-    total = generate(folder, scenes, seed=seed, n_jobs=jobs)
-    report = fit(folder, out, seed=seed)
-    print(f"{total} samples: {report.n_train} to train, {report.n_test} of other people to test")
-    print(f"right: {report.accuracy:.1%}, of the nine gestures {report.gesture_accuracy:.1%}; model in {out}")
-
-
-@app.command()
 def calibrate(
     recordings: Annotated[list[Path], typer.Argument(help="one recording of a turntable, or one per sweep, azimuth first")],
     out: Annotated[Path, typer.Option("--out", "-o", help="file for the calibration (.npz); a picture is drawn beside it")],
@@ -393,8 +372,9 @@ def turntable(
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
-for command in (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, dataset_commands.synthesise):
+for command in (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, training_commands.train, training_commands.evaluate):
     app.command()(command)
+app.add_typer(dataset_commands.app, name="dataset")
 
 
 if __name__ == "__main__":

@@ -30,6 +30,12 @@ def frames_in(*, reliable: bool = False) -> QoSProfile:
 RESULT = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 """Results (tracks, gestures, hand, truth, gospa): reliable; 50 is a second at 50 Hz, for readers that stall for a moment."""
 
+
+def results_in(*, newest: bool) -> QoSProfile:
+    """Incoming results: all of them, or, for who can do without the older ones, only the newest waits."""
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE) if newest else RESULT
+
+
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, /tf_static."""
 
@@ -38,7 +44,7 @@ def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfi
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
     if name in ("radar/info", "tf_static"):
         return LATCHED
-    if name in ("radar/frame", "radar/points", "radar/points2", "stage_status"):
+    if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
         return sensor(reliable=reliable, depth=depth)
     return RESULT
 

@@ -16,6 +16,7 @@ from radar_gestures.features import (
     extract,
     summarise,
     weighted_median,
+    weighted_medians,
     zero_crossings,
 )
 
@@ -145,7 +146,71 @@ def test_too_few_moving_samples_give_no_features():
     assert extract([], 0, SETTINGS) is None
 
 
-def test_unmeasured_elevation_gives_zeros_not_nan():
-    features = extract(motion(np.ones(10), np.linspace(0, 1, 10), np.full(10, np.nan)), 0, SETTINGS)
-    assert np.isfinite(features).all()
-    assert by_name(features)["max_elevation"] == 0.0
+@pytest.mark.parametrize("angles", ["offset", "relative", "sensor"])
+def test_a_sensor_without_elevation(angles):
+    """All four elevation features are 0, all others as with elevation."""
+    speed, azimuth, unknown = np.linspace(-1, 2, 10), np.linspace(0, 1, 10), np.full(10, np.nan)
+    settings = FeatureConfig(angles=angles)
+    with_it = by_name(extract(motion(speed, azimuth, np.linspace(0, 0.5, 10)), 0, settings))
+    without = by_name(extract(motion(speed, azimuth, unknown, body=(2.0, 0.0, math.nan)), 0, settings))
+    for name in FEATURE_NAMES:
+        assert without[name] == (0.0 if "elevation" in name else with_it[name])
+
+
+def test_an_angle_that_is_unknown_for_a_moment_is_that_of_its_neighbours():
+    """One NaN in a straight rise, between neighbours 20 ms away: their average is the missing value."""
+    speed, azimuth = np.full(11, 1.0), 0.02 * np.arange(11)
+    speed[5], azimuth[5] = 2.0, np.nan
+    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05)))
+    assert got["azimuth_at_max_speed"] == pytest.approx(0.1)
+
+
+def test_an_angle_that_is_unknown_for_long_is_the_mean_of_the_event():
+    """Nothing is known within ``smoothing`` of the fastest moment; the known angles are 0, 0.02, 0.18 and 0.2."""
+    speed, azimuth = np.full(11, 1.0), 0.02 * np.arange(11)
+    speed[5], azimuth[2:9] = 2.0, np.nan
+    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05)))
+    assert got["azimuth_at_max_speed"] == pytest.approx(0.1)
+    assert (got["min_azimuth"], got["max_azimuth"]) == (pytest.approx(0.01), pytest.approx(0.19))  # ends are averages of two
+
+
+def test_gates_without_a_direction_leave_it_to_the_others():
+    """The strongest gate has no azimuth: the other two decide; none has an elevation: NaN, not 0, in the sample."""
+    unknown = np.full(3, np.nan)
+    sample = summarise(cloud([1.0, 1.5, 2.0], [40, 30, 30], azimuth=[np.nan, 0.1, 0.3], elevation=unknown), BODY, SETTINGS)
+    assert sample.azimuth == pytest.approx(0.2)
+    assert math.isnan(sample.elevation)
+
+
+def test_moments_without_detections_do_not_count():
+    """Gaps in a stroke change neither speeds nor angles, and add no zero crossing."""
+    speed, azimuth = np.linspace(1, 2, 20), np.linspace(0, 0.3, 20)
+    gaps = motion(speed, azimuth)
+    for i in (5, 6, 13):
+        gaps[i] = MotionSample(gaps[i].stamp_ns, 0.0, 0.0, math.nan, math.nan, math.nan, gaps[i].body)
+    settings = FeatureConfig(smoothing=0.0)
+    np.testing.assert_allclose(extract(gaps, 0, settings), extract(motion(speed, azimuth), 0, settings))
+
+
+@pytest.mark.parametrize("picked", [None, "given"])
+def test_a_summary_from_gates_that_are_known_already(picked):
+    """Who has picked the strongest detections for the maps hands them over; the sample is the same."""
+    rng = np.random.default_rng(3)
+    item = cloud(rng.uniform(-2, 2, 50), rng.uniform(5, 40, 50), azimuth=rng.normal(size=50), elevation=rng.normal(size=50))
+    gates = doppler_gates(item.radial_speed, item.snr, SETTINGS.gate)
+    assert summarise(item, BODY, SETTINGS, gates if picked else None) == summarise(item, BODY, SETTINGS)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_weighted_medians_are_where_the_weight_is_halved(seed):
+    """Each value stands at the middle of its weight; in between, a straight line (numpy's). Rows do not influence each other."""
+    rng = np.random.default_rng(seed)
+    rows, weights = rng.normal(size=(3, 15)), 10 ** rng.normal(size=15)
+    rows[rng.random(rows.shape) < 0.2] = np.nan
+    for row, median in zip(rows, weighted_medians(rows, weights), strict=True):
+        known = np.isfinite(row)
+        order = np.argsort(row[known])
+        value, weight = row[known][order], weights[known][order]
+        assert median == pytest.approx(np.interp(weight.sum() / 2, np.cumsum(weight) - weight / 2, value), abs=1e-12)
+        assert median == weighted_median(row, weights)
+    assert weighted_medians(np.empty((2, 0)), np.empty(0)) == pytest.approx([math.nan, math.nan], nan_ok=True)

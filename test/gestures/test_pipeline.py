@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from radar_core import GESTURES
+from radar_gestures.dataset import Recording, find_events, record
 from radar_gestures.pipeline import Pipeline, PipelineConfig
+from radar_gestures.recognizer import GestureConfig
 from radar_gestures.scoring import RecognisedGesture, nearest_person, score_gestures, truth_segments
+from radar_gestures.truth_events import CriterionConfig, TrueEvents
 from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator, Walk, load_scene
 from radar_tracking import HandConfig
 
@@ -67,6 +72,62 @@ def test_a_trigger_gesture_starts_the_hand(played):
     assert first[0] >= push.stamp_ns + 100_000_000
     assert first[1].parent_id == push.track_id
     assert pipeline.hand.config.trigger == "push"
+
+
+# What figure 4.3 shows, and when each stroke starts [s]: push, pull, push-pull in one go, and two gestures with a short rest between them.
+FIGURE = [("push", 2.0), ("pull", 4.0), ("push_pull", 6.0), ("push", 8.5), ("pull", None)]
+
+
+@pytest.fixture(scope="module")
+def figure():
+    """Clouds and truth of the five gestures, the true times of their strokes, and the events at 50 Hz.
+
+    A simulated hand is brought into place for a second before the next gesture; of that only 0.4 s are left before the last one.
+    """
+    script = tuple(Action(gesture=name, at=at) for name, at in FIGURE)
+    effects = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=20.0))
+    recording = record(Scene(duration=11.0, seed=5, people=(Person(position=(2.3, 0.0), script=script),), effects=effects))
+    judge = TrueEvents(CriterionConfig(), recording.mount)
+    *_, before, after = judge.process(recording.truths)
+    recording = without(recording, before.last_ns + 200_000_000, after.first_ns - 200_000_000)
+    return recording, judge.process(recording.truths), [found.event for _, found in find_events(recording, GestureConfig())]
+
+
+def without(recording, start_ns, end_ns):
+    """Cut a stretch out of a recording, in whole frames of 20 ms; what comes after it follows at once."""
+    cut = (end_ns - start_ns) // 20_000_000 * 20_000_000
+
+    def shortened(items):
+        early = [item for item in items if item.stamp_ns < start_ns]
+        return early + [dataclasses.replace(item, stamp_ns=item.stamp_ns - cut) for item in items if item.stamp_ns >= start_ns + cut]
+
+    return Recording(recording.info, shortened(recording.clouds), shortened(recording.truths))
+
+
+def test_the_five_gestures_of_figure_4_3(figure):
+    """Five events; push-pull is one, and the last two are two although they are 0.4 s apart.
+
+    The truth is when the hand itself passes 0.8 m/s. A Doppler gate is 0.13 m/s wide, which a hand takes 20 ms to pass; an event goes on
+    down to ``release``, about 40 ms later. Half an acquisition and a frame interval come on top.
+    """
+    _, truths, events = figure
+    assert [GESTURES[truth.label] for truth in truths] == [name for name, _ in FIGURE]
+    assert truths[4].first_ns - truths[3].last_ns < 430_000_000
+    assert len(events) == len(truths)
+    for event, truth in zip(events, truths, strict=True):
+        assert abs(event.start_ns - truth.first_ns) < 50_000_000
+        assert -30_000_000 < event.end_ns - truth.last_ns < 90_000_000
+
+
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_events_have_the_same_limits_at_lower_frame_rates(figure, every):
+    """25, 17 and 10 Hz, through tracking: the limits are those at 50 Hz within one interval."""
+    recording, _, expected = figure
+    events = [found.event for _, found in find_events(recording, GestureConfig(), every)]
+    assert len(events) == len(expected)
+    for event, reference in zip(events, expected, strict=True):
+        assert abs(event.start_ns - reference.start_ns) <= every * 20_000_000
+        assert abs(event.end_ns - reference.end_ns) <= every * 20_000_000
 
 
 def score_scene(scene):

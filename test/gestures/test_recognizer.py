@@ -7,8 +7,9 @@ import pytest
 
 from radar_core import GESTURES, ConfigError, PointCloud, Pose
 from radar_gestures.features import FEATURE_NAMES, MotionSample
+from radar_gestures.maps import MapConfig
 from radar_gestures.model import GestureModel
-from radar_gestures.recognizer import GestureConfig, GestureRecognizer, walked
+from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer, walked
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 SETTINGS = GestureConfig()
@@ -16,15 +17,15 @@ MOUNT = Pose(z=1.2)
 PULL, PUSH = GESTURES.index("pull"), GESTURES.index("push")
 
 
-def sign_model():
+def sign_model(labels=GESTURES, **knobs):
     """A perceptron written by hand: push when the fastest motion approaches, pull when it recedes."""
-    n, k = len(FEATURE_NAMES), len(GESTURES)
+    n, k = len(FEATURE_NAMES), len(labels)
     hidden = np.zeros((n, 2))
     hidden[FEATURE_NAMES.index("max_speed"), 0] = 1.0
     hidden[FEATURE_NAMES.index("min_speed"), 1] = -1.0
     output = np.zeros((2, k))
-    output[0, PULL] = output[1, PUSH] = 10.0
-    return GestureModel(np.zeros(n), np.ones(n), hidden, np.zeros(2), output, np.zeros(k))
+    output[0, labels.index("pull")] = output[1, labels.index("push")] = 10.0
+    return GestureModel(np.zeros(n), np.ones(n), (hidden, output), (np.zeros(2), np.zeros(k)), labels=labels, **knobs)
 
 
 def person(track_id, position=(2.0, 0.0, 1.0), status=TrackStatus.CONFIRMED):
@@ -74,6 +75,9 @@ def test_one_push_is_one_gesture_with_its_time():
     assert gesture.start_ns == pytest.approx(1.0e9, abs=20e6)
     assert gesture.end_ns == pytest.approx(1.5e9, abs=21e6)
     assert gesture.stamp_ns == pytest.approx(1.75e9, abs=21e6)
+    assert gesture.latency == pytest.approx((gesture.stamp_ns - gesture.end_ns) * 1e-9)
+    assert gesture.latency == pytest.approx(0.26, abs=0.011)  # the first cloud at least 0.25 s after the last fast one
+    assert gesture.known
     assert gesture.probabilities.sum() == pytest.approx(1.0)
     assert gesture.confidence == gesture.probabilities[PUSH]
     assert gesture.features[FEATURE_NAMES.index("min_speed")] == pytest.approx(-2.0)
@@ -109,18 +113,81 @@ def test_a_walking_person_gives_only_random():
     assert run(quiet, burst(0.5, 3.0, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))]) == []
 
 
-def test_an_uncertain_gesture_is_random():
+def test_an_unknown_gesture_is_random():
+    """Even probabilities, 0.1 each, are below the model's own limit, or below ``min_confidence``; without either the first label wins."""
+    flat = {"temperature": 1e6}
+    for settings, reject in ((SETTINGS, 0.4), (GestureConfig(min_confidence=0.4), 0.0)):
+        (gesture,) = run(GestureRecognizer(settings, sign_model(reject=reject, **flat), MOUNT), burst(1.0, 1.5, -2.0))
+        assert (gesture.name, gesture.known) == ("random", False)
+        assert gesture.confidence == pytest.approx(0.1, abs=0.02)
+    (gesture,) = run(GestureRecognizer(SETTINGS, sign_model(**flat), MOUNT), burst(1.0, 1.5, -2.0))
+    assert (gesture.name, gesture.known) == ("push", True)
+
+
+def test_a_movement_that_the_model_calls_random_is_known():
+    """Random movements are a label of their own; only what the model does not know at all is not known."""
     model = sign_model()
-    flat = GestureModel(model.mean, model.scale, model.hidden_weights, model.hidden_bias, model.output_weights * 1e-3, model.output_bias)
-    (gesture,) = run(GestureRecognizer(SETTINGS, flat, MOUNT), burst(1.0, 1.5, -2.0))
-    assert gesture.name == "random"
-    assert gesture.confidence == pytest.approx(0.1, abs=0.02)
+    calm = GestureModel(model.mean, model.scale, model.weights, (model.biases[0], 100.0 * np.eye(10)[0]), reject=0.4)
+    (gesture,) = run(GestureRecognizer(SETTINGS, calm, MOUNT), burst(1.0, 1.5, -2.0))
+    assert (gesture.name, gesture.known, gesture.confidence) == ("random", True, pytest.approx(1.0))
+
+
+def test_a_model_of_fewer_gestures_in_another_order():
+    """Seven classes, say (section 5.3): probabilities come in the order of `GESTURES` all the same, 0 for those that it does not know."""
+    recognizer = GestureRecognizer(SETTINGS, sign_model(("push", "wave", "pull")), MOUNT)
+    (gesture,) = run(recognizer, burst(1.0, 1.5, -2.0))
+    assert (gesture.label, gesture.name) == (PUSH, "push")
+    assert np.flatnonzero(gesture.probabilities).tolist() == sorted([PULL, PUSH, GESTURES.index("wave")])
+
+
+def test_a_model_of_other_gestures_or_features_is_refused():
+    with pytest.raises(ConfigError, match="names knock; a recogniser"):
+        GestureRecognizer(SETTINGS, sign_model(("push", "pull", "knock")), MOUNT)
+    model = sign_model()
+    other = GestureModel(model.mean, model.scale, model.weights, model.biases, names=tuple(f"curve_{i}" for i in range(13)))
+    with pytest.raises(ConfigError, match="takes other features"):
+        GestureRecognizer(SETTINGS, other, MOUNT)
+
+
+def test_events_carry_their_maps():
+    """From ``margin`` before to ``margin`` after: the fast gate is lit during the burst only, that of the body at rest all the time."""
+    recognizer, events = GestureRecognizer(SETTINGS, sign_model(), MOUNT), []
+    for i in range(120):
+        events += recognizer.find(tracked(i * 20_000_000, [person(1)], [burst(1.0, 1.5, -2.0)(i * 0.02, 1)], i))
+    ((maps, start, end),) = [(e.maps, e.event.start_ns, e.event.end_ns) for e in events]
+    assert maps.stamp_ns[0] == start - 100_000_000
+    assert maps.stamp_ns[-1] == end + 100_000_000
+    fast = np.flatnonzero(np.abs(maps.speed + 2.0) < 0.5 * SETTINGS.features.gate)
+    lit = maps.micro_doppler[:, fast].ravel()
+    np.testing.assert_array_equal(lit, np.where((maps.stamp_ns >= start) & (maps.stamp_ns <= end), 25.0, 0.0))
+    still = maps.speed == 0.0
+    np.testing.assert_array_equal(maps.micro_doppler[:, still], 30.0)
+    # The person stands 2 m ahead, their middle 0.2 m below the sensor.
+    np.testing.assert_allclose(maps.distance[:, still], np.hypot(2.0, 0.2), rtol=1e-6)
+    np.testing.assert_allclose(maps.elevation[:, still], np.arctan2(-0.2, 2.0), rtol=1e-6)
+
+
+def test_maps_of_a_fixed_length_by_settings():
+    """The thesis's 50 frames (section 4.2); the features do not change."""
+    stages = [EventStage(settings, MOUNT) for settings in (SETTINGS, GestureConfig(maps=MapConfig(length=1.0)))]
+    found = [[], []]
+    for i in range(120):
+        item = tracked(i * 20_000_000, [person(1)], [burst(1.0, 1.5, -2.0)(i * 0.02, 1)], i)
+        for stage, events in zip(stages, found, strict=True):
+            events += stage.process(item)
+    (plain,), (long,) = found
+    assert long.maps.micro_doppler.shape == (50, 65)
+    np.testing.assert_array_equal(long.features, plain.features)
+    n = len(plain.maps.stamp_ns)
+    np.testing.assert_array_equal(long.maps.micro_doppler[:n], plain.maps.micro_doppler)
+    assert not long.maps.micro_doppler[n:].any()
 
 
 def test_an_event_seen_in_too_few_frames_is_random_without_features():
     found = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(1.0, 1.5, -2.0), dt=0.24)
     assert [g.name for g in found] == ["random"]
     assert np.isnan(found[0].features).all()
+    assert not found[0].known
 
 
 def test_lost_frames_do_not_change_the_gesture():
@@ -139,10 +206,8 @@ def test_the_same_clouds_give_the_same_gestures():
 
 def test_a_model_trained_with_other_settings_is_refused():
     model = sign_model()
-    other = GestureModel(
-        *(getattr(model, name) for name in ("mean", "scale", "hidden_weights", "hidden_bias", "output_weights", "output_bias")),
-        settings={"margin": 0.3, "events": {"threshold": 0.8}},
-    )
+    settings = {"margin": 0.3, "events": {"threshold": 0.8}}
+    other = GestureModel(model.mean, model.scale, model.weights, model.biases, settings=settings)
     with pytest.raises(ConfigError, match=r"margin = 0\.3 \(now 0\.1\)"):
         GestureRecognizer(SETTINGS, other, MOUNT)
 

@@ -1,0 +1,198 @@
+"""From one simulated world to another: trained on bodies of ellipsoids in an empty room, tested on everything that can be different.
+
+The other world has bodies of triangles, other people, exact propagation, noisier receivers, more coupling, a floor and walls that mirror,
+an element pattern, and boards whose channels differ from the drawing. Nothing of it is in the training.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import math
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.gesture_clouds import sources
+from radar_core import GESTURES
+from radar_core.config import plain
+from radar_gestures.perceptron import GestureModel
+from radar_gestures.readings import collect
+from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
+from radar_gestures.synthesis import simulate_sample
+from radar_gestures.synthesis_plan import Plan, Sample, draw_sample
+from radar_gestures.workers import work_through
+from radar_sim import Pattern, Scene, Wall
+from radar_sim.effects.config import ChannelErrors, Multipath
+from radar_sim.scene import Fidelity
+
+SEVEN: Final = ("pull", "push", "swipe_right", "swipe_left", "rotate", "wave", "push_pull")
+"""The gestures of section 5.3."""
+WALLS: Final = ((-0.5, 2.4, 5.0, 2.4), (-0.5, -2.2, 5.0, -2.2), (5.0, -2.2, 5.0, 2.4))  # m: both ends
+_BOARD: Final = 50  # samples with one board, then the next
+
+
+@dataclass(frozen=True)
+class World:
+    """How samples are simulated.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder.
+    body : str
+        As `Person.body`.
+    model : str
+        As `Fidelity.model`.
+    plan : Plan
+        Between what bounds samples differ.
+    seed : int
+        Of everything drawn.
+    disturbed : bool
+        Whether there are mirrors, an element pattern and channel errors.
+    """
+
+    name: str
+    body: str
+    model: str
+    plan: Plan
+    seed: int
+    disturbed: bool
+
+    def draw(self, number: int) -> Sample:
+        """Draw a sample: a function of the world and the number only."""
+        sample = draw_sample(self.plan, self.seed, number, body=self.body)
+        return dataclasses.replace(sample, scene=self._disturb(sample.scene, number))
+
+    def _disturb(self, scene: Scene, number: int) -> Scene:
+        scene = dataclasses.replace(scene, fidelity=Fidelity(model=self.model))
+        if not self.disturbed:
+            return scene
+        board = ChannelErrors(seed=self.seed + number // _BOARD)
+        walls = tuple(Wall(start=(x0, y0), end=(x1, y1)) for x0, y0, x1, y1 in WALLS)
+        effects = dataclasses.replace(scene.effects, multipath=Multipath(), pattern=Pattern(), channel_errors=board)
+        return dataclasses.replace(scene, walls=walls, effects=effects)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What has to be equal for a run to go on in a folder."""
+        own = {"body": self.body, "model": self.model, "seed": self.seed, "disturbed": self.disturbed, "plan": plain(self.plan)}
+        return {"format": FORMAT, **own, "sources": sources(), "settings": feature_settings(GestureConfig())}
+
+
+TRAINING: Final = World("ellipsoids", "ellipsoids", "auto", Plan(animations="all"), 11, disturbed=False)
+_OTHER_PLAN: Final = Plan(
+    animations="all", noise_figure=(14.0, 19.0), losses=(18.0, 23.0), coupling=(-55.0, -45.0), turn=0.25, left_arm=0.4
+)
+OTHER: Final = World("other", "mesh", "exact", _OTHER_PLAN, 2_011, disturbed=True)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Samples of each world."""
+
+    training: int = 1_500
+    test: int = 600
+
+
+def generate(world: World, folder: Path, n_samples: int, *, n_jobs: int = 1, progress: bool = True) -> float:
+    """Simulate the samples of a world that the folder does not hold yet; a stopped run goes on where it stopped.
+
+    Returns
+    -------
+    float
+        Seconds of one core for each new sample; NaN: there was nothing to do.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples of another world, or made with other sources.
+    """
+    place = open_folder(folder / world.name, json.loads(json.dumps(world.manifest)))
+    todo = [number for number in range(n_samples) if not sample_path(place, number).exists()]
+    start = time.monotonic()
+    make = functools.partial(_write, place, world)
+    work_through(make, todo, n_total=n_samples, n_jobs=n_jobs, progress=progress, title=f"simulating {world.name}")
+    return (time.monotonic() - start) * n_jobs / len(todo) if todo else math.nan
+
+
+def _write(place: Path, world: World, number: int) -> None:
+    write_chunk(sample_path(place, number), simulate_sample(world.draw(number), GestureConfig(), margin=world.plan.margin), compressed=True)
+
+
+def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> dict[str, Any]:
+    """Name the samples of some gestures with a model that knows these and no others.
+
+    Returns
+    -------
+    dict
+        ``accuracy``: share right of the events that were found; ``recognised``: of all performed; ``by_gesture``: of the events;
+        ``events``, ``performed``: how many.
+    """
+    labels = np.array([GESTURES.index(name) for name in names])
+    own = np.isin(samples.label, labels)
+    true = samples.label[own]
+    right = labels[model.probabilities(samples.features[own]).argmax(axis=-1)] == true
+    performed = int(own.sum() + samples.missed[labels].sum())
+    return {
+        "accuracy": float(right.mean()) if len(right) else None,
+        "recognised": float(right.sum() / performed) if performed else None,
+        "by_gesture": {name: float(right[true == label].mean()) for name, label in zip(names, labels, strict=True) if label in true},
+        "events": len(right),
+        "performed": performed,
+    }
+
+
+def measure(folder: Path, sizes: Sizes, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:
+    """Simulate what is missing of both worlds, train on one, and test on the other."""
+    from radar_gestures.training import TrainingConfig, fit, of_labels
+
+    pairs = ((TRAINING, sizes.training), (OTHER, sizes.test))
+    seconds = {world.name: generate(world, folder, n, n_jobs=n_jobs, progress=progress) for world, n in pairs}
+    training, other = (collect(folder / world.name, n_jobs=n_jobs) for world, _ in pairs)
+    result: dict[str, Any] = {}
+    for names in (SEVEN, GESTURES):
+        chosen = of_labels(training, names)
+        model = fit(chosen, np.ones(len(chosen.label), np.bool_), TrainingConfig(), labels=names)
+        found = accuracy(model, other, names)
+        result[f"other_world_accuracy_{len(names)}"] = found["accuracy"]
+        result[f"other_world_recognised_{len(names)}"] = found["recognised"]
+        result[f"other_world_{len(names)}"] = found
+    return {
+        **result,
+        "seconds_per_sample": {name: None if math.isnan(value) else value for name, value in seconds.items()},
+        "samples": dataclasses.asdict(sizes),
+        "choices": [],
+    }
+
+
+def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
+    """Train in one world, test in the other.
+
+    Parameters
+    ----------
+    quick : bool
+        Few samples.
+    keep : Path or None
+        Folder for the samples, with which an interrupted run goes on; None: they are thrown away.
+    n_jobs : int
+        Samples simulated at the same time.
+
+    Returns
+    -------
+    dict
+        ``other_world_accuracy_7``, ``other_world_accuracy_10``: of the events that were found; ``..._recognised_...``: missed ones count as
+        wrong; ``other_world_7``, ``other_world_10``: see `accuracy`.
+    """
+    sizes = Sizes(120, 30) if quick else Sizes()
+    if keep is not None:
+        return measure(keep, sizes, n_jobs)
+    with tempfile.TemporaryDirectory() as folder:
+        return measure(Path(folder), sizes, n_jobs)

@@ -1,0 +1,374 @@
+"""Gestures of real people: mHomeGes and mTransSee, people held out, through the product's feature maps and curves."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.recordings import folder
+from benchmarks.report import choice, measure
+from radar_core import DataError, PointCloud
+from radar_core.config import config, knob
+from radar_gestures.curves import SIGNALS, CurveConfig, Curves, EventMaps, curve_names, join, locate
+from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
+from radar_gestures.maps import feature_maps
+from radar_gestures.model import GestureModel, save_model
+from radar_gestures.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
+from radar_gestures.variation import VariationConfig, copies
+from radar_ros.importers import open_original
+
+GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
+MAX_SPEED: Final = 4.2  # m/s: no arm was faster
+LONGEST: Final = 3.0  # s: of a longer segment, the part with most motion
+SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
+"""Gestures that both data sets have."""
+
+
+@config
+class RealTraining:
+    """How a perceptron on curves is trained."""
+
+    hidden: tuple[int, ...] = knob((64,), low=1, high=1024, doc="neurons of each hidden layer")
+    regularisation: float = knob(1.0, low=0.0, high=1e3, doc="L2 penalty on the weights")
+    learning_rate: float = knob(2e-3, low=1e-6, high=1.0, doc="of Adam")
+    passes: int = knob(32, low=1, high=1000, doc="over the training samples, each through another changed copy")
+    averaged: float = knob(0.3, low=0.0, high=1.0, doc="last share of the passes over whose ends the weights are averaged")
+    copies: int = knob(8, low=0, high=64, doc="changed copies made of every sample; 0: train on the samples as they are")
+    batch: int = knob(256, low=1, high=65536, doc="samples a step")
+    seed: int = knob(1, low=0, high=2**31 - 1, doc="of the copies, the start weights and the order of samples")
+
+
+@dataclass(frozen=True, eq=False)
+class RealSet:
+    """Labelled events of one data set.
+
+    Attributes
+    ----------
+    events : EventMaps
+        Their feature maps.
+    label : ndarray of str, shape (n,)
+        As the data set names them; mTransSee's in mHomeGes's words.
+    person : ndarray of int64, shape (n,)
+        Whose.
+    distance : ndarray of float64, shape (n,)
+        Of the person from the radar [m].
+    thirteen : ndarray of float64, shape (n, 13)
+        The features of section 4.2; 0 where there was too little motion for them.
+    """
+
+    events: EventMaps
+    label: NDArray[np.str_]
+    person: NDArray[np.int64]
+    distance: NDArray[np.float64]
+    thirteen: NDArray[np.float64]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Its gestures, sorted."""
+        return tuple(str(label) for label in np.unique(self.label))
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Index of each event's label in `labels`."""
+        return np.asarray(np.searchsorted(self.labels, self.label))
+
+    def only(self, labels: Sequence[str]) -> RealSet:
+        """Events with one of the labels."""
+        index = np.flatnonzero(np.isin(self.label, labels))
+        return RealSet(self.events.select(index), self.label[index], self.person[index], self.distance[index], self.thirteen[index])
+
+
+@functools.cache
+def read(kind: str, limit: int = 0) -> RealSet:
+    """Read a data set through the importer and make its feature maps; the person is what lies around the body that `locate` finds.
+
+    Parameters
+    ----------
+    kind : str
+        One of `GATES`.
+    limit : int
+        At most this many segments, spread evenly; 0: all.
+
+    Raises
+    ------
+    DataError
+        When the recordings are not there.
+    """
+    path = folder() / kind / "segments.npz"
+    if not path.is_file():
+        raise DataError(f"{path}: not there; docs/recordings.md says where the original is")
+    recording = open_original(kind, path, limit=limit, idle=0.0)
+    found = recording.tally.segments
+    maps, thirteen = [], []
+    for clouds in _segments(recording.items, found):
+        own, body = person_of(clouds, GATES[kind])
+        maps.append(feature_maps(own, GATES[kind], MAX_SPEED))
+        thirteen.append(_thirteen(own, body, GATES[kind]))
+    return RealSet(
+        join(maps),
+        np.array([SHARED.get(segment.label, segment.label) for segment in found]),
+        np.array([segment.subject for segment in found], np.int64),
+        np.array([segment.distance for segment in found]),
+        np.array(thirteen),
+    )
+
+
+def _segments(items: Iterator[object], found: Sequence[object]) -> Iterator[list[PointCloud]]:
+    """Clouds of each segment; the importer appends a segment to ``found`` before it gives its first cloud."""
+    clouds: list[PointCloud] = []
+    current = 0
+    for item in items:
+        if len(found) != current:
+            if clouds:
+                yield clouds
+            clouds, current = [], len(found)
+        if isinstance(item, PointCloud):
+            clouds.append(item)
+    if clouds:
+        yield clouds
+
+
+def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointCloud], tuple[float, float, float]]:
+    """Keep what is near the body, of a segment's part with most motion, as the tracker does for people who are tracked.
+
+    Returns
+    -------
+    tuple of (list of PointCloud, tuple of float)
+        The person's points, and distance [m], azimuth and elevation [rad] of the body.
+    """
+    clouds = _liveliest(clouds)
+    distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]))[0]
+    settings = CurveConfig()
+    own = []
+    for cloud in clouds:
+        lateral = cloud.range * np.cos(cloud.elevation) * np.sin(cloud.azimuth)
+        near = (np.abs(cloud.range - distance) < settings.reach) & (np.abs(lateral - side) < settings.side)
+        own.append(cloud.select(near))
+    elevation = float(np.arcsin(np.clip(height / max(distance, 1e-3), -1.0, 1.0)))
+    azimuth = float(np.arcsin(np.clip(side / max(distance * np.cos(elevation), 1e-3), -1.0, 1.0)))
+    return own, (float(distance), azimuth, elevation)
+
+
+def _liveliest(clouds: Sequence[PointCloud]) -> Sequence[PointCloud]:
+    """`LONGEST` seconds with most moving points."""
+    length = 1 + round(LONGEST * 1e9 / (clouds[1].stamp_ns - clouds[0].stamp_ns)) if len(clouds) > 1 else 1
+    if len(clouds) <= length:
+        return clouds
+    total = np.cumsum([0, *(np.count_nonzero(np.abs(cloud.radial_speed) > 0.1) for cloud in clouds)])
+    first = int(np.argmax(total[length:] - total[:-length]))
+    return clouds[first : first + length]
+
+
+def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], gate: float) -> NDArray[np.float64]:
+    settings = FeatureConfig(gate=gate, body_speed=gate / 2)
+    found = extract([summarise(cloud, body, settings) for cloud in clouds], clouds[0].stamp_ns, settings)
+    return found if found is not None else np.zeros(len(FEATURE_NAMES))
+
+
+def train(
+    plain: NDArray[np.floating],
+    changed: NDArray[np.float32] | None,
+    number: NDArray[np.int64],
+    labels: Sequence[str],
+    names: Sequence[str],
+    settings: RealTraining,
+) -> GestureModel:
+    """Train a perceptron with scikit-learn.
+
+    Parameters
+    ----------
+    plain : ndarray, shape (n, n_features)
+        Samples as they are.
+    changed : ndarray of float32, shape (n_copies, n, n_features), or None
+        What the passes take in turn, and what sets the standardisation; None: the samples as they are.
+    number : ndarray of int64, shape (n,)
+        Index into ``labels``.
+    labels, names : sequence of str
+        What outputs and inputs are called.
+    settings : RealTraining
+        The knobs.
+    """
+    from sklearn.neural_network import MLPClassifier
+
+    basis = plain if changed is None else changed[0]
+    mean, scale = basis.mean(axis=0), basis.std(axis=0) + 1e-3
+    net = MLPClassifier(
+        settings.hidden, alpha=settings.regularisation, batch_size=min(settings.batch, len(plain)),
+        learning_rate_init=settings.learning_rate, random_state=settings.seed,
+    )  # fmt: skip
+    first = settings.passes - max(1, round(settings.averaged * settings.passes))
+    total: list[NDArray[np.float64]] = []
+    for turn in range(settings.passes):
+        x = plain if changed is None else changed[turn % len(changed)]
+        net.partial_fit(((x - mean) / scale).astype(np.float32), number, classes=np.arange(len(labels)))
+        if turn >= first:
+            layers = [np.asarray(part, np.float64) for part in (*net.coefs_, *net.intercepts_)]
+            total = layers if not total else [a + b for a, b in zip(total, layers, strict=True)]
+    mean_layers = [(part / (settings.passes - first)).astype(np.float32) for part in total]
+    half = len(net.coefs_)
+    return GestureModel(
+        mean.astype(np.float32),
+        scale.astype(np.float32),
+        tuple(mean_layers[:half]),
+        tuple(mean_layers[half:]),
+        labels=tuple(labels),
+        names=tuple(names),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A data set as vectors, ready to train on.
+
+    Attributes
+    ----------
+    data : RealSet
+        What it was made from.
+    names : tuple of str
+        Of the features.
+    plain : ndarray of float32, shape (n, n_features)
+        Samples as they are.
+    changed : ndarray of float32, shape (n_copies, n, n_features), or None
+        Changed copies.
+    settings : RealTraining
+        How to train on them.
+    """
+
+    data: RealSet
+    names: tuple[str, ...]
+    plain: NDArray[np.float32]
+    changed: NDArray[np.float32] | None
+    settings: RealTraining
+
+    def fit(self, rows: Mask | None = None) -> GestureModel:
+        """Train on some of the samples; None: on all."""
+        own = np.ones(len(self.plain), np.bool_) if rows is None else rows
+        changed = None if self.changed is None else self.changed[:, own]
+        return train(self.plain[own], changed, self.data.number[own], self.data.labels, self.names, self.settings)
+
+    def validate(self, folds: Sequence[Mask], split: str) -> Validation:
+        """Train once for every fold and judge the samples it leaves out."""
+
+        def judge(training: Mask, test: Mask) -> NDArray[np.float64]:
+            return self.fit(training).probabilities_numpy(self.plain[test])
+
+        return cross_validate(self.data.number, self.data.person, folds, judge, labels=self.data.labels, split=split)
+
+    def held_out(self, most: int = 10) -> Validation:
+        """Judge people who are not in the training, two at a time."""
+        return self.validate(leave_subjects_out(self.data.person, 2)[:most], "subjects")
+
+    def random(self, most: int = 10) -> Validation:
+        """Judge a random fifth of the samples at a time."""
+        return self.validate(random_split(len(self.plain))[:most], "random")
+
+
+def study(data: RealSet, settings: RealTraining, curves: CurveConfig | None = None, variation: VariationConfig | None = None) -> Study:
+    """Make the curves of a data set, and changed copies as the settings ask for."""
+    curves, variation = curves if curves is not None else CurveConfig(), variation if variation is not None else VariationConfig()
+    plain = Curves(curves).process_many(data.events).astype(np.float32)
+    changed = copies(data.events, curves, variation, n=settings.copies, seed=settings.seed) if settings.copies else None
+    return Study(data, curve_names(curves), plain, changed, settings)
+
+
+def thirteen(data: RealSet, settings: RealTraining) -> Study:
+    """Take the thirteen features instead; there are no changed copies of these."""
+    return Study(data, FEATURE_NAMES, data.thirteen.astype(np.float32), None, settings)
+
+
+def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Train on more and more people, test on the same four others; rows of people, samples and accuracy, means over the seeds."""
+    rows = []
+    for count in counts:
+        found = []
+        for seed in seeds:
+            people = np.random.default_rng(seed).permutation(np.unique(made.data.person))
+            test, training = np.isin(made.data.person, people[:4]), np.isin(made.data.person, people[4 : 4 + count])
+            right = made.fit(training).probabilities_numpy(made.plain[test]).argmax(axis=-1) == made.data.number[test]
+            found.append((float(training.sum()), float(right.mean())))
+        samples, accuracy = np.mean(found, axis=0)
+        rows.append({"people": float(count), "samples": float(samples), "accuracy": float(accuracy)})
+    return rows
+
+
+def transfer(training: Study, test: Study) -> Validation:
+    """Train on one data set, test on another that has the same gestures."""
+    probabilities = training.fit().probabilities_numpy(test.plain)
+    return Validation("all", training.data.labels, probabilities, test.data.number, test.data.person, 1)
+
+
+def event_times(made: Study, model: GestureModel, repeat: int) -> list[float]:
+    """Milliseconds from the feature maps of one event to its probabilities, for thirteen: of the classifier only."""
+    if model.names == FEATURE_NAMES:
+        return measure(lambda: model.probabilities(made.plain[0]), repeat=repeat)
+    events = [made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain)))]
+    extractor = Curves(CurveConfig(steps=(len(model.names) - 2) // len(SIGNALS)))
+    turn = itertools.cycle(events)
+    return measure(lambda: model.probabilities(extractor.process_many(next(turn))[0]), repeat=repeat)
+
+
+def model_bytes(model: GestureModel) -> int:
+    """Size of the model's file."""
+    with tempfile.TemporaryDirectory() as place:
+        save_model(model, Path(place) / "model.npz")
+        return (Path(place) / "model.npz").stat().st_size
+
+
+def matrix(validation: Validation) -> dict[str, Any]:
+    """Give a confusion matrix and the recalls as plain data."""
+    recall = {name: float(value) for name, value in zip(validation.labels, validation.recall, strict=True)}
+    return {"labels": list(validation.labels), "confusion": validation.confusion.tolist(), "recall": recall}
+
+
+def figures(quick: bool = False) -> dict[str, Any]:
+    """Measure everything; quick: few samples and two folds, to see that it runs."""
+    limit, folds = (1500, 2) if quick else (0, 10)
+    settings = RealTraining(copies=2, passes=10) if quick else RealTraining()
+    ours, other = read("mhomeges", limit), read("mtranssee", limit)
+    first, second = study(ours, settings), study(other, settings)
+    validations = {
+        "mhomeges_held_out": first.held_out(folds),
+        "mhomeges_random": first.random(folds),
+        "mtranssee_held_out": second.held_out(folds),
+        "mtranssee_random": second.random(folds),
+        "mhomeges_to_mtranssee": transfer(study(ours.only(other.labels), settings), second),
+    }
+    model = first.fit()
+    result: dict[str, Any] = {name: validation.accuracy for name, validation in validations.items()}
+    result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop, "real_samples": len(ours.label)}
+    result["confusion"] = {name: matrix(validation) for name, validation in validations.items()}
+    counts = (2, 6) if quick else (1, 2, 4, 6, 8, 10, 12, 14)
+    result["learning_curve"] = learning_curve(first, counts, (1,) if quick else (1, 2, 3))
+    rows, reference = [], event_times(first, model, 20 if quick else 200)
+    for name, made, accuracy in _variants(first, validations["mhomeges_held_out"].accuracy, folds, quick):
+        found = accuracy if accuracy is not None else made.held_out(folds).accuracy
+        times = event_times(made, made.fit(), 20 if quick else 200) if accuracy is None else reference
+        rows.append(choice("gestures of real people", name, accuracy=("held out", found, ""), times_ms=times, reference_ms=reference))
+    return result | {"choices": rows}
+
+
+def _variants(first: Study, accuracy: float, folds: int, quick: bool) -> Iterator[tuple[str, Study, float | None]]:
+    """Name, study and, where known, accuracy of each choice; the first is the default."""
+    settings = first.settings
+    yield "curves", first, accuracy
+    yield "thirteen features", thirteen(first.data, replace(settings, hidden=(32,), regularisation=0.01)), None
+    yield "no changed copies", replace(first, changed=None, settings=replace(settings, regularisation=3.0)), None
+    if quick:
+        return
+    for hidden in ((16,), (32,), (64, 32)):
+        yield f"hidden={hidden}", replace(first, settings=replace(settings, hidden=hidden)), None
+    for steps in (6, 10, 20):
+        yield f"steps={steps}", study(first.data, settings, CurveConfig(steps=steps)), None
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """As `figures`."""
+    return figures(quick)

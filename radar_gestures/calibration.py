@@ -1,0 +1,142 @@
+"""Probabilities that mean what they say, and a limit below which an event is no known gesture; both from people the model has not seen."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError
+
+_TINY: Final[float] = 1e-12  # a probability of 0 would make any temperature infinitely unlikely
+_TEMPERATURES: Final[tuple[float, float]] = (0.05, 20.0)
+
+
+def soften(probabilities: NDArray[np.floating], temperature: float) -> NDArray[np.float64]:
+    """Probabilities at another temperature: ``p^(1/T)``, normalised, which divides the scores before the softmax by ``T``.
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (..., n_labels)
+        Sum to 1 along the last axis.
+    temperature : float
+        Above 1 the model becomes less sure, below 1 surer; which label is most probable never changes.
+    """
+    score = np.log(np.maximum(probabilities, _TINY)) / temperature
+    score -= score.max(axis=-1, keepdims=True)
+    power = np.exp(score)
+    return np.asarray(power / power.sum(axis=-1, keepdims=True))
+
+
+def log_loss(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
+    """Mean of ``-log p`` of the true labels [nat].
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (n, n_labels)
+        Of the samples.
+    label : ndarray of int, shape (n,)
+        The true ones.
+    """
+    return float(-np.log(np.maximum(probabilities[np.arange(len(label)), label], _TINY)).mean())
+
+
+def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
+    """Find the temperature under which the true labels are most likely (temperature scaling [1]_).
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (n, n_labels)
+        At temperature 1, of samples that were not in the training.
+    label : ndarray of int, shape (n,)
+        The true ones.
+
+    Returns
+    -------
+    float
+        Between 0.05 and 20.
+
+    Raises
+    ------
+    DataError
+        When there are no samples.
+
+    References
+    ----------
+    .. [1] C. Guo, G. Pleiss, Y. Sun, K. Q. Weinberger, "On calibration of modern neural networks", ICML 2017.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if len(label) == 0:
+        raise DataError("calibration needs at least one sample that was not in the training")
+    low, high = (math.log(value) for value in _TEMPERATURES)
+    found = minimize_scalar(lambda t: log_loss(soften(probabilities, math.exp(t)), label), bounds=(low, high), method="bounded")
+    return math.exp(found.x)
+
+
+def calibration_error(probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15) -> float:
+    """Average how far stated confidence and share of right answers lie apart: the expected calibration error (Guo et al., 2017).
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (n, n_labels)
+        Of the samples.
+    label : ndarray of int, shape (n,)
+        The true ones.
+    bins : int
+        Intervals of equal width in which confidence and share are compared.
+
+    Returns
+    -------
+    float
+        0 to 1; 0 for no samples.
+    """
+    confidence, right, share = reliability(probabilities, label, bins)
+    return float(np.sum(share * np.abs(confidence - right)))
+
+
+def reliability(
+    probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Compare stated confidence with truth, interval by interval.
+
+    Parameters
+    ----------
+    probabilities, label, bins
+        See `calibration_error`.
+
+    Returns
+    -------
+    confidence, right, share : ndarray of float64, shape (n_used,)
+        Of each interval that holds samples: mean confidence, share of right answers, share of all samples.
+    """
+    best = probabilities.max(axis=-1)
+    right = probabilities.argmax(axis=-1) == label
+    number = np.minimum((best * bins).astype(np.int64), bins - 1)
+    count = np.bincount(number, minlength=bins)
+    used = count > 0
+    confidence = np.bincount(number, weights=best, minlength=bins)[used] / count[used]
+    hits = np.bincount(number, weights=right, minlength=bins)[used] / count[used]
+    return confidence, hits, count[used] / max(len(label), 1)
+
+
+def choose_reject(score: NDArray[np.floating], lost: float = 0.05) -> float:
+    """Find the highest limit that rejects at most a share of ``lost`` of known gestures.
+
+    Parameters
+    ----------
+    score : ndarray, shape (n,)
+        Of known gestures that were not in the training (`GestureModel.score`); 0 for those that were called random, which are lost already.
+    lost : float
+        0 to 1.
+
+    Returns
+    -------
+    float
+        An event is rejected when its score is lower; 0 when nothing may be rejected.
+    """
+    if len(score) == 0:
+        return 0.0
+    return float(np.sort(score)[min(math.floor(lost * len(score) + 1e-9), len(score) - 1)])

@@ -1,0 +1,101 @@
+"""The feature cube of [SFL+20], with which the thesis compares its method (section 4.5.5): the strongest detections of every frame.
+
+[SFL+20] Y. Sun, T. Fei, X. Li, A. Warnecke, E. Warsitz, N. Pohl, "Real-time radar-based gesture detection and recognition built in an
+edge-computing platform", IEEE Sensors Journal 20(18), 2020.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError, PointCloud
+from radar_core.config import config, knob
+
+ATTRIBUTES: Final[tuple[str, ...]] = ("amplitude", "range", "radial_speed", "azimuth", "elevation")
+"""First axis of the cube: SNR [dB], range [m], range rate [m/s], azimuth and elevation seen from the sensor [rad]."""
+
+_LIMITS: Final[NDArray[np.float32]] = np.array([200.0, 1e3, 1e3, 10.0, 10.0], np.float32)[:, None]
+"""Larger values are cut: no radar measures them, and one would drown a cube."""
+
+
+@config
+class EncoderConfig:
+    """How an event becomes a cube."""
+
+    n_detections: int = knob(50, low=1, high=10_000, doc="strongest detections kept of each frame; [SFL+20] has 25, the thesis 50")
+    n_frames: int = knob(50, low=1, high=10_000, doc="frames of a cube")
+    frame_interval: float = knob(0.02, unit="s", low=1e-4, high=10.0, doc="time from frame to frame of the cube, whatever the radar's")
+    relative: bool = knob(False, doc="take range, azimuth and elevation from the person's body, not from the sensor")
+
+
+def encode(
+    clouds: Sequence[PointCloud],
+    settings: EncoderConfig,
+    *,
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+    body: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> NDArray[np.float32]:
+    """Arrange the detections of one event in a cube: strongest first, frame by frame, zeros where there is nothing.
+
+    Frames are counted in time, not in clouds: at half the frame rate every other one is empty, and a lost cloud moves none of the others.
+    Of an event longer than the cube the last frames are kept, as in section 4.5.5; of a shorter one the rest is zeros.
+
+    Parameters
+    ----------
+    clouds : sequence of PointCloud
+        Of one person, or of the one person in view, in any order.
+    settings : EncoderConfig
+        The knobs.
+    start_ns, end_ns : int or None
+        The event [ns]; clouds outside are left out. None: from the first, to the last cloud.
+    body : tuple of float, length 3
+        Range [m], azimuth and elevation [rad] of the person, seen from the sensor; only used when ``relative`` is set.
+
+    Returns
+    -------
+    ndarray of float32, shape (5, n_detections, n_frames)
+        Axes (attribute, detection, frame), see `ATTRIBUTES`; always finite: what the sensor does not measure is 0.
+
+    Raises
+    ------
+    DataError
+        When the body's place is not finite but asked for.
+    """
+    if settings.relative and not np.isfinite(body).all():
+        raise DataError(f"encode: the body is at {body}; a cube relative to it needs finite numbers")
+    cube = np.zeros((len(ATTRIBUTES), settings.n_detections, settings.n_frames), np.float32)
+    inside = [c for c in clouds if (start_ns is None or c.stamp_ns >= start_ns) and (end_ns is None or c.stamp_ns <= end_ns)]
+    if not inside:
+        return cube
+    frame = _frames([c.stamp_ns for c in inside], settings, start_ns, end_ns)
+    column = np.repeat(frame, [len(c) for c in inside])
+    points = np.concatenate([[c.snr, c.range, c.radial_speed, c.azimuth, c.elevation] for c in inside], axis=1)
+    points, column = points[:, column >= 0], column[column >= 0]
+    strength = np.where(np.isnan(points[0]), -np.inf, points[0])
+    order = np.lexsort((-strength, column))  # by frame, within a frame the strongest first
+    column = column[order]
+    row = np.arange(len(column)) - np.searchsorted(column, column)  # place within the frame
+    kept = row < settings.n_detections
+    values = points[:, order[kept]]
+    if settings.relative:
+        values[[1, 3, 4]] -= np.array(body, np.float32)[:, None]
+        values[3] = (values[3] + np.pi) % (2 * np.pi) - np.pi
+    values = np.clip(np.nan_to_num(values, nan=0.0, posinf=np.inf, neginf=-np.inf), -_LIMITS, _LIMITS)
+    cube[:, row[kept], column[kept]] = values
+    return cube
+
+
+def _frames(stamps: Sequence[int], settings: EncoderConfig, start_ns: int | None, end_ns: int | None) -> NDArray[np.int64]:
+    """Frame of the cube that each stamp falls into, shape (n_clouds,); -1: before the last `n_frames` of the event."""
+    interval = round(settings.frame_interval * 1e9)
+    start = min(stamps) if start_ns is None else start_ns
+    end = max(stamps) if end_ns is None else end_ns
+    # Differences of Python integers: stamps of a real clock have no room for sums in a double.
+    first = max(0, (end - start + interval // 2) // interval - (settings.n_frames - 1))
+    number = np.array([(stamp - start + interval // 2) // interval - first for stamp in stamps], np.int64)
+    return np.where((number >= 0) & (number < settings.n_frames), number, -1)

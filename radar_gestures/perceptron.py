@@ -1,0 +1,268 @@
+"""The classifier: a multi-layer perceptron (thesis, section 4.2) that says what it does not know, in numpy and one compiled loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, ConfigError, DataError
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.rejection import ByProbability, Rejector
+
+ADVICE: Final[str] = "make a new one with `handwave train`, or name the model that comes with Handwave (gestures)"
+RANDOM: Final[str] = "random"
+"""The label of an event that is no gesture; a model need not have it."""
+_LIMIT: Final[float] = 1e12  # features beyond this are no measurements, and could overflow
+_MOST: Final[int] = 4096  # neurons, labels or features
+
+
+@dataclass(frozen=True, eq=False)
+class GestureModel:
+    """A trained perceptron: standardise, hidden layers with ReLU, output layer with softmax at a temperature, and a limit for rejection.
+
+    Arrays of any real type are taken and kept as float32, which is what the file holds; sums are made in double precision.
+
+    Attributes
+    ----------
+    mean, scale : ndarray of float32, shape (n_features,)
+        Standardisation: ``(features - mean) / scale``.
+    weights : tuple of ndarray of float32, each of shape (n_in, n_out)
+        Of every layer, the output layer last; the first has ``n_in = n_features``, the last ``n_out = n_labels``.
+    biases : tuple of ndarray of float32, each of shape (n_out,)
+        Of every layer.
+    labels : tuple of str
+        What the outputs mean.
+    names : tuple of str
+        What the inputs mean.
+    temperature : float
+        Scores are divided by it before the softmax: calibration, see `radar_gestures.calibration`.
+    reject : float
+        An event whose score by ``rejector`` is below this is no known gesture.
+    rejector : Rejector
+        Says how much an event looks like what the model was trained on.
+    settings : mapping
+        How the features were made (knobs of `FeatureConfig` and `EventConfig`): a recogniser set otherwise refuses the model.
+    figures : mapping
+        What training measured: number of samples, accuracy, seed.
+
+    Raises
+    ------
+    ConfigError
+        When shapes do not fit, a number is not finite or labels occur twice.
+    """
+
+    mean: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+    labels: tuple[str, ...] = GESTURES
+    names: tuple[str, ...] = FEATURE_NAMES
+    temperature: float = 1.0
+    reject: float = 0.0
+    rejector: Rejector = field(default_factory=ByProbability)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    _layers: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = field(init=False, repr=False)
+    _packed: NDArray[np.float64] = field(init=False, repr=False)
+    _sizes: NDArray[np.int64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_words("labels", self.labels)
+        _check_words("features", self.names)
+        _check_number("temperature", self.temperature, above=0.0)
+        _check_number("reject", self.reject)
+        n = len(self.names)
+        for name in ("mean", "scale"):
+            object.__setattr__(self, name, _checked(name, getattr(self, name), (n,)))
+        if not (self.scale > 0).all():
+            raise ConfigError(f"gesture model: scale has entries that are not positive; {ADVICE}")
+        weights, biases = _checked_layers(self.weights, self.biases, n, len(self.labels))
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "biases", biases)
+        self.rejector.check(n, len(self.labels))
+        self._fold()
+
+    def _fold(self) -> None:
+        """Put the standardisation into the first layer and the temperature into the last: both are linear."""
+        layers = [(w.astype(np.float64), b.astype(np.float64)) for w, b in zip(self.weights, self.biases, strict=True)]
+        first, bias = layers[0]
+        first = first / self.scale.astype(np.float64)[:, None]
+        layers[0] = (first, bias - self.mean.astype(np.float64) @ first)
+        layers[-1] = (layers[-1][0] / self.temperature, layers[-1][1] / self.temperature)
+        object.__setattr__(self, "_layers", tuple(layers))
+        object.__setattr__(self, "_packed", np.concatenate([part for w, b in layers for part in (w.ravel(), b)]))
+        object.__setattr__(self, "_sizes", np.array([len(self.names), *(len(b) for b in self.biases)], np.int64))
+
+    @property
+    def flop(self) -> int:
+        """Floating point operations of one classification (Table 4.2).
+
+        Each neuron counts as many multiplications as it has inputs and as many additions, that of the bias included; each hidden one also
+        a comparison (ReLU); the softmax of k labels counts k - 1 comparisons, k subtractions, k exponentials, k - 1 additions and k
+        divisions. Standardisation and temperature cost nothing: they are part of the first and the last layer. What rejection takes is
+        apart (``rejector.flop``).
+        """
+        sizes = [int(size) for size in self._sizes]
+        layers = sum(2 * a * b for a, b in pairwise(sizes))
+        return layers + sum(sizes[1:-1]) + 5 * sizes[-1] - 2
+
+    @property
+    def random(self) -> int | None:
+        """Index of the label `RANDOM`; None when the model has none."""
+        return self.labels.index(RANDOM) if RANDOM in self.labels else None
+
+    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Probability of every label.
+
+        Parameters
+        ----------
+        features : ndarray, shape (..., n_features)
+            In the order of ``names``.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., n_labels)
+            In the order of ``labels``; sums to 1 along the last axis.
+
+        Raises
+        ------
+        DataError
+            When a feature is not finite or absurdly large (beyond 1e12), or their number is wrong.
+        """
+        x = np.asarray(features, np.float64)
+        if x.shape == self.mean.shape:
+            found = np.empty(len(self.labels))
+            if _forward(x, self._packed, self._sizes, found):
+                return found
+            raise _not_finite()
+        return self.probabilities_numpy(x)
+
+    def probabilities_numpy(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+        """`probabilities` as matrix products: what many samples take at once, and the reference of the compiled loop for one."""
+        x = np.asarray(features, np.float64)
+        if x.shape[-1:] != self.mean.shape:
+            raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)}): {', '.join(self.names[:3])}, ...")
+        if not (np.abs(x) <= _LIMIT).all():
+            raise _not_finite()
+        for number, (weights, bias) in enumerate(self._layers):
+            x = np.dot(x if number == 0 else np.maximum(x, 0.0), weights) + bias
+        x = np.exp(x - x.max(axis=-1, keepdims=True))
+        return np.asarray(x / x.sum(axis=-1, keepdims=True))
+
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> NDArray[np.float64]:
+        """How much each event looks like a gesture that the model knows, by its rejector.
+
+        Parameters
+        ----------
+        features : ndarray, shape (..., n_features)
+            In the order of ``names``.
+        probabilities : ndarray, shape (..., n_labels)
+            What `probabilities` gave for them.
+
+        Returns
+        -------
+        ndarray of float64, shape (...)
+            0 to 1, higher is better known; compare with ``reject``.
+        """
+        x = np.asarray(features, np.float64)
+        p = np.asarray(probabilities, np.float64)
+        return np.asarray(self.rejector.score((x - self.mean) / self.scale, p, self.random))
+
+    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
+        """Whether one event is a gesture that the model knows.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n_features,)
+            In the order of ``names``.
+        probabilities : ndarray, shape (n_labels,)
+            What `probabilities` gave for them.
+
+        Returns
+        -------
+        bool
+            False when the most probable label is "random", or the event's `score` is below ``reject``.
+        """
+        if int(np.argmax(probabilities)) == self.random:
+            return False
+        return bool(self.score(features, probabilities) >= self.reject)
+
+
+@numba.njit(cache=True, nogil=True)
+def _forward(x: Any, packed: Any, sizes: Any, found: Any) -> Any:
+    """Write the probabilities of one sample, shape (n_labels,), into ``found``; False when the sample holds what is no number."""
+    for value in x:
+        if not abs(value) <= _LIMIT:
+            return False
+    place = 0
+    for layer in range(len(sizes) - 1):
+        n, m = sizes[layer], sizes[layer + 1]
+        after = packed[place + n * m : place + n * m + m].copy()
+        for i in range(n):
+            value = x[i] if layer == 0 else max(x[i], 0.0)
+            row = packed[place + i * m : place + i * m + m]
+            for j in range(m):
+                after[j] += value * row[j]
+        place += n * m + m
+        x = after
+    top = x[0]
+    for value in x:
+        top = max(top, value)
+    total = 0.0
+    for j in range(len(x)):
+        found[j] = math.exp(x[j] - top)
+        total += found[j]
+    for j in range(len(x)):
+        found[j] /= total
+    return True
+
+
+def _not_finite() -> DataError:
+    return DataError(f"features has non-finite values, or some beyond {_LIMIT:g}; leave such an event out")
+
+
+def _check_words(what: str, words: tuple[str, ...]) -> None:
+    sound = isinstance(words, tuple) and all(isinstance(word, str) and word for word in words)
+    if not sound or not 0 < len(words) <= _MOST or len(set(words)) != len(words):
+        raise ConfigError(f"gesture model: its {what} must be different names, at least one; {ADVICE}")
+
+
+def _check_number(what: str, value: Any, above: float = -math.inf) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
+        raise ConfigError(
+            f"gesture model: {what} is {value!r}, expected a finite number{f' above {above:g}' if above > -math.inf else ''}; {ADVICE}"
+        )
+
+
+def _checked(name: str, array: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return the array as float32, or say what is wrong with it."""
+    given = np.asarray(array)
+    if given.shape != shape or given.dtype.kind not in "fiu":
+        raise ConfigError(f"gesture model: {name} is {given.dtype} {given.shape}, expected float32 {shape}; {ADVICE}")
+    if not (np.abs(given) <= np.finfo(np.float32).max).all():
+        raise ConfigError(f"gesture model: {name} has non-finite numbers; {ADVICE}")
+    return np.ascontiguousarray(given, np.float32)
+
+
+def _checked_layers(
+    weights: Any, biases: Any, n_features: int, n_labels: int
+) -> tuple[tuple[NDArray[np.float32], ...], tuple[NDArray[np.float32], ...]]:
+    """Return weights and biases of the layers as float32, each as wide as the one before asks for."""
+    if not 0 < len(weights) == len(biases) <= 16:
+        raise ConfigError(
+            f"gesture model: {len(weights)} layers of weights and {len(biases)} of biases, expected the same number; {ADVICE}"
+        )
+    done, n_in = [], n_features
+    for number, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+        last = number == len(weights) - 1
+        n_out = n_labels if last else max(np.asarray(bias).size, 1)
+        done.append((_checked(f"weights[{number}]", weight, (n_in, n_out)), _checked(f"biases[{number}]", bias, (n_out,))))
+        n_in = n_out
+    return tuple(weight for weight, _ in done), tuple(bias for _, bias in done)

@@ -1,0 +1,211 @@
+"""How much does an event look like a gesture that the model knows? Two answers behind one Protocol; the model file holds them as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError
+
+_ADVICE: Final[str] = "train the model again"
+
+
+class Rejector(Protocol):
+    """Scores events; those below the model's ``reject`` are no known gesture.
+
+    Attributes
+    ----------
+    name : str
+        Of the kind, for the model file.
+    """
+
+    name: ClassVar[str]
+
+    @property
+    def flop(self) -> int:
+        """Floating point operations of one event, beside those of the perceptron."""
+        ...
+
+    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+        """Score events from their standardised features, shape (..., n_features), and probabilities, shape (..., n_labels).
+
+        Parameters
+        ----------
+        standard, probabilities : ndarray of float64
+            See above.
+        random : int or None
+            The label that is no gesture; its probability does not count.
+
+        Returns
+        -------
+        ndarray of float64, shape (...)
+            0 to 1; higher is better known.
+        """
+        ...
+
+    def check(self, n_features: int, n_labels: int) -> None:
+        """Raise `ConfigError` when the rejector was made for another model."""
+        ...
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """Everything that the model file must keep."""
+        ...
+
+
+@dataclass(frozen=True)
+class ByProbability:
+    """The probability of the most probable gesture: costs nothing, but a perceptron is sure of itself far from all it has seen."""
+
+    name: ClassVar[str] = "probability"
+
+    @property
+    def flop(self) -> int:
+        """None: the probabilities are there."""
+        return 0
+
+    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+        """See `Rejector`."""
+        return np.asarray(_gestures(probabilities, random).max(axis=-1))
+
+    def check(self, n_features: int, n_labels: int) -> None:
+        """See `Rejector`; fits every model."""
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """See `Rejector`; there are none."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class ByDistance:
+    """The probability of the most probable gesture, times how near the event lies to that gesture's training samples.
+
+    ``score = p exp(-weight d^2)`` with the Mahalanobis distance ``d`` of the standardised features from the mean of the gesture, in the
+    gesture's own covariance [1]_, shrunk [2]_ because a class has few samples. The two factors err in different places: the probability
+    does not fall far away from all classes, the distance does not know where classes meet.
+
+    Attributes
+    ----------
+    means : ndarray of float32, shape (n_labels, n_features)
+        Of the standardised features.
+    factors : ndarray of float32, shape (n_labels, n_features (n_features + 1) / 2), or (1, ...): shared by all labels
+        Lower triangle, row by row, of the matrix that whitens: the inverse of the covariance's Cholesky factor.
+    weight : ndarray of float32, shape ()
+        Of the squared distance against the logarithm of the probability.
+
+    References
+    ----------
+    .. [1] K. Lee, K. Lee, H. Lee, J. Shin, "A simple unified framework for detecting out-of-distribution samples and adversarial attacks",
+       NeurIPS 2018.
+    .. [2] O. Ledoit, M. Wolf, "A well-conditioned estimator for large-dimensional covariance matrices", J. Multivariate Analysis 88, 2004.
+    """
+
+    means: NDArray[np.float32]
+    factors: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    name: ClassVar[str] = "distance"
+
+    @cached_property
+    def _whiten(self) -> NDArray[np.float64]:
+        """Whitening matrices, shape (n_labels or 1, n_features, n_features)."""
+        n = self.means.shape[-1]
+        full = np.zeros((len(self.factors), n, n))
+        full[(slice(None), *np.tril_indices(n))] = self.factors
+        return full
+
+    @property
+    def flop(self) -> int:
+        """Only the most probable gesture costs: n subtractions, n (n + 1) for the triangle, 2 n - 1 for the square, 3 for the score."""
+        n = int(self.means.shape[-1])
+        return n + n * (n + 1) + 2 * n - 1 + 3
+
+    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+        """See `Rejector`."""
+        gestures = _gestures(probabilities, random)
+        best = gestures.argmax(axis=-1)
+        whiten = self._whiten
+        away = standard - self.means[best]
+        if standard.ndim == 1:  # one event: what a run waits for
+            white = np.dot(whiten[best if len(whiten) > 1 else 0], away)
+            return np.asarray(gestures[best] * np.exp(-float(self.weight) * np.dot(white, white)))
+        white = away @ whiten[0].T if len(whiten) == 1 else np.einsum("...ij,...j->...i", whiten[best], away)
+        square = np.einsum("...i,...i->...", white, white)
+        return np.asarray(gestures.max(axis=-1) * np.exp(-float(self.weight) * square))
+
+    def check(self, n_features: int, n_labels: int) -> None:
+        """See `Rejector`."""
+        triangle = n_features * (n_features + 1) // 2
+        shapes = self.means.shape == (n_labels, n_features) and self.factors.shape in ((n_labels, triangle), (1, triangle))
+        if not shapes or self.weight.shape != () or self.weight < 0:
+            raise ConfigError(
+                f"rejector: means {self.means.shape} and factors {self.factors.shape} do not fit {n_labels} labels of {n_features} "
+                f"features with one weight of at least 0; {_ADVICE}"
+            )
+        if not all(np.isfinite(array).all() for array in (self.means, self.factors, self.weight)):
+            raise ConfigError(f"rejector: its arrays have non-finite numbers; {_ADVICE}")
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """See `Rejector`."""
+        return {"means": self.means, "factors": self.factors, "weight": self.weight}
+
+    @classmethod
+    def fit(
+        cls, standard: NDArray[np.float64], label: NDArray[np.int64], n_labels: int, *, weight: float = 0.05, shared: bool = False
+    ) -> ByDistance:
+        """Estimate means and covariances from training samples.
+
+        Parameters
+        ----------
+        standard : ndarray of float64, shape (n, n_features)
+            Standardised features.
+        label : ndarray of int64, shape (n,)
+            What each is; every label must occur.
+        n_labels : int
+            Number of labels.
+        weight : float
+            See the class.
+        shared : bool
+            One covariance for all labels: for features so many that one for each would make the file large.
+        """
+        from sklearn.covariance import LedoitWolf  # only training needs scikit-learn
+
+        own = [standard[label == number] for number in range(n_labels)]
+        means = np.array([rows.mean(axis=0) for rows in own])
+        away = [rows - mean for rows, mean in zip(own, means, strict=True)]
+        groups = [np.concatenate(away)] if shared else away
+        factors = []
+        for rows in groups:
+            covariance = LedoitWolf(assume_centered=True).fit(rows).covariance_
+            # A feature that never varies within a class would make every other value of it infinitely far.
+            covariance += 1e-3 * np.eye(len(covariance))
+            lower = np.linalg.inv(np.linalg.cholesky(covariance))
+            factors.append(lower[np.tril_indices(len(lower))])
+        return cls(means.astype(np.float32), np.array(factors, np.float32), np.array(weight, np.float32))
+
+
+def make_rejector(name: object, arrays: Mapping[str, NDArray[np.float32]]) -> Rejector:
+    """Make the rejector of a model file again.
+
+    Raises
+    ------
+    ConfigError
+        When there is no rejector of that name, or it needs other arrays.
+    """
+    if name == ByProbability.name and not arrays:
+        return ByProbability()
+    if name == ByDistance.name and arrays.keys() == {"means", "factors", "weight"}:
+        return ByDistance(**arrays)
+    raise ConfigError(f"rejector {name!r} with {', '.join(sorted(arrays)) or 'no arrays'} is not known to this version; {_ADVICE}")
+
+
+def _gestures(probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+    """Probabilities in which "random" cannot be the largest."""
+    if random is None or probabilities.shape[-1] == 1:
+        return probabilities
+    gestures = probabilities.copy()
+    gestures[..., random] = 0.0
+    return gestures

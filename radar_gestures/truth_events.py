@@ -1,0 +1,205 @@
+"""When a performed gesture was fast enough to be found, from the true motion of the hand (thesis, section 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import NO_GESTURE, DataError, Pose
+from radar_core.config import config, knob
+
+Float64Array = NDArray[np.float64]
+
+
+class HandTruth(Protocol):
+    """What this module reads of the simulator's truth: arrays of shape (p,), hands of shape (p, 3)."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Middle of the acquisition [ns]."""
+
+    @property
+    def person_id(self) -> NDArray[np.uint32]:
+        """Identities, shape (p,)."""
+
+    @property
+    def hand_position(self) -> Float64Array:
+        """Acting hands in ``room``, shape (p, 3) [m]."""
+
+    @property
+    def hand_velocity(self) -> Float64Array:
+        """Their motion, shape (p, 3) [m/s]."""
+
+    @property
+    def gesture(self) -> NDArray[np.uint8]:
+        """Labels, shape (p,); 255: none."""
+
+    @property
+    def gesture_index(self) -> NDArray[np.uint32]:
+        """Running number of each person's gesture, shape (p,)."""
+
+
+@config
+class CriterionConfig:
+    """When the hand of a performed gesture is fast enough for an event."""
+
+    threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="true radial speed of the hand, either sign, above which it is fast")
+    duration: float = knob(0.2, unit="s", low=0.0, high=10.0, doc="it has to be fast for so long without a break")
+
+
+@dataclass(frozen=True)
+class TrueEvent:
+    """A performed gesture as its radial speed shows it.
+
+    Attributes
+    ----------
+    person_id : int
+        Who.
+    label : int
+        Index into `GESTURES`.
+    start_ns, end_ns : int
+        First and last moment at which it was being performed [ns].
+    first_ns, last_ns : int
+        First and last crossing of the threshold [ns]; equal to ``start_ns`` and ``end_ns`` when the hand was never fast.
+    fast : float
+        Longest time without a break above the threshold [s]; 0: never.
+    fast_total : float
+        All times above the threshold together [s].
+    peak : float
+        Largest radial speed, without its sign [m/s].
+    meets : bool
+        Whether the hand was fast for as long as `CriterionConfig.duration` asks.
+    """
+
+    person_id: int
+    label: int
+    start_ns: int
+    end_ns: int
+    first_ns: int
+    last_ns: int
+    fast: float
+    fast_total: float
+    peak: float
+    meets: bool
+
+
+def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64Array) -> Float64Array:
+    """Compute the range rate of moving points, as a radar would measure it.
+
+    Parameters
+    ----------
+    position, velocity : ndarray, shape (..., 3)
+        In ``room`` [m], [m/s].
+    sensor : ndarray, shape (3,)
+        Where the radar is, in ``room`` [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (...)
+        Positive = receding [m/s]; 0 for a point at the sensor itself, which has no range rate.
+    """
+    away = np.asarray(position, np.float64) - np.asarray(sensor, np.float64)
+    distance = np.linalg.norm(away, axis=-1)
+    along = (away * np.asarray(velocity, np.float64)).sum(axis=-1)
+    return np.asarray(np.divide(along, distance, out=np.zeros_like(along), where=distance != 0))
+
+
+def fast_times(stamp_ns: NDArray[np.int64], speed: Float64Array, threshold: float) -> list[tuple[float, float]]:
+    """Find from when to when a speed, sampled and straight in between, is above a threshold, whatever its sign.
+
+    Two neighbouring samples above count as one time also where their signs differ: an event detector sees no pause there either.
+
+    Parameters
+    ----------
+    stamp_ns : ndarray of int64, shape (n,)
+        Ascending [ns].
+    speed : ndarray, shape (n,)
+        [m/s].
+    threshold : float
+        [m/s].
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end of each time [ns], in order; what begins or ends with the samples does so at the first or last of them.
+    """
+    above = np.abs(speed) > threshold
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], above, [False]]).astype(np.int8)))
+    last = len(stamp_ns) - 1
+
+    def crossing(inside: int, outside: int) -> float:
+        if not 0 <= outside <= last:
+            return float(stamp_ns[inside])
+        sign = np.sign(speed[inside])
+        high, low = sign * speed[inside], sign * speed[outside]
+        share = (high - threshold) / (high - low)
+        return float(stamp_ns[inside] + share * (stamp_ns[outside] - stamp_ns[inside]))
+
+    return [(crossing(int(a), int(a) - 1), crossing(int(b) - 1, int(b))) for a, b in zip(edge[::2], edge[1::2], strict=True)]
+
+
+class TrueEvents:
+    """Reads from the truth when each performed gesture was fast.
+
+    Parameters
+    ----------
+    settings : CriterionConfig
+        The criterion.
+    mount : Pose
+        Where the radar stands: speeds are radial as seen from there.
+    """
+
+    def __init__(self, settings: CriterionConfig, mount: Pose) -> None:
+        self._settings, self._sensor = settings, np.asarray(mount.origin, np.float64)
+
+    def process(self, truths: Iterable[HandTruth]) -> tuple[TrueEvent, ...]:
+        """Take the truth of a stretch of time and return its gestures, ordered by start, then person.
+
+        Parameters
+        ----------
+        truths : iterable of HandTruth
+            One for each frame, in order of time. Only frames in which a gesture is performed count, so a gesture that reaches beyond the
+            stretch is judged by its part in it.
+
+        Raises
+        ------
+        DataError
+            When a hand that gestures has a place or speed that is not finite, or time does not go forward within a gesture.
+        """
+        rows: dict[tuple[int, int], list[tuple[HandTruth, int]]] = {}
+        for truth in truths:
+            for row in np.flatnonzero(truth.gesture != NO_GESTURE).tolist():
+                rows.setdefault((int(truth.person_id[row]), int(truth.gesture_index[row])), []).append((truth, row))
+        events = [self._event(person, own) for (person, _), own in rows.items()]
+        return tuple(sorted(events, key=lambda event: (event.start_ns, event.person_id)))
+
+    def _event(self, person: int, own: Sequence[tuple[HandTruth, int]]) -> TrueEvent:
+        stamps = np.array([truth.stamp_ns for truth, _ in own], np.int64)
+        position = np.array([truth.hand_position[row] for truth, row in own], np.float64)
+        velocity = np.array([truth.hand_velocity[row] for truth, row in own], np.float64)
+        where = f"truth of person {person} at {stamps[0] * 1e-9:.2f} s"
+        if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            raise DataError(f"{where}: the hand has a place or speed that is not finite; leave this person or stretch of time out")
+        if (np.diff(stamps) <= 0).any():
+            raise DataError(f"{where}: stamps do not ascend; give the truth of one run, in order of time")
+        speed = radial_speed(position, velocity, self._sensor)
+        times = fast_times(stamps, speed, self._settings.threshold)
+        lengths = [(end - start) * 1e-9 for start, end in times]
+        longest = max(lengths, default=0.0)
+        truth, row = own[0]
+        return TrueEvent(
+            person_id=person,
+            label=int(truth.gesture[row]),
+            start_ns=int(stamps[0]),
+            end_ns=int(stamps[-1]),
+            first_ns=round(times[0][0]) if times else int(stamps[0]),
+            last_ns=round(times[-1][1]) if times else int(stamps[-1]),
+            fast=longest,
+            fast_total=sum(lengths),
+            peak=float(np.abs(speed).max()),
+            meets=bool(times) and longest >= self._settings.duration,
+        )

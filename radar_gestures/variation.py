@@ -1,0 +1,129 @@
+"""Changed copies of training samples: other bodies, other ways of doing a gesture, other cuts, detections that were missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.config import config, knob
+from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, read_curves, signals
+
+_STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
+
+Float64Array = NDArray[np.float64]
+
+
+@config
+class VariationConfig:
+    """How much copies of training samples differ from the original; each figure is a standard deviation unless it says otherwise."""
+
+    ends: float = knob(0.1, low=0.0, high=0.5, doc="the event starts and ends up to this share of its duration earlier or later")
+    speed: float = knob(0.1, low=0.0, high=0.5, doc="relative change of all speeds")
+    place: float = knob(0.1, unit="m", low=0.0, high=1.0, doc="shift of everything beside the body, in range, to the side and in height")
+    turn: float = knob(0.0, unit="rad", low=0.0, high=1.0, doc="turn about the line of sight, as of a sensor that hangs askew")
+    amount: float = knob(0.2, low=0.0, high=2.0, doc="change of the logarithms of counts and strengths")
+    speed_noise: float = knob(0.1, unit="m/s", low=0.0, high=5.0, doc="change of the speeds of every frame")
+    place_noise: float = knob(0.05, unit="m", low=0.0, high=1.0, doc="change of the places and spreads of every frame")
+    amount_noise: float = knob(0.15, low=0.0, high=2.0, doc="change of the counts and strengths of every frame")
+    lost: float = knob(0.15, low=0.0, high=0.9, doc="largest share of the gates that go undetected")
+    mirrored: float = knob(0.0, low=0.0, high=1.0, doc="share of the copies that swap left and right; wrong where gestures differ by it")
+
+
+def lose_gates(events: EventMaps, variation: VariationConfig, rng: np.random.Generator) -> EventMaps:
+    """Return the events with a random share, up to ``lost``, of each one's detections gone."""
+    share = rng.uniform(0.0, 1.0, len(events)) * variation.lost
+    gone = rng.random(events.maps.shape[1:], np.float32) < share[events.event][:, None]
+    maps = events.maps.copy()
+    maps[:, gone] = np.array([0.0, np.nan, np.nan, np.nan], np.float32)[:, None]
+    return replace(events, maps=maps)
+
+
+def vary(
+    events: EventMaps, values: Float64Array, settings: CurveConfig, variation: VariationConfig, rng: np.random.Generator
+) -> Float64Array:
+    """Make one changed copy of every event's curves.
+
+    Parameters
+    ----------
+    events : EventMaps
+        Whose frames the signals have.
+    values : ndarray of float64, shape (n_rows, n_signals)
+        As `signals` gives them, of these events or of what `lose_gates` made of them.
+    settings : CurveConfig
+        The knobs of the curves.
+    variation : VariationConfig
+        How much copies differ.
+    rng : numpy.random.Generator
+        Source of all randomness.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_events, n_features)
+        As `read_curves`.
+    """
+    n, event = len(events), events.event
+    kinds = (
+        (_columns("speed", "fastest"), variation.speed_noise),
+        (_columns(*PLACES[1:]), variation.place_noise),
+        (_columns("count", "strength"), variation.amount_noise),
+    )
+    values = values.copy()
+    for columns, noise in kinds:
+        values[:, columns] += noise * rng.standard_normal((len(values), len(columns)), np.float32)
+    values[:, kinds[0][0]] *= 1.0 + variation.speed * rng.standard_normal(n)[event, None]
+    for place in PLACES[1:]:
+        values[:, _columns(place, spreads=False)] += variation.place * rng.standard_normal(n)[event, None]
+    for amount in ("count", "strength"):
+        values[:, _columns(amount)] += variation.amount * rng.standard_normal(n)[event, None]
+    _turn(values, variation.turn * rng.standard_normal(n)[event, None])
+    values[:, _columns("side", spreads=False)] *= np.where(rng.random(n) < variation.mirrored, -1.0, 1.0)[event, None]
+    duration = events.duration
+    start, late = (duration * variation.ends * rng.uniform(-1.0, 1.0, n) for _ in range(2))
+    return read_curves(events, values, settings, start, duration + late)
+
+
+def _turn(values: Float64Array, angle: Float64Array) -> None:
+    side, height = _columns("side", spreads=False), _columns("height", spreads=False)
+    y, z = values[:, side].copy(), values[:, height].copy()
+    values[:, side], values[:, height] = y * np.cos(angle) - z * np.sin(angle), z * np.cos(angle) + y * np.sin(angle)
+
+
+def _columns(*words: str, spreads: bool = True) -> list[int]:
+    """Signals whose name has one of the words."""
+    return [k for k, name in enumerate(SIGNALS) if any(w in name for w in words) and (spreads or "spread" not in name)]
+
+
+def copies(
+    events: EventMaps, settings: CurveConfig, variation: VariationConfig, *, n: int, seed: int, body: Float64Array | None = None
+) -> NDArray[np.float32]:
+    """Make changed copies of the curves of events; copy k is a function of the arguments and k, however many there are.
+
+    Parameters
+    ----------
+    events : EventMaps
+        The originals.
+    settings : CurveConfig
+        The knobs of the curves.
+    variation : VariationConfig
+        How much copies differ.
+    n : int
+        Copies of each event.
+    seed : int
+        Of all randomness.
+    body : ndarray of float64, shape (n_events, 3), or None
+        As in `signals`.
+
+    Returns
+    -------
+    ndarray of float32, shape (n, n_events, n_features)
+        In the order of `curve_names`.
+    """
+    made = np.empty((n, len(events), settings.steps * len(SIGNALS) + 2), np.float32)
+    for k in range(n):
+        rng = np.random.default_rng([seed, k, _STREAM])
+        values = signals(lose_gates(events, variation, rng), settings, body)
+        made[k] = vary(events, values, settings, variation, rng)
+    return made

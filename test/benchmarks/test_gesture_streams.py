@@ -1,0 +1,353 @@
+"""The benchmarks of streams and crowds count what they say: by runs that the test made by hand, and one that is simulated."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks import gesture_crowds, gesture_streams
+from benchmarks.gesture_causes import Judged, Outcome, Surplus, judge, why_random
+from benchmarks.gesture_clouds import Found, Run, Store, code_of, fitted, follow
+from benchmarks.gesture_crowds import CROWDS, TOGETHER, Counts, Crowd, count, crowd_scene, is_crossed
+from benchmarks.gesture_streams import IDLE, Plan, gesture_figures, gesture_stream, idle_figures, idle_stream, rejection, scene_of, unknown
+from radar_core import GESTURES, NO_GESTURE, PointCloud
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.model import load_model
+from radar_gestures.recognizer import Gesture
+from radar_gestures.scoring import RecognisedGesture, TruthSegment
+from radar_gestures.truth_events import TrueEvent
+from radar_sim import Action, Person, Simulator, Truth
+from radar_sim.motions.script import Timeline
+from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
+
+S = 1_000_000_000
+STEP = 20_000_000
+PUSH, PULL, WAVE = (GESTURES.index(name) for name in ("push", "pull", "wave"))
+
+
+def segments(scene, number=0):
+    person = scene.people[number]
+    mount = scene.radars[0].mount
+    return Timeline(person, scene.seed, (mount.x, mount.y)).segments
+
+
+def strokes(scene, number=0):
+    return [(GESTURES[s.gesture], s.start, s.end) for s in segments(scene, number) if s.gesture is not None and s.start < scene.duration]
+
+
+# Scenes
+
+
+def test_gesture_streams_do_all_gestures_evenly_and_none_is_cut():
+    """Ten strokes a round in random order, pauses of 1 s and more between them, all over before the scene is; the seed decides."""
+    scene = gesture_stream(3, 120.0)
+    done = strokes(scene)
+    names = [name for name, _, _ in done]
+    assert len(names) >= 12  # a stroke, its pause and bringing the hand there take 6 s at most on average
+    counts = [names.count(name) for name in GESTURES]
+    assert max(counts) - min(counts) <= 1
+    assert all(end <= scene.duration for _, _, end in done)
+    assert all(start - end >= 1.0 for (_, _, end), (_, start, _) in pairwise(done))
+    assert gesture_stream(3, 120.0) == scene
+    assert gesture_stream(4, 120.0) != scene
+
+
+def test_unknown_streams_hold_no_known_stroke():
+    """Every stroke is tilted by 39 degrees or more, except for an eight, which is drawn."""
+    script = gesture_stream(0, 60.0, unknown).people[0].script
+    assert all(abs(action.tilt) > 0.68 for action in script if action.gesture is not None)
+    assert all(action.draw.shape == "eight" for action in script if action.draw is not None)
+
+
+@pytest.mark.parametrize("kind", IDLE)
+def test_idle_streams_hold_no_gesture(kind):
+    """One, two and three people by the seed, who do something all the time, but gesture never."""
+    for seed in range(3):
+        scene = idle_stream(kind, seed, 30.0)
+        assert len(scene.people) == 1 + seed
+        assert not any(strokes(scene, number) for number in range(len(scene.people)))
+        assert all(segments(scene, number)[-1].end >= scene.duration for number in range(len(scene.people)))
+
+
+@pytest.mark.parametrize("crowd", CROWDS, ids=lambda crowd: crowd.name)
+def test_crowds_gesture_together_and_differently(crowd):
+    """Neighbours are as far apart as said; who gestures in a round starts within 0.3 s; a bystander does nothing."""
+    scene = crowd_scene(crowd, 1, rounds=3)
+    places = np.array([person.position for person in scene.people])
+    gaps = np.hypot(*np.diff(places, axis=0).T)
+    assert len(places) == crowd.users + crowd.bystander
+    assert ((gaps >= crowd.apart[0]) & (gaps <= crowd.apart[1])).all()
+    done = [strokes(scene, number) for number in range(len(places))]
+    users = [own for own in done if own]
+    assert len(users) == crowd.users
+    for turn in zip(*users, strict=True):
+        starts = [start for _, start, _ in turn]
+        assert max(starts) - min(starts) <= TOGETHER
+        assert len({name for name, _, _ in turn}) == crowd.users
+    named = {name for own in users for name, _, _ in own}
+    assert named <= set(crowd.gestures)
+    assert ("swipe_left" in crowd.gestures) == (crowd.apart[0] >= 1.2)
+
+
+def test_scripts_fill_the_time():
+    """Steps are added until a script is long enough; what would not be over in time is not begun."""
+    person = Person(script=(Action(stand=1.0),))
+    made = fitted(person, 20.0, 5, lambda: [Action(gesture="push"), Action(stand=1.5)], (0.0, 0.0))
+    timeline = Timeline(made, 5)
+    gestures = [s for s in timeline.segments if s.gesture is not None]
+    assert timeline.end > 20.0
+    assert gestures[-1].end <= 20.0
+    longer = dataclasses.replace(person, script=(*made.script[:-1], Action(gesture="push"), Action(stand=1.5)))
+    assert Timeline(longer, 5).end > 20.0
+
+
+# Clouds on disk
+
+
+def test_words_about_code_do_not_change_its_digest():
+    code = '"""Say one."""\ndef f(x):  # one\n    """Two."""\n    return x + 1\n'
+    assert code_of(code) == code_of('"""Say other."""\n\n\ndef f( x ):\n    return x + 1\n')
+    assert code_of(code) != code_of(code.replace("x + 1", "x + 2"))
+
+
+def small_scene():
+    """One push of somebody 2.2 m away."""
+    person = Person(position=(2.2, 0.1), script=(Action(stand=1.0), Action(gesture="push", at=2.7)))
+    rng = np.random.default_rng(2)
+    return dataclasses.replace(scene_of(rng, [person], 9.0, [lambda: [Action(stand=5.0)]]), duration=3.9)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A store with the small scene."""
+    store, scene = Store(tmp_path_factory.mktemp("clouds")), small_scene()
+    assert store.fill([scene], progress=False) > 0
+    return store, scene
+
+
+def test_stored_clouds_are_those_of_the_simulator(filled):
+    """Every frame is there once; points and truth are what simulator and baseband give, and nothing is simulated twice."""
+    store, scene = filled
+    moments = list(store.moments(scene))
+    simulator = Simulator(scene)
+    assert [m.cloud.sequence for m in moments] == list(range(simulator.n_frames))
+    made = simulator.process(145)
+    cloud = Baseband(BasebandConfig(), simulator.info).process(made.frame).to_room(simulator.info.mount)
+    stored = moments[145]
+    assert stored.cloud.stamp_ns == cloud.stamp_ns == stored.truth.stamp_ns == made.truth.stamp_ns
+    for name in ("x", "y", "z", "range", "radial_speed", "snr", "azimuth", "elevation"):
+        np.testing.assert_array_equal(getattr(stored.cloud, name), getattr(cloud, name))
+    assert made.truth.gesture[0] == stored.truth.gesture[0] == PUSH
+    np.testing.assert_allclose(stored.truth.hand_velocity, made.truth.hand_velocity, rtol=1e-6, atol=1e-9)  # kept as float32
+    assert math.isnan(store.fill([scene], progress=False))
+
+
+def test_a_simulated_push_is_found(filled):
+    """The real chain finds the one gesture: its event overlaps the true fast time, and errors are below the 0.25 s that end an event."""
+    store, scene = filled
+    run = follow(store, scene, load_model())
+    judged = judge(run)
+    (outcome,) = judged.outcomes
+    assert outcome.true.label == PUSH
+    assert outcome.found is not None
+    assert outcome.found.person_id == scene.people[0].id
+    figures = gesture_figures([judged])
+    assert figures["gestures"] == 1
+    assert figures["start_error_s"] < 0.25
+    assert figures["end_error_s"] < 0.25
+    assert len(run.times_ms) == len(run.truths) == len(run.tracked) == 195  # 3.9 s at 50 Hz
+
+
+# Judging, by hand
+
+
+def gesture(label, start, end, track_id=1, probability=0.9):
+    probabilities = np.full(len(GESTURES), (1 - probability) / (len(GESTURES) - 1))
+    probabilities[label] = probability
+    start_ns, end_ns = round(start * S), round(end * S)
+    return Gesture(end_ns + S // 4, "room", track_id, label, GESTURES[label], probability, probabilities, start_ns, end_ns, np.zeros(13))
+
+
+def found(label, start, end, person=1, probability=0.9):
+    return Found(person, gesture(label, start, end, probability=probability))
+
+
+def hand_made(strokes, events, *, tracked=True, fast=True, owned=True, snr=30.0, duration=6.0):
+    """A run of one person at (2, 0), whose hand is fast during strokes (label, start, end)."""
+    scene = scene_of(np.random.default_rng(1), [Person(position=(2.0, 0.0))], duration, [lambda: [Action(stand=10.0)]])
+    clouds, truths = [], []
+    for k in range(round(duration * S / STEP)):
+        now = [(i, label) for i, (label, start, end) in enumerate(strokes) if start <= k * STEP / S <= end]
+        number, label = now[0] if now else (0, NO_GESTURE)
+        speed = 1.5 if now else 0.0
+        body, hand, motion = np.array([[2.0, 0.0, 1.0]]), np.array([[1.6, 0.0, 1.2]]), np.array([[speed, 0.0, 0.0]])
+        who, no = np.array([1], np.uint32), np.zeros(1, bool)
+        gestures, index = np.array([label], np.uint8), np.array([number], np.uint32)
+        truths.append(Truth(k * STEP, k, "room", who, body, 0 * body, hand, motion, gestures, index, no, no))
+        x, y, z = (np.full(1, value, np.float32) for value in hand[0])
+        points = PointCloud(
+            k * STEP, k, "room", x, y, z, range=x, azimuth=y, elevation=y, radial_speed=np.full(1, speed if fast else 0.3, np.float32),
+            snr=np.full(1, snr, np.float32),
+        )  # fmt: skip
+        track = Track(7, TrackStatus.CONFIRMED, 1.0, 0.0, 1, body[0], np.zeros(3), np.zeros(3), np.eye(6))
+        owner = np.array([7 if owned else -1], np.int32)
+        clouds.append(TrackedCloud(points, Tracks(k * STEP, k, "room", (track,) if tracked else (), owner)))
+    return Run(scene, clouds, truths, events, [0.1] * len(clouds))
+
+
+ONE = [(PUSH, 1.0, 1.6)]
+
+
+def test_matching_by_overlap():
+    """Each gesture gets the event that overlaps it most, each event one gesture; the rest is surplus, false when it has a name."""
+    events = [found(PUSH, 0.9, 1.1), found(PULL, 1.1, 1.7), found(0, 3.0, 3.5), found(WAVE, 4.0, 4.5), found(PUSH, 1.0, 1.6, person=2)]
+    judged = judge(hand_made(ONE, events[:4]))
+    (outcome,) = judged.outcomes
+    assert outcome.found is events[1]
+    assert [(s.found, s.false) for s in judged.surplus] == [(events[0], True), (events[2], False), (events[3], True)]
+    assert judged.hours == pytest.approx(6 / 3600)
+    assert judge(hand_made(ONE, [found(PUSH, 1.7, 2.0)])).outcomes[0].found is None  # touches the stroke nowhere
+
+
+@pytest.mark.parametrize(
+    ("why", "changes"),
+    [
+        ("person has no track", {"tracked": False}),
+        ("hand gives no fast points", {"fast": False}),
+        ("fast points are not the person's", {"owned": False}),
+        ("fast points are left out as weak", {"snr": 3.0}),
+        ("too short, or with breaks", {}),
+    ],
+)
+def test_causes_of_missed_gestures(why, changes):
+    """What was lost first on the way from hand to event is the cause."""
+    (outcome,) = judge(hand_made(ONE, [], **changes)).outcomes
+    assert (outcome.found, outcome.cause) == (None, why)
+
+
+def test_causes_in_the_detector():
+    """Two gestures in one event; and one too soon after the event before."""
+    both = hand_made([(PUSH, 1.0, 1.6), (PULL, 1.8, 2.3)], [found(PUSH, 1.0, 2.3)])
+    assert [o.cause for o in judge(both).outcomes] == ["", "one event with another gesture"]
+    soon = hand_made([(PUSH, 1.0, 1.6), (PULL, 1.8, 2.3)], [found(PUSH, 1.0, 1.6)])
+    assert [o.cause for o in judge(soon).outcomes] == ["", "too soon after another event"]
+
+
+def test_why_events_are_random():
+    """No features, somebody who walks, the classifier, and a rejected gesture; a name needs no reason."""
+    walks = dataclasses.replace(gesture(0, 1.0, 1.5), probabilities=np.eye(len(GESTURES))[0])
+    assert why_random(walks) == "track moved, as if walking"
+    assert why_random(dataclasses.replace(walks, features=np.full(13, np.nan))) == "too few moving samples"
+    assert why_random(gesture(0, 1.0, 1.5)) == "most probably random"
+    assert why_random(dataclasses.replace(gesture(PUSH, 1.0, 1.5), label=0)) == "rejected as unknown"
+    assert why_random(gesture(PUSH, 1.0, 1.5)) == ""
+
+
+# Counting, by hand
+
+
+def true(label, start, end, *, meets=True, person=1):
+    a, b = round(start * S), round(end * S)
+    return TrueEvent(person, label, a, b, a, b, (b - a) / S, (b - a) / S, 1.5, meets)
+
+
+def test_figures_of_streams():
+    """Recall over gestures that meet the criterion, errors with and without their signs, false ones per hour."""
+    judged = Judged(
+        [
+            Outcome(true(PUSH, 1.0, 1.5), found(PUSH, 1.1, 1.7)),
+            Outcome(true(PULL, 3.0, 3.5), found(WAVE, 2.9, 3.6)),
+            Outcome(true(WAVE, 5.0, 6.0), None, "too short, or with breaks"),
+            Outcome(true(WAVE, 8.0, 9.0, meets=False), None, "hand gives no fast points"),
+            Outcome(true(0, 10.0, 11.0), found(PUSH, 10.0, 11.0)),
+        ],
+        [Surplus(found(PUSH, 20.0, 21.0), "walk"), Surplus(found(0, 30.0, 31.0), "walk")],
+        0.5,
+    )
+    figures = gesture_figures([judged])
+    assert (figures["gestures"], figures["gestures_that_meet"]) == (4, 3)
+    assert figures["event_recall"] == pytest.approx(2 / 3)
+    assert figures["event_recall_others"] == 0.0
+    assert figures["recognised"] == pytest.approx(1 / 3)
+    assert figures["recognised_all"] == pytest.approx(1 / 4)
+    assert figures["start_error_s"] == pytest.approx(0.1)
+    assert figures["start_bias_s"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["end_error_s"] == pytest.approx(0.15)
+    assert figures["end_bias_s"] == pytest.approx(0.15)
+    assert figures["random_strokes_named"] == 1.0
+    assert figures["false_per_hour_between_gestures"] == pytest.approx(2.0)
+    idle = idle_figures({"walking": [dataclasses.replace(judged, outcomes=[])]})
+    assert (idle["false_per_hour"], idle["idle_events_per_hour"], idle["idle_hours"]) == (2.0, 4.0, 0.5)
+    assert idle["false_by_cause"] == {"push (walk)": 1}
+    assert gesture_streams.gesture_tables([judged])["missed"] == {"too short, or with breaks": 1}
+
+
+def test_rejection_at_five_percent_loss():
+    """The limit is the probability that a twentieth of the known gestures does not reach; unknown ones below it are rejected."""
+    model = SimpleNamespace(labels=GESTURES, score=lambda features, probabilities: probabilities.max(axis=-1))
+    chances = np.linspace(0.5, 0.9, 101)
+    known = Judged([Outcome(true(PUSH, 0, 1), found(PUSH, 0, 1, probability=p)) for p in chances], [], 1.0)
+    strange = Judged(
+        [Outcome(true(WAVE, 0, 1), found(PUSH, 0, 1, probability=p)) for p in (0.45, 0.51, 0.53, 0.8)],
+        [Surplus(found(0, 2, 3, probability=0.99), "draw")],
+        1.0,
+    )
+    figures = rejection(model, [known], [strange])
+    assert figures["unknown_limit"] == pytest.approx(0.52)
+    assert figures["unknown_rejected"] == pytest.approx(3 / 5)
+    assert figures["unknown_rejected_as_shipped"] == pytest.approx(1 / 5)
+    assert rejection(model, [], [strange])["unknown_rejected"] is None
+
+
+def test_crowds_count_by_person():
+    """Right, wrong, missed, credited to a bystander, and credited to nobody, each once."""
+    segments = [
+        TruthSegment(1, PUSH, 1 * S, 2 * S),
+        TruthSegment(2, PULL, 1 * S, 2 * S),
+        TruthSegment(1, WAVE, 6 * S, 7 * S),
+        TruthSegment(2, PUSH, 6 * S, 7 * S),
+    ]
+    outcomes = [
+        Outcome(true(PUSH, 1, 2), found(PUSH, 1, 2)),
+        Outcome(true(PULL, 1, 2, person=2), found(WAVE, 1, 2, person=2)),
+        Outcome(true(WAVE, 6, 7), None),
+        Outcome(true(PUSH, 6, 7, person=2), found(PUSH, 6, 7, person=2)),
+    ]
+    extra = [found(WAVE, 6, 7, person=3), found(0, 6, 7, person=3), found(PUSH, 1, 2, person=None), found(PUSH, 30, 31, person=3)]
+    counts = count(segments, Judged(outcomes, [Surplus(f, "stand") for f in extra], 1.0))
+    assert counts == Counts(performed=4, right=2, wrong=1, missed=1, crossed=1, ghosts=1)
+    assert (counts + counts).figures()["accuracy"] == pytest.approx(0.5)
+    assert counts.figures()["cross_talk"] == pytest.approx(0.25)
+    assert not is_crossed(RecognisedGesture(1, PUSH, 1 * S, 2 * S), segments)
+    assert Counts().figures()["accuracy"] is None
+
+
+# Whole benchmarks, on next to nothing
+
+
+def test_streams_without_a_gesture_have_no_recall(tmp_path):
+    """Half a second of each kind: whatever has nothing to divide by is None, and all the rest is there."""
+    result = gesture_streams.measure(Plan(seeds=1, idle=("standing",), idle_seeds=1, duration=0.5), tmp_path, load_model(), progress=False)
+    assert result["event_recall"] is None
+    assert result["unknown_rejected"] is None
+    assert result["false_per_hour"] == 0.0
+    assert result["seconds_per_minute_of_stream"] > 0
+    assert result["choices"][0]["time_ms"]["median"] > 0
+
+
+def test_crowds_measure(tmp_path, monkeypatch):
+    """Two users for one round, through the real chain: every gesture is counted once."""
+    pair = Crowd(2, (1.2, 2.0), bystander=False)
+    monkeypatch.setattr(gesture_crowds, "CROWDS", (pair,))
+    monkeypatch.setattr(gesture_crowds, "_LEAD", 2.5)
+    monkeypatch.setattr(gesture_crowds, "_ROUND", 2.2)
+    result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1), tmp_path, load_model(), progress=False)
+    row = result["crowds"][pair.name]
+    assert row["performed"] == 2
+    assert row["wrong"] + row["missed"] + 2 * row["accuracy"] == pytest.approx(2)
+    assert result["three_users_accuracy"] is None

@@ -1,0 +1,199 @@
+"""The gesture node over real DDS: the library's gestures bit for bit, maps for who listens, the newest cloud under load."""
+
+import time
+
+import numpy as np
+import pytest
+from handwave.msg import Gesture as GestureMsg
+from handwave.msg import GestureMaps as GestureMapsMsg
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import StageStatus as StageStatusMsg
+from handwave.msg import TrackArray as TrackArrayMsg
+from rclpy.parameter import Parameter
+
+import radar_gestures.node
+from radar_core import GESTURES, DataError, PointCloud, Pose, RadarInfo
+from radar_core.geometry import cartesian_to_spherical
+from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, save_model
+from radar_gestures.messages import gesture_to_msg, maps_from_msg
+from radar_ros import qos
+from radar_ros.convert import cloud_to_msg, from_time, info_to_msg
+from radar_tracking.messages import tracks_to_msg
+from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
+
+INFO = RadarInfo(mount=Pose(x=0.5, y=-0.3, z=1.4, yaw=0.2))
+STEP = 20_000_000  # ns
+START = 10**9
+PEOPLE = {1: (2.5, 0.5, 1.1), 2: (2.5, -0.9, 1.2)}
+
+
+def item(k, speeds):
+    """Cloud and tracks after ``k`` frames: per person six points at rest and six of an arm at the given speed."""
+    rng = np.random.default_rng(k)
+    owner = np.repeat(np.array(list(speeds), np.int32), 12)
+    room = np.array([PEOPLE[int(i)] for i in owner]).reshape(-1, 3) + rng.normal(0.0, 0.05, (len(owner), 3))
+    distance, azimuth, elevation = cartesian_to_spherical(INFO.mount.from_room(room))
+    speed = np.array([v for own in speeds.values() for v in [0.0] * 6 + [own] * 6])
+    values = {"x": room[:, 0], "y": room[:, 1], "z": room[:, 2], "range": distance, "azimuth": azimuth, "elevation": elevation}
+    values |= {"radial_speed": speed + rng.normal(0.0, 0.02, len(owner)), "snr": rng.uniform(20.0, 30.0, len(owner))}
+    cloud = PointCloud(START + k * STEP, k, "room", **{name: value.astype(np.float32) for name, value in values.items()})
+    tracks = tuple(
+        Track(i, TrackStatus.CONFIRMED, 1.0, 0.0, 12, np.array(PEOPLE[i]), np.zeros(3), np.full(3, 0.2), np.eye(6)) for i in speeds
+    )
+    return TrackedCloud(cloud, Tracks(cloud.stamp_ns, k, "room", tracks, owner))
+
+
+def strokes(n=80, people=(1, 2)):
+    """One person pulls and the other pushes, at the same time: from 0.4 s to 0.8 s."""
+    return [item(k, {i: (2.0 if i == 1 else -2.0) * (20 <= k < 40) for i in people}) for k in range(n)]
+
+
+def sign_model(label_of_approach="push"):
+    """A model written by hand: pull when the fastest motion recedes, push when it approaches."""
+    n, k = len(FEATURE_NAMES), len(GESTURES)
+    hidden, output = np.zeros((n, 2)), np.zeros((2, k))
+    hidden[FEATURE_NAMES.index("max_speed"), 0] = 1.0
+    hidden[FEATURE_NAMES.index("min_speed"), 1] = -1.0
+    output[0, GESTURES.index("pull")] = output[1, GESTURES.index(label_of_approach)] = 10.0
+    return GestureModel(np.zeros(n), np.ones(n), (hidden, output), (np.zeros(2), np.zeros(k)), reject=0.4)
+
+
+class Bench:
+    """A gesture node with the publishers of a baseband and a tracking node, all over DDS."""
+
+    def __init__(self, ros, folder, model=None, **parameters):
+        self.ros, self.model = ros, model if model is not None else sign_model()
+        save_model(self.model, folder / "model.npz")
+        values = {"reliable": True, "model": str(folder / "model.npz"), **parameters}
+        overrides = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
+        self.node = ros.add(radar_gestures.node.make_node(parameter_overrides=overrides))
+        self.gestures = ros.collect(GestureMsg, "gestures", qos.RESULT)
+        statuses = ros.collect(StageStatusMsg, "stage_status", qos.sensor(reliable=True))
+        infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
+        self.clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self.tracks = ros.node.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
+        writers = (self.node._gestures, self.node._status, infos, self.clouds, self.tracks)
+        assert ros.spin_until(lambda: all(writer.get_subscription_count() for writer in writers))
+        infos.publish(info_to_msg(INFO, 0))
+        assert ros.spin_until(lambda: any(s.header.stamp.sec == 0 for s in statuses))
+
+    @property
+    def done(self):
+        return self.node.processed + self.node.dropped
+
+    def publish(self, tracked):
+        self.clouds.publish(cloud_to_msg(tracked.cloud))
+        self.tracks.publish(tracks_to_msg(tracked.tracks))
+
+    def send(self, items):
+        """Send items one after the other, each when the node is done with the one before."""
+        for tracked in items:
+            before = self.done
+            self.publish(tracked)
+            assert self.ros.spin_until(lambda b=before: self.done > b)
+
+
+def expected(model, items, **settings):
+    recognizer = GestureRecognizer(GestureConfig(**settings), model, INFO.mount)
+    return [gesture for tracked in items for gesture in recognizer.process(tracked)]
+
+
+def test_gestures_are_the_library_s(ros, tmp_path):
+    """Every field of every message: labels, probabilities, stamps, latency, features; two people at once."""
+    bench, items = Bench(ros, tmp_path), strokes()
+    wanted = expected(bench.model, items)
+    assert {g.track_id: g.name for g in wanted} == {1: "pull", 2: "push"}
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) >= 2)
+    assert bench.gestures == [gesture_to_msg(gesture) for gesture in wanted]
+    for msg in bench.gestures:
+        assert msg.known
+        assert msg.latency_s == pytest.approx((from_time(msg.header.stamp) - from_time(msg.end)) * 1e-9)
+        assert 0.25 <= msg.latency_s <= 0.25 + STEP * 1e-9
+
+
+def test_maps_are_sent_to_who_listens(ros, tmp_path):
+    """None while nobody does; then those of every finished event of every track, as the library has them."""
+    bench, items = Bench(ros, tmp_path), strokes()
+    sent = []
+    publish = bench.node._maps.publish
+    bench.node._maps.publish = lambda msg: (sent.append(msg), publish(msg))
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) == 2)
+    assert sent == []
+    maps = ros.collect(GestureMapsMsg, "gestures/maps", qos.sensor())
+    assert ros.spin_until(lambda: bench.node._maps.get_subscription_count())
+    later = [item(200 + k, {i: (2.0 if i == 1 else -2.0) * (20 <= k < 40) for i in (1, 2)}) for k in range(80)]
+    bench.send(later)
+    assert ros.spin_until(lambda: len(maps) == 2)
+    recognizer = GestureRecognizer(GestureConfig(), bench.model, INFO.mount)
+    found = [(event, tracked.cloud.stamp_ns) for tracked in later for event in recognizer.find(tracked)]
+    for msg, (event, stamp_ns), gesture in zip(maps, found, bench.gestures[2:], strict=True):
+        assert (msg.track_id, from_time(msg.header.stamp)) == (event.track_id, stamp_ns)
+        assert (msg.header, msg.start, msg.end) == (gesture.header, gesture.start, gesture.end)
+        got = maps_from_msg(msg)
+        for name in ("stamp_ns", "speed", "micro_doppler", "azimuth", "elevation", "distance"):
+            np.testing.assert_array_equal(getattr(got, name), getattr(event.maps, name))
+
+
+def test_maps_that_contradict_themselves_are_refused(ros, tmp_path):
+    bench = Bench(ros, tmp_path)
+    maps = ros.collect(GestureMapsMsg, "gestures/maps", qos.sensor())
+    assert ros.spin_until(lambda: bench.node._maps.get_subscription_count())
+    bench.send(strokes(people=(1,)))
+    assert ros.spin_until(lambda: maps)
+    maps[0].elevation = maps[0].elevation[:-1]
+    with pytest.raises(DataError, match=r"gestures/maps of track 1: elevation has \d+ values"):
+        maps_from_msg(maps[0])
+
+
+def test_random_events_are_not_published_when_nobody_wants_them(ros, tmp_path):
+    """``publish_random: false``: no message about the random event of person 2, but maps of both."""
+    bench = Bench(ros, tmp_path, sign_model("random"), publish_random=False)
+    maps = ros.collect(GestureMapsMsg, "gestures/maps", qos.sensor())
+    assert ros.spin_until(lambda: bench.node._maps.get_subscription_count())
+    bench.send(strokes())
+    assert ros.spin_until(lambda: len(maps) == 2)
+    assert [msg.track_id for msg in bench.gestures] == [1]
+    assert [msg.track_id for msg in maps] == [1, 2]
+
+
+def test_under_load_the_newest_cloud_wins_and_the_others_are_counted(ros, tmp_path):
+    """Section 4.5.4: 40 clouds come while the node is busy; it takes the newest, and every other one is a counted drop."""
+    bench, items = Bench(ros, tmp_path, reliable=False), strokes(62)
+    bench.send(items[:20])
+    assert (bench.node.processed, bench.node.dropped) == (20, 0)
+    for tracked in items[20:60]:  # nobody spins meanwhile
+        bench.publish(tracked)
+    time.sleep(0.3)  # the middleware takes them in, in threads of its own
+    ros.spin_until(lambda: bench.node.processed > 20, 2.0)  # best effort: even the newest of a burst may be lost on its way
+    bench.send(items[60:])  # a drop is known when the next cloud is there
+    assert bench.node._stamp_ns == items[-1].cloud.stamp_ns
+    assert bench.done == len(items)
+    assert bench.node.dropped >= 35
+
+
+def test_nothing_is_dropped_where_nothing_may_be_lost(ros, tmp_path):
+    """Bursts of ten with ``reliable: true``, as in a replay in lockstep: all clouds, in order, and the gestures of the library."""
+    bench, items = Bench(ros, tmp_path), strokes()
+    for first in range(0, len(items), 10):  # more than ten would not wait in the writer's history
+        for tracked in items[first : first + 10]:
+            bench.publish(tracked)
+        assert ros.spin_until(lambda n=first + 10: bench.done >= n)
+    assert (bench.node.processed, bench.node.dropped) == (len(items), 0)
+    assert ros.spin_until(lambda: len(bench.gestures) >= 2)
+    assert [msg.name for msg in bench.gestures] == [g.name for g in expected(bench.model, items)]
+
+
+def test_tracks_that_end_and_stamps_that_go_back(ros, tmp_path):
+    """A track that is gone is forgotten; when time goes back everything is: half a stroke before and half after it are no gesture."""
+    bench = Bench(ros, tmp_path)
+    bench.send([item(k, {1: 0.0, 2: 0.0}) for k in range(3)])
+    assert bench.node._recognizer.track_ids == (1, 2)
+    bench.send([item(k, {2: 0.0}) for k in range(3, 6)])
+    assert bench.node._recognizer.track_ids == (2,)
+    bench.send([item(k, {2: 2.0}) for k in range(6, 12)])
+    bench.send([item(k, {2: 2.0 * (k < 5)}) for k in range(40)])
+    assert bench.node.processed == 52
+    assert bench.gestures == []
