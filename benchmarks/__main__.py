@@ -27,6 +27,7 @@ PARTS = {
     "scenarios",
 }
 PARTS |= {"stone_soup", "recordings", "tracking_score", "tracking_suite", "tracking_choices", "tracking_hand"}
+PARTS |= {"gesture_causes", "gesture_clouds"}
 """Modules here that are no benchmark by themselves."""
 
 
@@ -41,11 +42,15 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="small data, few repetitions: checks that it runs, not for quoting")
     parser.add_argument("--plot", type=Path, metavar="PNG", help="also draw accuracy against time")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep finished parts there; the same command goes on where it stopped")
+    parser.add_argument("--full", action="store_true", help="with --keep: simulate again what is there (gestures)")
+    parser.add_argument("--real", action="store_true", help="recordings of real people instead of simulated ones (gestures)")
     options = parser.parse_args()
     run = importlib.import_module(f"benchmarks.{options.name}").run
-    if options.keep and "keep" not in inspect.signature(run).parameters:
-        parser.error(f"{options.name} takes minutes and cannot be resumed: leave --keep out")
-    result = run(quick=options.quick, **({"keep": options.keep} if options.keep else {}))
+    chosen = {name: value for name in ("keep", "full", "real") if (value := getattr(options, name))}
+    for name in chosen:
+        if name not in inspect.signature(run).parameters:
+            parser.error(f"{options.name} knows no --{name}: leave it out")
+    result = run(quick=options.quick, **chosen)
     if options.plot:
         from benchmarks.plot import draw
 

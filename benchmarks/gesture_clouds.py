@@ -58,11 +58,11 @@ def code_of(text: str) -> str:
 
 
 @functools.cache
-def sources() -> str:
-    """Digest of the code of all modules on which clouds depend."""
+def sources(packages: tuple[str, ...] = PACKAGES) -> str:
+    """Digest of the code of all modules on which clouds, or what else is made by some packages, depend."""
     root = Path(__file__).resolve().parent.parent
     found = hashlib.sha256()
-    for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
+    for path in sorted(path for package in packages for path in (root / package).rglob("*.py")):
         found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
 

@@ -372,7 +372,8 @@ def turntable(
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
-for command in (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, training_commands.train, training_commands.evaluate):
+_COMMANDS = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, training_commands.train, training_commands.evaluate)
+for command in _COMMANDS:
     app.command()(command)
 app.add_typer(dataset_commands.app, name="dataset")
 

@@ -1,0 +1,233 @@
+"""Figures of gesture accuracy as the thesis has them: ten classes (4.10), frame rates and transmitters (table 4.1), a network (4.2)."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from joblib import Memory
+
+from benchmarks.gesture_clouds import sources
+from benchmarks.report import choice, measure_together
+from radar_core import GESTURES, ConfigError, RadarFrame
+from radar_core.transmitters import one_transmitter, one_transmitter_frame
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.cnn import CnnConfig, CnnModel, export
+from radar_gestures.cnn_training import cnn_judge, train_cnn
+from radar_gestures.model import GestureModel, save_model
+from radar_gestures.readings import Cubes, collect, cubes
+from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.samples import SampleSet, read_manifest, sample_files
+from radar_gestures.synthesis import synthesise
+from radar_gestures.synthesis_plan import Plan, named_plan
+from radar_gestures.training import TrainingConfig, fit, train_on, validate
+from radar_gestures.validation import Validation, cross_validate, leave_subjects_out, random_split
+from radar_sim import Action, Person, Scene, Simulator
+from radar_tracking import PeopleTracker, TrackedCloud
+
+_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures")
+_RATES: Final = "frame rate and transmitters, time per second"
+RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
+SETTINGS: Final = TrainingConfig()
+
+
+def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
+    """Simulate what the folder does not hold yet: ten people, ten gestures, fifteen times (section 4.3); quickly four people, thrice."""
+    plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 3} if quick else {}))
+    place = folder / "subjects"
+    synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, one_tx=True)
+    return place
+
+
+class Readings:
+    """Events and features of a data set at every frame rate, read once.
+
+    Parameters
+    ----------
+    place : Path
+        The data set.
+    keep : Path or None
+        Folder for what was read; None: read again.
+    n_jobs : int
+        Processes.
+    """
+
+    def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
+        memory = Memory(keep, verbose=0)
+        self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
+        self._place, self._n_jobs = place, n_jobs
+        self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
+
+    def samples(self, every: int = 1, one_tx: bool = False) -> SampleSet:
+        """Features and labels."""
+        return self._collect(self._key, self._place, every, one_tx, n_jobs=self._n_jobs)
+
+    def cubes(self) -> Cubes:
+        """Input of the convolutional network."""
+        return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
+
+
+_Key = tuple[str, str, int]  # what is read depends on: our sources, what the samples are, and how many
+
+
+def _collect(key: _Key, place: Path, every: int, one_tx: bool, n_jobs: int) -> SampleSet:
+    return collect(place, GestureConfig(), every=every, one_tx=one_tx, n_jobs=n_jobs)
+
+
+def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
+    return cubes(place, GestureConfig(), n_jobs=n_jobs)
+
+
+def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
+    """Figures of a validation; ``recognised`` counts gestures without an event as wrong, and random movements without one as right."""
+    right = np.diag(found.confusion).astype(float)
+    performed = found.confusion.sum(axis=1) + samples.missed
+    right[0] += samples.missed[0]
+    return {**found.figures(), "recognised": float(right.sum() / performed.sum()), "missed": int(samples.missed[1:].sum())}
+
+
+def ten_classes(samples: SampleSet) -> tuple[dict[str, Any], dict[str, Validation]]:
+    """Accuracy with two people left out at a time, and with the thesis's random split."""
+    folds = {"subjects": leave_subjects_out(samples.person), "random": random_split(len(samples.label))}
+    found = {split: validate(samples, masks, SETTINGS, split=split) for split, masks in folds.items()}
+    held_out = found["subjects"]
+    return {
+        "accuracy_held_out": held_out.accuracy,
+        "accuracy_random": found["random"].accuracy,
+        "worst_class": float(np.nanmin(held_out.recall)),
+        "held_out": counted(held_out, samples),
+    }, found
+
+
+def frame_times(n_tx: int, n_frames: int) -> list[float]:
+    """Milliseconds of every frame from the raw samples to the event step, one person gesturing."""
+    person = Person(position=(2.3, 0.0), script=tuple(Action(gesture=name) for name in ("push", "swipe_left", "wave")))
+    simulator = Simulator(Scene(duration=6.0, people=(person,)))
+    frames: Sequence[RadarFrame] = [simulator.process(k).frame for k in range(min(n_frames, simulator.n_frames))]
+    info = simulator.info
+    if n_tx == 1:
+        frames, info = [one_transmitter_frame(frame, info) for frame in frames], one_transmitter(info)
+    baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(None, info)
+    stage, times = EventStage(GestureConfig(), info.mount), []
+    for frame in frames:
+        start = time.perf_counter_ns()
+        cloud = baseband.process(frame).to_room(info.mount)
+        stage.process(TrackedCloud(cloud, tracker.process(cloud)))
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+    return times
+
+
+def table_4_1(readings: Readings, quick: bool) -> tuple[dict[str, dict[str, dict[str, float]]], list[dict[str, Any]]]:
+    """Accuracy and time of a frame at three rates with both transmitters and with one; the loss of directions is in the clouds."""
+    times = {n_tx: frame_times(n_tx, 60 if quick else 250) for n_tx in (2, 1)}
+    table: dict[str, dict[str, dict[str, float]]] = {}
+    rows = []
+    for n_tx in (2, 1):
+        for every, rate in RATES:
+            samples = readings.samples(every, n_tx == 1)
+            found = counted(validate(samples, leave_subjects_out(samples.person), SETTINGS), samples)
+            name = f"{rate} Hz, {n_tx} Tx"
+            busy = float(np.median(times[n_tx])) * rate * 1e-3
+            table.setdefault(f"{rate} Hz", {})[f"{n_tx} Tx"] = {
+                "accuracy": found["accuracy"],
+                "recognised": found["recognised"],
+                "missed": found["missed"],
+                "frame_ms": float(np.median(times[n_tx])),
+                "busy": busy,
+            }
+            accuracy = ("held-out accuracy", found["accuracy"], "")
+            per_second = [value * rate for value in times[n_tx]]
+            reference = None if (every, n_tx) == (1, 2) else [value * RATES[0][1] for value in times[2]]
+            rows.append(choice(_RATES, name, accuracy=accuracy, times_ms=per_second, reference_ms=reference))
+    return table, rows
+
+
+def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:
+    """Accuracy and time of perceptrons of several sizes."""
+    rows, reference = [], None
+    for hidden in ((32,), (8,)) if quick else ((32,), (8,), (16,), (64,), (32, 32)):
+        settings = TrainingConfig(hidden=hidden)
+        found = validate(samples, leave_subjects_out(samples.person), settings)
+        model = fit(samples, np.ones(len(samples.label), np.bool_), settings)
+        one = samples.features[0]
+        times = measure_together({"one": lambda model=model, one=one: model.probabilities(one)}, repeat=200, warmup=10)["one"]
+        name = f"hidden={'-'.join(map(str, hidden))}, {model.flop} FLOP"
+        rows.append(choice("perceptron", name, accuracy=("held-out accuracy", found.accuracy, ""), times_ms=times, reference_ms=reference))
+        reference = reference or times
+    return rows
+
+
+def model_bytes(model: GestureModel) -> int:
+    """Bytes of the model's file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.npz"
+        save_model(model, path)
+        return path.stat().st_size
+
+
+def repeats(samples: SampleSet) -> bool:
+    """Whether training twice gives the same file, bit for bit."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{k}.npz" for k in (1, 2)]
+        for path in paths:
+            save_model(train_on(samples, SETTINGS).model, path)
+        return paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def table_4_2(samples: SampleSet, given: Cubes, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
+    """Perceptron and convolutional network on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
+    folds = leave_subjects_out(samples.person)
+    mlp = fit(samples, np.ones(len(samples.label), np.bool_), SETTINGS)
+    accuracy = validate(samples, folds, SETTINGS).accuracy
+    figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": model_bytes(mlp), "mlp_flop": mlp.flop}
+    settings = CnnConfig(epochs=3) if quick else CnnConfig()
+    try:
+        found = cross_validate(
+            given.label, given.person, folds, cnn_judge(given.cube, given.label, settings), labels=GESTURES, split="subjects"
+        )
+    except ConfigError as error:
+        return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "network.onnx"
+        shape = (given.cube.shape[1], given.cube.shape[2], given.cube.shape[3])
+        flop = export(train_cnn(given.cube[:64], given.label[:64], CnnConfig(epochs=1)), path, shape)
+        cnn, n_bytes = CnnModel(path), path.stat().st_size
+        one, cube = samples.features[0], given.cube[:1]
+        calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
+        times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
+    figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": n_bytes, "cnn_flop": flop}
+    rows = [
+        choice("classifier", f"perceptron 13-32-10, {mlp.flop} FLOP", accuracy=("held-out accuracy", accuracy, ""), times_ms=times["mlp"]),
+        choice(
+            "classifier",
+            f"feature cube and CNN, {flop / 1e6:.1f} MFLOP",
+            accuracy=("held-out accuracy", found.accuracy, ""),
+            times_ms=times["cnn"],
+            reference_ms=times["mlp"],
+        ),
+    ]
+    return figures, rows, {"CNN": found}
+
+
+def measure(folder: Path, quick: bool, n_jobs: int) -> tuple[dict[str, Any], dict[str, Validation]]:
+    """Make the data set and all tables.
+
+    Returns
+    -------
+    dict
+        Flat figures, ``table_4_1`` and ``choices``.
+    dict of str to Validation
+        Confusion matrices for pictures.
+    """
+    readings = Readings(data_set(folder, quick, n_jobs), folder / "read", n_jobs)
+    samples = readings.samples()
+    flat, found = ten_classes(samples)
+    by_rate, rate_rows = table_4_1(readings, quick)
+    compared, cnn_rows, networks = table_4_2(samples, readings.cubes(), quick)
+    flat |= compared | {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
+    return {**flat, "table_4_1": by_rate, "choices": rate_rows + hidden_neurons(samples, quick) + cnn_rows}, found | networks
