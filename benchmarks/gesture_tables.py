@@ -39,8 +39,8 @@ SETTINGS: Final = TrainingConfig()
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
     """Simulate what the folder does not hold yet: ten people, ten gestures, fifteen times (section 4.3); quickly four people, thrice."""
     plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 3} if quick else {}))
-    place = folder / "subjects"
-    synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, one_tx=True)
+    place = folder / ("few" if quick else "subjects")
+    synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, body="ellipsoids" if quick else "mesh", one_tx=True)
     return place
 
 

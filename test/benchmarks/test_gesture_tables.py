@@ -1,0 +1,75 @@
+"""The thesis's tables on small data made by hand: what is counted, and that every row has accuracy and time."""
+
+import numpy as np
+import pytest
+
+from benchmarks import gesture_tables
+from radar_core import GESTURES
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.samples import SampleSet
+from radar_gestures.validation import Validation
+
+
+def samples(spread, missed=0, seed=0):
+    """Five people, six samples of each label about a mean of its own; ``missed`` of each label were not found."""
+    rng = np.random.default_rng(seed)
+    label = np.tile(np.repeat(np.arange(10), 6), 5)
+    means = rng.normal(0.0, 1.0, (10, len(FEATURE_NAMES)))
+    features = means[label] + rng.normal(0.0, spread, (len(label), len(FEATURE_NAMES)))
+    person = np.repeat(np.arange(5), 60)
+    settings = feature_settings(GestureConfig())
+    return SampleSet(features, label, person, np.zeros(len(label)), np.full(10, missed, np.int64), settings)
+
+
+class Readings:
+    """The same samples at every rate, with more spread for one transmitter."""
+
+    def samples(self, every=1, one_tx=False):
+        """Return the samples."""
+        return samples(1.0 if one_tx else 0.05)
+
+
+def test_missed_gestures_count_as_wrong_and_random_ones_as_right():
+    """Two labels of two samples each, one of them wrong; two gestures and one random movement gave no event."""
+    probabilities = np.zeros((4, 10))
+    probabilities[np.arange(4), [0, 0, 1, 2]] = 1.0
+    found = Validation("subjects", GESTURES, probabilities, np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]))
+    missed = np.array([1, 2, 0, 0, 0, 0, 0, 0, 0, 0])
+    data = SampleSet(np.zeros((4, 13)), found.label, found.person, np.zeros(4), missed, {})
+    figures = gesture_tables.counted(found, data)
+    assert figures["accuracy"] == pytest.approx(3 / 4)
+    assert figures["missed"] == 2
+    assert figures["recognised"] == pytest.approx((2 + 1 + 1) / 7)
+
+
+def test_ten_classes_of_separate_clouds_are_told_apart():
+    """Means a few units apart, spread 0.05: everybody is right, with people left out and at random; every class counts."""
+    figures, found = gesture_tables.ten_classes(samples(0.05))
+    assert figures["accuracy_held_out"] == 1.0
+    assert figures["accuracy_random"] == 1.0
+    assert figures["worst_class"] == 1.0
+    assert set(found) == {"subjects", "random"}
+
+
+def test_table_4_1_has_every_rate_with_both_transmitters_and_with_one(monkeypatch):
+    """Six rows, the worse data give the worse accuracy, and times of a second fall with the rate."""
+    monkeypatch.setattr(gesture_tables, "frame_times", lambda n_tx, n: [2.0 * n_tx, 3.0 * n_tx])
+    table, rows = gesture_tables.table_4_1(Readings(), quick=True)
+    assert {(rate, tx) for rate, own in table.items() for tx in own} == {(f"{r} Hz", f"{n} Tx") for r in (50, 25, 17) for n in (1, 2)}
+    assert table["50 Hz"]["2 Tx"]["accuracy"] > table["50 Hz"]["1 Tx"]["accuracy"]
+    assert [row["time_ms"]["median"] for row in rows] == pytest.approx([5 * 50, 5 * 25, 5 * 17, 2.5 * 50, 2.5 * 25, 2.5 * 17])
+    assert rows[0]["ratio"] == 1.0
+
+
+def test_frames_are_timed_with_two_transmitters_and_with_one():
+    """One time a frame, from raw samples to the event step."""
+    for n_tx in (2, 1):
+        times = gesture_tables.frame_times(n_tx, 3)
+        assert len(times) == 3
+        assert min(times) > 0
+
+
+def test_training_twice_gives_the_same_file():
+    """Bit for bit on one machine."""
+    assert gesture_tables.repeats(samples(0.3))
