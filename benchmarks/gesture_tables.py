@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import time
 from collections.abc import Sequence
@@ -231,3 +232,26 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> tuple[dict[str, Any], dic
     compared, cnn_rows, networks = table_4_2(samples, readings.cubes(), quick)
     flat |= compared | {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
     return {**flat, "table_4_1": by_rate, "choices": rate_rows + hidden_neurons(samples, quick) + cnn_rows}, found | networks
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Make the tables.
+
+    Parameters
+    ----------
+    quick : bool
+        Few samples.
+    keep : Path or None
+        Folder for the samples; None: they are thrown away.
+
+    Returns
+    -------
+    dict
+        ``accuracy_held_out``, ``accuracy_random``, ``worst_class``, ``held_out``, ``table_4_1``, ``mlp_accuracy``, ``mlp_bytes``,
+        ``mlp_flop`` and the same of the CNN (None without PyTorch), ``repeats_bit_for_bit``, ``choices``.
+    """
+    n_jobs = 1 if quick else os.cpu_count() or 1
+    if keep is not None:
+        return measure(keep, quick, n_jobs)[0]
+    with tempfile.TemporaryDirectory() as folder:
+        return measure(Path(folder), quick, n_jobs)[0]

@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gestures_real import GATES, MAX_SPEED, RealSet, Study
+from benchmarks.gestures_real import CURVES, GATES, MAX_SPEED, RealSet, Study
 from benchmarks.recordings import folder, tracker_for
 from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.calibration import choose_reject
-from radar_gestures.curves import CurveConfig, Curves, join
+from radar_gestures.curves import Curves, join
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
 from radar_gestures.maps import FeatureMaps, MapConfig
 from radar_gestures.recognizer import EventStage, GestureConfig
@@ -97,7 +97,7 @@ def daily_figures(made: Study, streams: list[Stream]) -> dict[str, Any]:
     hours = sum(stream.hours for stream in streams)
     validation = made.held_out()
     limit = choose_reject(validation.probabilities.max(axis=1), LOST)
-    extractor = Curves(CurveConfig())
+    extractor = Curves(CURVES)
     wider, limit_wider = _with_daily(made, streams)
     rejecting = trained = 0
     for stream in streams:
@@ -128,7 +128,7 @@ def _with_daily(made: Study, streams: list[Stream]) -> tuple[Study, float]:
     used = [stream for stream in streams if stream.maps]
     events = join([maps for stream in used for maps in stream.maps])
     n = len(events)
-    data, settings = made.data, CurveConfig()
+    data, settings = made.data, CURVES
     joined = RealSet(
         data.events,  # of the gestures only: the vectors below hold both
         np.concatenate([data.label, np.full(n, DAILY)]),

@@ -27,7 +27,9 @@ from radar_ros.importers import open_original
 
 GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
 MAX_SPEED: Final = 4.2  # m/s: no arm was faster
-LONGEST: Final = 3.0  # s: of a longer segment, the part with most motion
+LONGEST: Final = 3.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
+CURVES: Final = CurveConfig(nearest=1.0)
+"""People stood at 1.2 m and beyond; what is nearer is somebody at the desk."""
 SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
 """Gestures that both data sets have."""
 
@@ -137,34 +139,23 @@ def _segments(items: Iterator[object], found: Sequence[object]) -> Iterator[list
 
 
 def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointCloud], tuple[float, float, float]]:
-    """Keep what is near the body, of a segment's part with most motion, as the tracker does for people who are tracked.
+    """Keep what is near the body, as the tracker does for people who are tracked, in the first `LONGEST` seconds.
 
     Returns
     -------
     tuple of (list of PointCloud, tuple of float)
         The person's points, and distance [m], azimuth and elevation [rad] of the body.
     """
-    clouds = _liveliest(clouds)
-    distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]))[0]
-    settings = CurveConfig()
+    clouds = [cloud for cloud in clouds if cloud.stamp_ns - clouds[0].stamp_ns <= LONGEST * 1e9]
+    distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]), CURVES.nearest)[0]
     own = []
     for cloud in clouds:
         lateral = cloud.range * np.cos(cloud.elevation) * np.sin(cloud.azimuth)
-        near = (np.abs(cloud.range - distance) < settings.reach) & (np.abs(lateral - side) < settings.side)
+        near = (np.abs(cloud.range - distance) < CURVES.reach) & (np.abs(lateral - side) < CURVES.side)
         own.append(cloud.select(near))
     elevation = float(np.arcsin(np.clip(height / max(distance, 1e-3), -1.0, 1.0)))
     azimuth = float(np.arcsin(np.clip(side / max(distance * np.cos(elevation), 1e-3), -1.0, 1.0)))
     return own, (float(distance), azimuth, elevation)
-
-
-def _liveliest(clouds: Sequence[PointCloud]) -> Sequence[PointCloud]:
-    """`LONGEST` seconds with most moving points."""
-    length = 1 + round(LONGEST * 1e9 / (clouds[1].stamp_ns - clouds[0].stamp_ns)) if len(clouds) > 1 else 1
-    if len(clouds) <= length:
-        return clouds
-    total = np.cumsum([0, *(np.count_nonzero(np.abs(cloud.radial_speed) > 0.1) for cloud in clouds)])
-    first = int(np.argmax(total[length:] - total[:-length]))
-    return clouds[first : first + length]
 
 
 def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], gate: float) -> NDArray[np.float64]:
@@ -273,7 +264,7 @@ class Study:
 
 def study(data: RealSet, settings: RealTraining, curves: CurveConfig | None = None, variation: VariationConfig | None = None) -> Study:
     """Make the curves of a data set, and changed copies as the settings ask for."""
-    curves, variation = curves if curves is not None else CurveConfig(), variation if variation is not None else VariationConfig()
+    curves, variation = curves if curves is not None else CURVES, variation if variation is not None else VariationConfig()
     plain = Curves(curves).process_many(data.events).astype(np.float32)
     changed = copies(data.events, curves, variation, n=settings.copies, seed=settings.seed) if settings.copies else None
     return Study(data, curve_names(curves), plain, changed, settings)
@@ -310,7 +301,7 @@ def event_times(made: Study, model: GestureModel, repeat: int) -> list[float]:
     if model.names == FEATURE_NAMES:
         return measure(lambda: model.probabilities(made.plain[0]), repeat=repeat)
     events = [made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain)))]
-    extractor = Curves(CurveConfig(steps=(len(model.names) - 2) // len(SIGNALS)))
+    extractor = Curves(replace(CURVES, steps=(len(model.names) - 2) // len(SIGNALS)))
     turn = itertools.cycle(events)
     return measure(lambda: model.probabilities(extractor.process_many(next(turn))[0]), repeat=repeat)
 
@@ -366,7 +357,7 @@ def _variants(first: Study, accuracy: float, folds: int, quick: bool) -> Iterato
     for hidden in ((16,), (32,), (64, 32)):
         yield f"hidden={hidden}", replace(first, settings=replace(settings, hidden=hidden)), None
     for steps in (6, 10, 20):
-        yield f"steps={steps}", study(first.data, settings, CurveConfig(steps=steps)), None
+        yield f"steps={steps}", study(first.data, settings, replace(CURVES, steps=steps)), None
 
 
 def run(quick: bool = False) -> dict[str, Any]:

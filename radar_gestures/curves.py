@@ -58,6 +58,9 @@ class CurveConfig:
 
     steps: int = knob(14, low=2, high=64, doc="instants at which each signal is read, evenly from the event's first frame to its last")
     slow: float = knob(0.2, unit="m/s", low=0.0, high=10.0, doc="slower gates are still")
+    nearest: float = knob(
+        0.0, unit="m", low=0.0, high=20.0, doc="people who gesture stand at least that far away; nearer bodies are not looked for"
+    )
     reach: float = knob(1.0, unit="m", low=0.1, high=10.0, doc="detections that much nearer or farther than the body are not the person's")
     side: float = knob(0.9, unit="m", low=0.1, high=10.0, doc="detections that far to the left or right of the body are not the person's")
     height: float = knob(1.6, unit="m", low=0.1, high=10.0, doc="detections that far above or below the sensor are not the person's")
@@ -150,8 +153,15 @@ def join(events: Sequence[FeatureMaps]) -> EventMaps:
     return EventMaps(first.astype(np.int64), time, speed, np.stack(layers))
 
 
-def locate(events: EventMaps) -> Float64Array:
+def locate(events: EventMaps, nearest: float = 0.0) -> Float64Array:
     """Find the body in each event: the range at which most is detected, and the middle of what is there.
+
+    Parameters
+    ----------
+    events : EventMaps
+        The feature maps.
+    nearest : float
+        Bodies are not looked for below this range [m].
 
     Returns
     -------
@@ -165,10 +175,11 @@ def locate(events: EventMaps) -> Float64Array:
     event = np.broadcast_to(events.event[:, None], weight.shape)
     n, n_bins = len(events), 1 + int(np.nanmax(np.where(weight > 0, distance, 0.0), initial=0.0) / _RANGE_BIN)
     seen = weight > 0
-    # Echoes weaken with range, and the body is where most of them are, not where the strongest is.
+    # Amplitudes fall with the square of range, and the body is where most echoes are, not where the strongest is.
     bins = np.minimum(distance[seen] / _RANGE_BIN, n_bins - 1).astype(np.int64)
-    count = np.bincount(event[seen] * n_bins + bins, weight[seen] * distance[seen], minlength=n * n_bins).reshape(n, n_bins)
+    count = np.bincount(event[seen] * n_bins + bins, weight[seen] * distance[seen] ** 2, minlength=n * n_bins).reshape(n, n_bins)
     smooth = gaussian_filter1d(count, _BODY_WIDTH / _RANGE_BIN, axis=1, mode="constant")
+    smooth[:, : int(nearest / _RANGE_BIN)] = 0.0
     body = np.zeros((n, 3))
     body[:, 0] = np.where(smooth.any(axis=1), (smooth.argmax(axis=1) + 0.5) * _RANGE_BIN, 0.0)
     near = seen & (np.abs(distance - body[event, 0]) < 0.8)
@@ -214,7 +225,7 @@ def signals(events: EventMaps, settings: CurveConfig, body: Float64Array | None 
     ndarray of float64, shape (n_rows, n_signals) = `SIGNALS`
         NaN where no gate tells.
     """
-    weight, places = _beside(events, settings, locate(events) if body is None else np.asarray(body, np.float64))
+    weight, places = _beside(events, settings, locate(events, settings.nearest) if body is None else np.asarray(body, np.float64))
     receding, approaching = events.speed > settings.slow, events.speed < -settings.slow
     gates = (receding | approaching, receding, approaching, ~(receding | approaching))
     columns: list[Float64Array] = []

@@ -32,12 +32,14 @@ class Rejector(Protocol):
         ...
 
     def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
-        """Score events from their standardised features, shape (..., n_features), and probabilities, shape (..., n_labels).
+        """Score events.
 
         Parameters
         ----------
-        standard, probabilities : ndarray of float64
-            See above.
+        standard : ndarray of float64, shape (..., n_features)
+            Standardised features.
+        probabilities : ndarray of float64, shape (..., n_labels)
+            Of every label.
         random : int or None
             The label that is no gesture; its probability does not count.
 

@@ -148,6 +148,13 @@ def test_the_body_is_where_most_is_seen() -> None:
     assert height == pytest.approx(-2.0 * math.sin(0.1), abs=0.03)
 
 
+def test_bodies_too_near_are_not_looked_for() -> None:
+    """Somebody at the desk, much stronger than the person at 2 m, is passed over when ``nearest`` says so."""
+    events = join([maps_of([[(-1, 80.0, 0.5, 0.0, 0.0), (3, 20.0, 2.0, 0.0, 0.0)]] * 5)])
+    assert locate(events)[0, 0] == pytest.approx(0.5, abs=0.1)
+    assert locate(events, 1.0)[0, 0] == pytest.approx(2.0, abs=0.1)
+
+
 def test_standing_elsewhere_changes_little() -> None:
     """The same gates 1 m farther away: places beside the body are the same to the bin of `locate` (5 cm)."""
     rng = np.random.default_rng(8)

@@ -104,7 +104,7 @@ def test_a_file_cut_off_behind_finished_metadata_is_repaired(tmp_path):
     assert len(list(bags.read(tmp_path / "copy"))) == bags.contents(tmp_path / "copy")["/radar/frame"]
 
 
-@pytest.mark.parametrize("change", [{"format": np.array(99)}, {"hidden_weights": np.zeros((2, 2))}], ids=["version", "shape"])
+@pytest.mark.parametrize("change", [{"format": np.array(99)}, {"weights_0": np.zeros((2, 2), np.float32)}], ids=["version", "shape"])
 def test_a_model_that_does_not_fit_is_refused_by_the_node(tmp_path, change):
     """Of another format version, or with a shape that makes no sense: one line, status 2."""
     with np.load(find_config("gestures", "models", ".npz"), allow_pickle=False) as shipped:
