@@ -104,10 +104,10 @@ def daily_figures(made: Study, streams: list[Stream]) -> dict[str, Any]:
         if not stream.maps:
             continue
         vectors = extractor.process_many(join(stream.maps))
-        plain = made.fit(made.data.person != stream.person).probabilities_numpy(vectors)
+        plain = made.fit(made.data.person != stream.person).probabilities(vectors)
         rejecting += int((plain.max(axis=1) >= limit).sum())
         model = wider.fit(wider.data.person != stream.person)
-        best = _gestures(model.probabilities_numpy(vectors), model.labels.index(DAILY))
+        best = _gestures(model.probabilities(vectors), model.labels.index(DAILY))
         trained += int((best >= limit_wider).sum())
     events = sum(len(stream.maps) for stream in streams)
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 import itertools
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,9 @@ from benchmarks.recordings import folder
 from benchmarks.report import choice, measure
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
-from radar_gestures.curves import SIGNALS, CurveConfig, Curves, EventMaps, curve_names, join, locate
+from radar_gestures.curve_net import CurveNet, save_net
+from radar_gestures.curve_training import CurveTraining, train_net
+from radar_gestures.curves import SIGNALS, TOTALS, CurveConfig, Curves, EventMaps, curve_names, join, locate
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.maps import feature_maps
 from radar_gestures.model import GestureModel, save_model
@@ -30,20 +33,20 @@ MAX_SPEED: Final = 4.2  # m/s: no arm was faster
 LONGEST: Final = 3.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
 CURVES: Final = CurveConfig(nearest=1.0)
 """People stood at 1.2 m and beyond; what is nearer is somebody at the desk."""
+COPIES: Final = 8  # changed ones of every training sample
 SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
 """Gestures that both data sets have."""
 
 
 @config
-class RealTraining:
-    """How a perceptron on curves is trained."""
+class PerceptronTraining:
+    """How a perceptron is trained."""
 
     hidden: tuple[int, ...] = knob((64,), low=1, high=1024, doc="neurons of each hidden layer")
     regularisation: float = knob(1.0, low=0.0, high=1e3, doc="L2 penalty on the weights")
     learning_rate: float = knob(2e-3, low=1e-6, high=1.0, doc="of Adam")
     passes: int = knob(32, low=1, high=1000, doc="over the training samples, each through another changed copy")
     averaged: float = knob(0.3, low=0.0, high=1.0, doc="last share of the passes over whose ends the weights are averaged")
-    copies: int = knob(8, low=0, high=64, doc="changed copies made of every sample; 0: train on the samples as they are")
     batch: int = knob(256, low=1, high=65536, doc="samples a step")
     seed: int = knob(1, low=0, high=2**31 - 1, doc="of the copies, the start weights and the order of samples")
 
@@ -164,41 +167,33 @@ def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], ga
     return found if found is not None else np.zeros(len(FEATURE_NAMES))
 
 
-def train(
-    plain: NDArray[np.floating],
-    changed: NDArray[np.float32] | None,
-    number: NDArray[np.int64],
-    labels: Sequence[str],
-    names: Sequence[str],
-    settings: RealTraining,
+def train_perceptron(
+    changed: NDArray[np.float32], number: NDArray[np.int64], labels: Sequence[str], names: Sequence[str], settings: PerceptronTraining
 ) -> GestureModel:
     """Train a perceptron with scikit-learn.
 
     Parameters
     ----------
-    plain : ndarray, shape (n, n_features)
-        Samples as they are.
-    changed : ndarray of float32, shape (n_copies, n, n_features), or None
-        What the passes take in turn, and what sets the standardisation; None: the samples as they are.
+    changed : ndarray of float32, shape (n_copies, n, n_features)
+        Samples, in copies that the passes take in turn; the first one sets the standardisation.
     number : ndarray of int64, shape (n,)
         Index into ``labels``.
     labels, names : sequence of str
         What outputs and inputs are called.
-    settings : RealTraining
+    settings : PerceptronTraining
         The knobs.
     """
     from sklearn.neural_network import MLPClassifier
 
-    basis = plain if changed is None else changed[0]
-    mean, scale = basis.mean(axis=0), basis.std(axis=0) + 1e-3
+    mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + 1e-3
     net = MLPClassifier(
-        settings.hidden, alpha=settings.regularisation, batch_size=min(settings.batch, len(plain)),
+        settings.hidden, alpha=settings.regularisation, batch_size=min(settings.batch, len(number)),
         learning_rate_init=settings.learning_rate, random_state=settings.seed,
     )  # fmt: skip
     first = settings.passes - max(1, round(settings.averaged * settings.passes))
     total: list[NDArray[np.float64]] = []
     for turn in range(settings.passes):
-        x = plain if changed is None else changed[turn % len(changed)]
+        x = changed[turn % len(changed)]
         net.partial_fit(((x - mean) / scale).astype(np.float32), number, classes=np.arange(len(labels)))
         if turn >= first:
             layers = [np.asarray(part, np.float64) for part in (*net.coefs_, *net.intercepts_)]
@@ -229,7 +224,7 @@ class Study:
         Samples as they are.
     changed : ndarray of float32, shape (n_copies, n, n_features), or None
         Changed copies.
-    settings : RealTraining
+    settings : PerceptronTraining
         How to train on them.
     """
 
@@ -237,19 +232,23 @@ class Study:
     names: tuple[str, ...]
     plain: NDArray[np.float32]
     changed: NDArray[np.float32] | None
-    settings: RealTraining
+    settings: PerceptronTraining | CurveTraining
 
-    def fit(self, rows: Mask | None = None) -> GestureModel:
+    def fit(self, rows: Mask | None = None) -> GestureModel | CurveNet:
         """Train on some of the samples; None: on all."""
         own = np.ones(len(self.plain), np.bool_) if rows is None else rows
-        changed = None if self.changed is None else self.changed[:, own]
-        return train(self.plain[own], changed, self.data.number[own], self.data.labels, self.names, self.settings)
+        changed = self.plain[None, own] if self.changed is None else self.changed[:, own]
+        number, labels = self.data.number[own], self.data.labels
+        if isinstance(self.settings, PerceptronTraining):
+            return train_perceptron(changed, number, labels, self.names, self.settings)
+        steps = (len(self.names) - len(TOTALS)) // len(SIGNALS)
+        return train_net(changed, number, names=self.names, labels=labels, steps=steps, settings=self.settings)
 
     def validate(self, folds: Sequence[Mask], split: str) -> Validation:
         """Train once for every fold and judge the samples it leaves out."""
 
         def judge(training: Mask, test: Mask) -> NDArray[np.float64]:
-            return self.fit(training).probabilities_numpy(self.plain[test])
+            return self.fit(training).probabilities(self.plain[test])
 
         return cross_validate(self.data.number, self.data.person, folds, judge, labels=self.data.labels, split=split)
 
@@ -262,15 +261,14 @@ class Study:
         return self.validate(random_split(len(self.plain))[:most], "random")
 
 
-def study(data: RealSet, settings: RealTraining, curves: CurveConfig | None = None, variation: VariationConfig | None = None) -> Study:
-    """Make the curves of a data set, and changed copies as the settings ask for."""
-    curves, variation = curves if curves is not None else CURVES, variation if variation is not None else VariationConfig()
+def study(data: RealSet, settings: PerceptronTraining | CurveTraining, curves: CurveConfig = CURVES, n_copies: int = COPIES) -> Study:
+    """Make the curves of a data set, and changed copies."""
     plain = Curves(curves).process_many(data.events).astype(np.float32)
-    changed = copies(data.events, curves, variation, n=settings.copies, seed=settings.seed) if settings.copies else None
+    changed = copies(data.events, curves, VariationConfig(), n=n_copies, seed=settings.seed) if n_copies else None
     return Study(data, curve_names(curves), plain, changed, settings)
 
 
-def thirteen(data: RealSet, settings: RealTraining) -> Study:
+def thirteen(data: RealSet, settings: PerceptronTraining) -> Study:
     """Take the thirteen features instead; there are no changed copies of these."""
     return Study(data, FEATURE_NAMES, data.thirteen.astype(np.float32), None, settings)
 
@@ -283,7 +281,7 @@ def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> 
         for seed in seeds:
             people = np.random.default_rng(seed).permutation(np.unique(made.data.person))
             test, training = np.isin(made.data.person, people[:4]), np.isin(made.data.person, people[4 : 4 + count])
-            right = made.fit(training).probabilities_numpy(made.plain[test]).argmax(axis=-1) == made.data.number[test]
+            right = made.fit(training).probabilities(made.plain[test]).argmax(axis=-1) == made.data.number[test]
             found.append((float(training.sum()), float(right.mean())))
         samples, accuracy = np.mean(found, axis=0)
         rows.append({"people": float(count), "samples": float(samples), "accuracy": float(accuracy)})
@@ -292,25 +290,28 @@ def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> 
 
 def transfer(training: Study, test: Study) -> Validation:
     """Train on one data set, test on another that has the same gestures."""
-    probabilities = training.fit().probabilities_numpy(test.plain)
+    probabilities = training.fit().probabilities(test.plain)
     return Validation("all", training.data.labels, probabilities, test.data.number, test.data.person, 1)
 
 
-def event_times(made: Study, model: GestureModel, repeat: int) -> list[float]:
-    """Milliseconds from the feature maps of one event to its probabilities, for thirteen: of the classifier only."""
+def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> list[float]:
+    """Milliseconds from the feature maps of one event to its probabilities; for the thirteen features: of the classifier only."""
     if model.names == FEATURE_NAMES:
         return measure(lambda: model.probabilities(made.plain[0]), repeat=repeat)
-    events = [made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain)))]
-    extractor = Curves(replace(CURVES, steps=(len(model.names) - 2) // len(SIGNALS)))
-    turn = itertools.cycle(events)
-    return measure(lambda: model.probabilities(extractor.process_many(next(turn))[0]), repeat=repeat)
+    events = itertools.cycle(made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain))))
+    extractor = Curves(replace(CURVES, steps=(len(model.names) - len(TOTALS)) // len(SIGNALS)))
+    return measure(lambda: model.probabilities(extractor.process_many(next(events))[0]), repeat=repeat)
 
 
-def model_bytes(model: GestureModel) -> int:
+def model_bytes(model: GestureModel | CurveNet) -> int:
     """Size of the model's file."""
     with tempfile.TemporaryDirectory() as place:
-        save_model(model, Path(place) / "model.npz")
-        return (Path(place) / "model.npz").stat().st_size
+        path = Path(place) / "model.npz"
+        if isinstance(model, CurveNet):
+            save_net(model, path)
+        else:
+            save_model(model, path)
+        return path.stat().st_size
 
 
 def matrix(validation: Validation) -> dict[str, Any]:
@@ -319,45 +320,62 @@ def matrix(validation: Validation) -> dict[str, Any]:
     return {"labels": list(validation.labels), "confusion": validation.confusion.tolist(), "recall": recall}
 
 
+def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
+    """Give the network where PyTorch is installed, else the perceptron."""
+    if importlib.util.find_spec("torch") is None:
+        return PerceptronTraining(passes=10 if quick else 32)
+    return CurveTraining(passes=6 if quick else 40)
+
+
 def figures(quick: bool = False) -> dict[str, Any]:
-    """Measure everything; quick: few samples and two folds, to see that it runs."""
-    limit, folds = (1500, 2) if quick else (0, 10)
-    settings = RealTraining(copies=2, passes=10) if quick else RealTraining()
+    """Measure everything; quick: few samples and two folds, to see that it runs.
+
+    Returns
+    -------
+    dict
+        Accuracies by data set and split, ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the second set in training),
+        size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``.
+    """
+    limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
+    settings = default_training(quick)
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
-    first, second = study(ours, settings), study(other, settings)
+    first, second = study(ours, settings, n_copies=n_copies), study(other, settings, n_copies=n_copies)
     validations = {
         "mhomeges_held_out": first.held_out(folds),
         "mhomeges_random": first.random(folds),
         "mtranssee_held_out": second.held_out(folds),
         "mtranssee_random": second.random(folds),
-        "mhomeges_to_mtranssee": transfer(study(ours.only(other.labels), settings), second),
+        "mhomeges_to_mtranssee": transfer(study(ours.only(other.labels), settings, n_copies=n_copies), second),
     }
     model = first.fit()
     result: dict[str, Any] = {name: validation.accuracy for name, validation in validations.items()}
-    result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop, "real_samples": len(ours.label)}
+    result |= {"real_classifier": type(settings).__name__, "real_samples": len(ours.label)}
+    result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop}
     result["confusion"] = {name: matrix(validation) for name, validation in validations.items()}
-    counts = (2, 6) if quick else (1, 2, 4, 6, 8, 10, 12, 14)
+    counts = (2, 6) if quick else (1, 2, 4, 8, 14)
     result["learning_curve"] = learning_curve(first, counts, (1,) if quick else (1, 2, 3))
     rows, reference = [], event_times(first, model, 20 if quick else 200)
-    for name, made, accuracy in _variants(first, validations["mhomeges_held_out"].accuracy, folds, quick):
-        found = accuracy if accuracy is not None else made.held_out(folds).accuracy
-        times = event_times(made, made.fit(), 20 if quick else 200) if accuracy is None else reference
-        rows.append(choice("gestures of real people", name, accuracy=("held out", found, ""), times_ms=times, reference_ms=reference))
+    for name, made in _variants(first, quick):
+        accuracy = validations["mhomeges_held_out"].accuracy if made is first else made.held_out(folds).accuracy
+        times = reference if made is first else event_times(made, made.fit(), 20 if quick else 200)
+        rows.append(choice("gestures of real people", name, accuracy=("held out", accuracy, ""), times_ms=times, reference_ms=reference))
     return result | {"choices": rows}
 
 
-def _variants(first: Study, accuracy: float, folds: int, quick: bool) -> Iterator[tuple[str, Study, float | None]]:
-    """Name, study and, where known, accuracy of each choice; the first is the default."""
-    settings = first.settings
-    yield "curves", first, accuracy
-    yield "thirteen features", thirteen(first.data, replace(settings, hidden=(32,), regularisation=0.01)), None
-    yield "no changed copies", replace(first, changed=None, settings=replace(settings, regularisation=3.0)), None
+def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
+    """Name and study of each choice; the first is the default."""
+    perceptron = PerceptronTraining(passes=10 if quick else 32)
+    yield "curves", first
+    yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
+    for hidden in (16, 64):
+        yield f"perceptron, {hidden} neurons", replace(first, settings=replace(perceptron, hidden=(hidden,)))
     if quick:
         return
-    for hidden in ((16,), (32,), (64, 32)):
-        yield f"hidden={hidden}", replace(first, settings=replace(settings, hidden=hidden)), None
+    yield "no changed copies", replace(first, changed=None)
     for steps in (6, 10, 20):
-        yield f"steps={steps}", study(first.data, settings, replace(CURVES, steps=steps)), None
+        yield f"{steps} steps", study(first.data, first.settings, replace(CURVES, steps=steps))
+    if isinstance(first.settings, CurveTraining):
+        yield "half the channels", replace(first, settings=replace(first.settings, channels=(24, 32)))
 
 
 def run(quick: bool = False) -> dict[str, Any]:

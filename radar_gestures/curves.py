@@ -21,7 +21,9 @@ from radar_gestures.maps import FeatureMaps
 _GROUPS: Final[tuple[str, ...]] = ("moving", "receding", "approaching", "still")
 PLACES: Final[tuple[str, ...]] = ("speed", "range", "side", "height")
 """What is known of a gate: range rate, and where its strongest detection lies beside the body."""
-_TOTALS: Final[tuple[str, ...]] = ("duration", "log_duration")
+TOTALS: Final[tuple[str, ...]] = ("duration", "log_duration")
+"""What stands behind the steps, see `curve_names`."""
+_BANDS: Final[int] = 5  # of speed, each way
 _RANGE_BIN: Final[float] = 0.05  # m
 _BODY_WIDTH: Final[float] = 0.25  # m: standard deviation of a body's echoes in range
 _BODY_PASSES: Final[tuple[float, ...]] = (1.5, 0.8, 0.6)  # m: the body's side is a mean that leaves out what is farther from the last one
@@ -39,7 +41,8 @@ def _signal_names() -> tuple[str, ...]:
         else:
             names += [f"{group}_{place}" for place in PLACES] + [f"{group}_{place}_spread" for place in PLACES]
         names += [f"{group}_count", f"{group}_strength"]
-    return (*names, *(f"fast_{place}" for place in PLACES), "fastest_receding", "fastest_approaching")
+    names += [f"fast_{place}" for place in PLACES] + ["fastest_receding", "fastest_approaching"]
+    return (*names, *(f"{way}_band{k}_{what}" for way in _GROUPS[1:3] for k in range(_BANDS) for what in ("strength", "height")))
 
 
 SIGNALS: Final[tuple[str, ...]] = _signal_names()
@@ -49,6 +52,7 @@ SIGNALS: Final[tuple[str, ...]] = _signal_names()
 group, weighted by the square root of their amplitude; places are counted from the body. ``..._spread``: standard deviations.
 ``GROUP_count``: log(1 + gates); ``GROUP_strength``: log(1 + sum of the weights). Groups: gates that move, recede, approach, are still.
 ``fast_...``: means over the moving gates weighted by the squared speed, too. ``fastest_...`` [m/s]: of the outermost gates.
+``WAY_bandK_strength`` and ``WAY_bandK_height``: the same of the gates in one band of speed, see `CurveConfig`.
 """
 
 
@@ -58,6 +62,7 @@ class CurveConfig:
 
     steps: int = knob(14, low=2, high=64, doc="instants at which each signal is read, evenly from the event's first frame to its last")
     slow: float = knob(0.2, unit="m/s", low=0.0, high=10.0, doc="slower gates are still")
+    band: float = knob(0.35, unit="m/s", low=0.01, high=10.0, doc="width of a band of speed; five begin at slow, the last is open")
     nearest: float = knob(
         0.0, unit="m", low=0.0, high=20.0, doc="people who gesture stand at least that far away; nearer bodies are not looked for"
     )
@@ -65,7 +70,9 @@ class CurveConfig:
     side: float = knob(0.9, unit="m", low=0.1, high=10.0, doc="detections that far to the left or right of the body are not the person's")
     height: float = knob(1.6, unit="m", low=0.1, high=10.0, doc="detections that far above or below the sensor are not the person's")
     relative_height: bool = knob(True, doc="count heights from the body's middle; otherwise from the sensor")
-    relative_strength: bool = knob(True, doc="count strengths from the strongest frame of the event, so that they do not tell the distance")
+    relative_strength: bool = knob(
+        True, doc="count strengths from all that moves in the strongest frame of the event, so that they do not tell the distance"
+    )
 
 
 def curve_names(settings: CurveConfig) -> tuple[str, ...]:
@@ -73,7 +80,7 @@ def curve_names(settings: CurveConfig) -> tuple[str, ...]:
 
     ``duration`` [s] is the time from the first to the last frame, ``log_duration`` the logarithm of one second more.
     """
-    return (*(f"{signal}_{step:02d}" for step in range(settings.steps) for signal in SIGNALS), *_TOTALS)
+    return (*(f"{signal}_{step:02d}" for step in range(settings.steps) for signal in SIGNALS), *TOTALS)
 
 
 CURVE_NAMES: Final[tuple[str, ...]] = curve_names(CurveConfig())
@@ -229,15 +236,21 @@ def signals(events: EventMaps, settings: CurveConfig, body: Float64Array | None 
     receding, approaching = events.speed > settings.slow, events.speed < -settings.slow
     gates = (receding | approaching, receding, approaching, ~(receding | approaching))
     columns: list[Float64Array] = []
+    top = np.maximum.reduceat(np.log1p(weight[:, gates[0]].sum(axis=1)), events.first[:-1]) * settings.relative_strength
     for group, own in zip(_GROUPS, gates, strict=True):
         columns += _moments(places[1:], own)[: len(PLACES) - 1] if group == "still" else _moments(places, own)
-        columns += _amounts(events, weight[:, own], settings.relative_strength)
+        columns += [np.log1p((weight[:, own] > 0).sum(axis=1)), _strength(events, weight[:, own], top)]
     speed = places[0][0]
     columns += _moments([(value, own * speed**2) for value, own in places], gates[0])[: len(PLACES)]
     moves = weight[:, gates[0]].any(axis=1)
     for own, edge in ((receding, np.max), (approaching, np.min)):
         outer = edge(np.where(weight[:, own] > 0, speed[:, own], 0.0), axis=1, initial=0.0)
         columns.append(np.where(moves, outer, np.nan))
+    for way in (events.speed, -events.speed):
+        band = np.minimum((way - settings.slow) / settings.band, _BANDS - 1)
+        for k in range(_BANDS):
+            own = (way > settings.slow) & (np.floor(band) == k)
+            columns += [_strength(events, weight[:, own], top), _mean(*places[-1], own)]
     return np.stack(columns, axis=-1)
 
 
@@ -256,24 +269,21 @@ def _beside(events: EventMaps, settings: CurveConfig, body: Float64Array) -> tup
 
 def _moments(places: Sequence[tuple[Float64Array, Float64Array]], own: NDArray[np.bool_]) -> list[Float64Array]:
     """Weighted means, then standard deviations, of (value, weight) pairs over some gates; NaN where no weight is."""
-    means, spreads = [], []
-    for value, weight in places:
-        x, w = value[:, own], weight[:, own]
-        total = w.sum(axis=1)
-        some = total > 0
-        mean = np.divide((w * x).sum(axis=1), total, out=np.full(len(x), np.nan), where=some)
-        square = np.divide((w * (x - np.where(some, mean, 0.0)[:, None]) ** 2).sum(axis=1), total, out=np.full(len(x), np.nan), where=some)
-        means.append(mean)
-        spreads.append(np.sqrt(square))
-    return means + spreads
+    means = [_mean(value, weight, own) for value, weight in places]
+    squares = [_mean((x - np.nan_to_num(mean)[:, None]) ** 2, weight, own) for (x, weight), mean in zip(places, means, strict=True)]
+    return means + [np.sqrt(square) for square in squares]
 
 
-def _amounts(events: EventMaps, weight: Float64Array, relative: bool) -> list[Float64Array]:
-    """Logarithms of the number of gates and of the sum of their weights."""
-    strength = np.log1p(weight.sum(axis=1))
-    if relative:
-        strength = strength - np.maximum.reduceat(strength, events.first[:-1])[events.event]
-    return [np.log1p((weight > 0).sum(axis=1)), strength]
+def _mean(value: Float64Array, weight: Float64Array, own: NDArray[np.bool_]) -> Float64Array:
+    """Weighted mean over some gates, shape (n_rows,); NaN where no weight is."""
+    w = weight[:, own]
+    total = w.sum(axis=1)
+    return np.asarray(np.divide((w * value[:, own]).sum(axis=1), total, out=np.full(len(total), np.nan), where=total > 0))
+
+
+def _strength(events: EventMaps, weight: Float64Array, top: Float64Array) -> Float64Array:
+    """Logarithm of the sum of weights, less the event's ``top``."""
+    return np.asarray(np.log1p(weight.sum(axis=1)) - top[events.event])
 
 
 def read_curves(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.config import config, knob
-from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, read_curves, signals
+from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, curve_names, read_curves, signals
 
 _STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
 
@@ -23,7 +23,6 @@ class VariationConfig:
     ends: float = knob(0.1, low=0.0, high=0.5, doc="the event starts and ends up to this share of its duration earlier or later")
     speed: float = knob(0.1, low=0.0, high=0.5, doc="relative change of all speeds")
     place: float = knob(0.1, unit="m", low=0.0, high=1.0, doc="shift of everything beside the body, in range, to the side and in height")
-    turn: float = knob(0.0, unit="rad", low=0.0, high=1.0, doc="turn about the line of sight, as of a sensor that hangs askew")
     amount: float = knob(0.2, low=0.0, high=2.0, doc="change of the logarithms of counts and strengths")
     speed_noise: float = knob(0.1, unit="m/s", low=0.0, high=5.0, doc="change of the speeds of every frame")
     place_noise: float = knob(0.05, unit="m", low=0.0, high=1.0, doc="change of the places and spreads of every frame")
@@ -78,17 +77,10 @@ def vary(
         values[:, _columns(place, spreads=False)] += variation.place * rng.standard_normal(n)[event, None]
     for amount in ("count", "strength"):
         values[:, _columns(amount)] += variation.amount * rng.standard_normal(n)[event, None]
-    _turn(values, variation.turn * rng.standard_normal(n)[event, None])
     values[:, _columns("side", spreads=False)] *= np.where(rng.random(n) < variation.mirrored, -1.0, 1.0)[event, None]
     duration = events.duration
     start, late = (duration * variation.ends * rng.uniform(-1.0, 1.0, n) for _ in range(2))
     return read_curves(events, values, settings, start, duration + late)
-
-
-def _turn(values: Float64Array, angle: Float64Array) -> None:
-    side, height = _columns("side", spreads=False), _columns("height", spreads=False)
-    y, z = values[:, side].copy(), values[:, height].copy()
-    values[:, side], values[:, height] = y * np.cos(angle) - z * np.sin(angle), z * np.cos(angle) + y * np.sin(angle)
 
 
 def _columns(*words: str, spreads: bool = True) -> list[int]:
@@ -121,7 +113,7 @@ def copies(
     ndarray of float32, shape (n, n_events, n_features)
         In the order of `curve_names`.
     """
-    made = np.empty((n, len(events), settings.steps * len(SIGNALS) + 2), np.float32)
+    made = np.empty((n, len(events), len(curve_names(settings))), np.float32)
     for k in range(n):
         rng = np.random.default_rng([seed, k, _STREAM])
         values = signals(lose_gates(events, variation, rng), settings, body)

@@ -1,0 +1,254 @@
+"""A small convolutional network over the steps of curves: the same few patterns are looked for at every moment of the event.
+
+It has as many weights as a perceptron on the same numbers, and needs fewer people to learn from. PyTorch trains it (extra ``train``,
+`radar_gestures.curve_training`), numpy runs it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError, DataError
+from radar_core.paths import find_config
+from radar_gestures.curves import TOTALS
+
+FORMAT: Final[int] = 1
+"""Version of the file; a reader refuses every other."""
+CLIP: Final[float] = 6.0
+"""Standardised numbers are cut off beyond this: what is so far out says no more than that it is."""
+_KIND: Final[str] = "curve network"
+_MOST_BYTES: Final[int] = 8_000_000  # of the whole content: forty times what a network of ours takes
+_ADVICE: Final[str] = "train it again"
+
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class CurveNet:
+    """A trained network: standardise, convolutions over the steps with ReLU, hidden layer with ReLU, softmax.
+
+    Attributes
+    ----------
+    mean, scale : ndarray of float32, shape (n_features,)
+        Standardisation: ``(features - mean) / scale``, cut off at `CLIP`.
+    kernels : tuple of ndarray of float32, each of shape (3, n_in, n_out)
+        Of the convolutions; taps are one step before, at and one step after. The first goes over every step, each other one over every
+        second of the outputs before it; beyond the ends there are zeros.
+    offsets : tuple of ndarray of float32, each of shape (n_out,)
+        Added by the convolutions.
+    weights : tuple of ndarray of float32, each of shape (n_in, n_out)
+        Of the dense layers; the first takes all outputs of the last convolution, step by step, then the totals.
+    biases : tuple of ndarray of float32, each of shape (n_out,)
+        Added by the dense layers.
+    names, labels : tuple of str
+        What inputs and outputs mean.
+    steps : int
+        Of the curves.
+    settings, figures : mapping
+        How the curves were made, and what training measured.
+
+    Raises
+    ------
+    ConfigError
+        When shapes do not fit or a number is not finite.
+    """
+
+    mean: Float32Array
+    scale: Float32Array
+    kernels: tuple[Float32Array, ...]
+    offsets: tuple[Float32Array, ...]
+    weights: tuple[Float32Array, ...]
+    biases: tuple[Float32Array, ...]
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    steps: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        split = n - len(TOTALS)
+        if self.steps < 1 or split < 1 or split % self.steps or not self.kernels or not self.weights:
+            raise ConfigError(f"{_KIND}: {n} features in {self.steps} steps with {len(self.kernels)} convolutions; {_ADVICE}")
+        wanted: list[tuple[str, Float32Array, tuple[int, ...]]] = [("mean", self.mean, (n,)), ("scale", self.scale, (n,))]
+        width, length = split // self.steps, self.steps
+        for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
+            wanted += [(f"kernel_{number}", kernel, (3, width, len(offset))), (f"offset_{number}", offset, (len(offset),))]
+            width, length = len(offset), length if number == 0 else -(-length // 2)
+        width = width * length + len(TOTALS)
+        for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            wanted += [(f"weights_{number}", weight, (width, len(bias))), (f"bias_{number}", bias, (len(bias),))]
+            width = len(bias)
+        if width != len(self.labels):
+            raise ConfigError(f"{_KIND}: {width} outputs for {len(self.labels)} labels; {_ADVICE}")
+        for name, array, shape in wanted:
+            if array.shape != shape or array.dtype != np.float32 or not np.isfinite(array).all():
+                raise ConfigError(f"{_KIND}: {name} is {array.dtype} {array.shape}, expected finite float32 {shape}; {_ADVICE}")
+        if not (self.scale > 0).all():
+            raise ConfigError(f"{_KIND}: scale has entries that are not positive; {_ADVICE}")
+
+    @property
+    def flop(self) -> int:
+        """Floating point operations of one classification.
+
+        Two for each weight each time it is used, two for each sum (bias and ReLU), two for each input's standardisation and five for each
+        label's softmax.
+        """
+        length, total = self.steps, 2 * len(self.names)
+        for number, kernel in enumerate(self.kernels):
+            length = length if number == 0 else -(-length // 2)
+            total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))
+        return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in self.weights) + 5 * len(self.labels)
+
+    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Probability of every label.
+
+        Parameters
+        ----------
+        features : ndarray, shape (..., n_features)
+            In the order of ``names``.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., n_labels)
+            In the order of ``labels``; sums to 1 along the last axis.
+
+        Raises
+        ------
+        DataError
+            When a feature is not finite, or their number is wrong.
+        """
+        x = np.asarray(features)
+        if x.shape[-1:] != self.mean.shape:
+            raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)}): {', '.join(self.names[:3])}, ...")
+        if not np.isfinite(x).all():
+            raise DataError("features has non-finite values; leave such an event out")
+        standard = np.clip((x.reshape(-1, x.shape[-1]) - self.mean) / self.scale, -CLIP, CLIP).astype(np.float32)
+        split = len(self.names) - len(TOTALS)
+        wave = standard[:, :split].reshape(len(standard), self.steps, -1)
+        for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
+            wave = np.maximum(convolve(wave, kernel, 1 if number == 0 else 2) + offset, 0.0)
+        value = np.concatenate([wave.reshape(len(wave), -1), standard[:, split:]], axis=1)
+        for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            value = (np.maximum(value, 0.0) if number else value) @ weight + bias
+        score = np.exp(value.astype(np.float64) - value.max(axis=1, keepdims=True))
+        return np.asarray(score / score.sum(axis=1, keepdims=True)).reshape(*x.shape[:-1], -1)
+
+
+def convolve(wave: Float32Array, kernel: Float32Array, stride: int) -> Float32Array:
+    """Convolve over the steps, zeros beyond the ends.
+
+    Parameters
+    ----------
+    wave : ndarray of float32, shape (n, n_steps, n_in)
+        Input.
+    kernel : ndarray of float32, shape (3, n_in, n_out)
+        Taps one step before, at and after.
+    stride : int
+        Steps from one output to the next.
+
+    Returns
+    -------
+    ndarray of float32, shape (n, ceil(n_steps / stride), n_out)
+    """
+    n, steps, width = wave.shape
+    padded = np.zeros((n, steps + 2, width), np.float32)
+    padded[:, 1:-1] = wave
+    # the three taps side by side, so that one matrix product does it all
+    taps = np.concatenate([padded[:, k : k + steps : stride] for k in range(3)], axis=2)
+    return np.asarray(taps @ kernel.reshape(3 * width, -1))
+
+
+def save_net(net: CurveNet, path: str | Path) -> None:
+    """Write a network to ``path`` (.npz): plain arrays and JSON. The same network gives the same bytes.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be written.
+    """
+    path = Path(path)
+    about = {
+        "kind": _KIND,
+        "names": list(net.names),
+        "labels": list(net.labels),
+        "steps": net.steps,
+        "layers": [len(net.kernels), len(net.weights)],
+        "settings": dict(net.settings),
+        "figures": dict(net.figures),
+    }
+    arrays: dict[str, NDArray[Any]] = {
+        "format": np.array(FORMAT, np.int64),
+        "about": np.frombuffer(json.dumps(about, sort_keys=True).encode(), np.uint8),
+        "mean": net.mean,
+        "scale": net.scale,
+    }
+    for kind, parts in (("kernel", net.kernels), ("offset", net.offsets), ("weights", net.weights), ("bias", net.biases)):
+        arrays |= {f"{kind}_{number}": part for number, part in enumerate(parts)}
+    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its switch
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise DataError(f"{path}: the network cannot be written ({error.strerror}); name another place") from None
+
+
+def load_net(name_or_path: str | Path) -> CurveNet:
+    """Read a network: a file, or one in ``config/models`` by its bare name. Nothing in the file is executed.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such file, it is no network, or it is of another version.
+    """
+    path = find_config(name_or_path, "models", ".npz")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+        if size > _MOST_BYTES:
+            raise ConfigError(f"{path}: holds {size} bytes, more than any {_KIND}; {_ADVICE}")
+        with np.load(path, allow_pickle=False) as file:
+            content = {name: file[name] for name in file.files}
+        return _net_of(content)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise ConfigError(f"{path}: not a {_KIND} ({error}); {_ADVICE}") from None
+
+
+def _net_of(content: Mapping[str, NDArray[Any]]) -> CurveNet:
+    if content["format"].shape != () or int(content["format"]) != FORMAT:
+        raise ConfigError(f"{_KIND} of format {content['format']}, but this version of Handwave reads format {FORMAT}; {_ADVICE}")
+    about = json.loads(content["about"].tobytes())
+    if about["kind"] != _KIND:
+        raise ConfigError(f"holds a {about['kind']}, not a {_KIND}")
+    n_convolutions, n_dense = (int(number) for number in about["layers"])
+
+    def parts(kind: str, n: int) -> tuple[Float32Array, ...]:
+        return tuple(content[f"{kind}_{number}"] for number in range(n))
+
+    return CurveNet(
+        content["mean"],
+        content["scale"],
+        parts("kernel", n_convolutions),
+        parts("offset", n_convolutions),
+        parts("weights", n_dense),
+        parts("bias", n_dense),
+        names=tuple(str(name) for name in about["names"]),
+        labels=tuple(str(label) for label in about["labels"]),
+        steps=int(about["steps"]),
+        settings=dict(about["settings"]),
+        figures=dict(about["figures"]),
+    )

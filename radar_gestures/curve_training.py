@@ -1,0 +1,155 @@
+"""Training the network on curves with PyTorch (extra ``train``); nothing else of Handwave needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError, DataError
+from radar_core.config import config, knob
+from radar_gestures.curve_net import CLIP, CurveNet
+from radar_gestures.curves import TOTALS
+
+
+@config
+class CurveTraining:
+    """The network and its training."""
+
+    channels: tuple[int, ...] = knob((48, 64), low=1, high=1024, doc="patterns of each convolution")
+    hidden: int = knob(48, low=1, high=4096, doc="neurons of the dense layer")
+    dropout: float = knob(0.2, low=0.0, high=0.95, doc="in training, of the outputs of every layer")
+    passes: int = knob(40, low=1, high=10_000, doc="over the samples, each through another changed copy")
+    batch: int = knob(256, low=2, high=65_536, doc="samples a step")
+    learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
+    weight_decay: float = knob(1e-2, low=0.0, high=10.0, doc="decoupled L2 penalty")
+    smoothing: float = knob(0.05, low=0.0, high=0.9, doc="share of each label that is spread over all: for labels that may be wrong")
+    seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order of samples and dropout")
+
+
+def train_net(
+    changed: NDArray[np.float32],
+    label: NDArray[np.int64],
+    *,
+    names: Sequence[str],
+    labels: Sequence[str],
+    steps: int,
+    settings: CurveTraining | None = None,
+    curves: Mapping[str, Any] | None = None,
+) -> CurveNet:
+    """Train a network; the same samples and seed give the same numbers on one machine.
+
+    Parameters
+    ----------
+    changed : ndarray of float32, shape (n_copies, n, n_features)
+        Samples, in copies that the passes take in turn: see `radar_gestures.variation.copies`. One copy: the samples as they are.
+    label : ndarray of int64, shape (n,)
+        Index into ``labels``.
+    names, labels : sequence of str
+        What inputs and outputs are called.
+    steps : int
+        Of the curves.
+    settings : CurveTraining or None
+        None: the defaults.
+    curves : mapping or None
+        Settings of the curves, for the file.
+
+    Raises
+    ------
+    ConfigError
+        When PyTorch is not installed.
+    DataError
+        When there are fewer than two samples, or their number differs from that of the labels.
+    """
+    settings = settings if settings is not None else CurveTraining()
+    if changed.ndim != 3 or len(changed) == 0 or changed.shape[1] != len(label) or len(label) < 2 or changed.shape[2] != len(names):
+        raise DataError(
+            f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {len(names)} names), with at least two samples"
+        )
+    torch = _torch()
+    mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(settings.seed)
+        net = _Network(torch, settings, len(names), steps, len(labels))
+        _optimise(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], np.asarray(label, np.int64), settings)
+    kernels, offsets = zip(*(_folded(*pair) for pair in net.convolutions), strict=True)
+    return CurveNet(
+        mean,
+        scale,
+        kernels,
+        offsets,
+        tuple(_array(layer.weight.T) for layer in net.dense),
+        tuple(_array(layer.bias) for layer in net.dense),
+        names=tuple(names),
+        labels=tuple(labels),
+        steps=steps,
+        settings=dict(curves) if curves is not None else {},
+    )
+
+
+def _torch() -> Any:
+    try:
+        import torch
+    except ImportError:
+        raise ConfigError("training the network on curves needs PyTorch; install it with: pip install 'handwave[train]'") from None
+    return torch
+
+
+class _Network:
+    """The layers of `CurveNet` with dropout and batch normalisation, which training needs and the finished network does not."""
+
+    def __init__(self, torch: Any, settings: CurveTraining, n_features: int, steps: int, n_labels: int) -> None:
+        nn = torch.nn
+        self._torch, self._steps = torch, steps
+        self._split = n_features - len(TOTALS)
+        self._drop = nn.Dropout(settings.dropout)
+        self.convolutions = []
+        width, length = self._split // steps, steps
+        for number, n in enumerate(settings.channels):
+            stride = 1 if number == 0 else 2
+            self.convolutions.append((nn.Conv1d(width, n, 3, padding=1, stride=stride), nn.BatchNorm1d(n)))
+            width, length = n, -(-length // stride)
+        self.dense = [nn.Linear(width * length + len(TOTALS), settings.hidden), nn.Linear(settings.hidden, n_labels)]
+        self.modules = nn.ModuleList([self._drop, *(part for pair in self.convolutions for part in pair), *self.dense])
+
+    def __call__(self, x: Any) -> Any:
+        """Scores of each label, before the softmax."""
+        torch = self._torch
+        wave = x[:, : self._split].reshape(len(x), self._steps, -1).transpose(1, 2)
+        for convolution, norm in self.convolutions:
+            wave = self._drop(torch.relu(norm(convolution(wave))))
+        value = torch.cat([wave.transpose(1, 2).flatten(1), x[:, self._split :]], dim=1)
+        return self.dense[1](self._drop(torch.relu(self.dense[0](value))))
+
+
+def _optimise(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]], label: NDArray[np.int64], settings: CurveTraining) -> None:
+    loss = torch.nn.CrossEntropyLoss(label_smoothing=settings.smoothing)
+    optimiser = torch.optim.AdamW(net.modules.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    target = torch.from_numpy(label)
+    batch = min(settings.batch, len(label))
+    steps = settings.passes * (len(label) // batch)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=max(steps, 2))
+    net.modules.train()
+    for turn in range(settings.passes):
+        x = torch.from_numpy(copies[turn % len(copies)].astype(np.float32))
+        # the rest that fills no batch waits for the next pass: batch normalisation needs many samples
+        for rows in torch.randperm(len(label))[: len(label) // batch * batch].split(batch):
+            optimiser.zero_grad()
+            loss(net(x[rows]), target[rows]).backward()
+            optimiser.step()
+            schedule.step()
+    net.modules.eval()
+
+
+def _folded(convolution: Any, norm: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Kernel and offset of a convolution with its batch normalisation put in, which is linear once training is over."""
+    factor = _array(norm.weight) / np.sqrt(_array(norm.running_var) + np.float32(norm.eps))
+    kernel = np.transpose(_array(convolution.weight), (2, 1, 0)) * factor
+    offset = (_array(convolution.bias) - _array(norm.running_mean)) * factor + _array(norm.bias)
+    return np.ascontiguousarray(kernel, np.float32), np.asarray(offset, np.float32)
+
+
+def _array(tensor: Any) -> NDArray[np.float32]:
+    return np.ascontiguousarray(tensor.detach().numpy(), np.float32)

@@ -1,0 +1,190 @@
+"""The network on curves: numpy against direct sums, PyTorch, its own file, and what it can learn."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radar_core import ConfigError, DataError
+from radar_gestures.curve_net import CLIP, CurveNet, convolve, load_net, save_net
+from radar_gestures.curve_training import CurveTraining, train_net
+from radar_gestures.curves import TOTALS
+
+STEPS, WIDTH = 7, 3
+NAMES = (*(f"s{k}_{step:02d}" for step in range(STEPS) for k in range(WIDTH)), *TOTALS)
+
+
+def small_net(seed: int = 0) -> CurveNet:
+    """Make a network of random numbers: two convolutions, two dense layers, four labels."""
+    rng = np.random.default_rng(seed)
+
+    def draw(*shape: int) -> NDArray[np.float32]:
+        return rng.standard_normal(shape).astype(np.float32)
+
+    return CurveNet(
+        draw(len(NAMES)),
+        np.abs(draw(len(NAMES))) + np.float32(0.5),
+        (draw(3, WIDTH, 5), draw(3, 5, 4)),
+        (draw(5), draw(4)),
+        (draw(4 * 4 + 2, 6), draw(6, 4)),
+        (draw(6), draw(4)),
+        names=NAMES,
+        labels=("a", "b", "c", "d"),
+        steps=STEPS,
+        settings={"steps": STEPS},
+        figures={"accuracy": 0.5},
+    )
+
+
+def waves(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Two classes that differ only in the order of time: a bump early or late, in noise; shape (n, n_features) and labels."""
+    label = rng.integers(0, 2, n)
+    x = 0.3 * rng.standard_normal((n, len(NAMES)))
+    for row, kind in enumerate(label):
+        x[row, WIDTH * (1 if kind else 5)] += 2.0
+    return x.astype(np.float32), label
+
+
+@pytest.mark.parametrize(("steps", "stride"), [(7, 1), (7, 2), (8, 2), (1, 1), (1, 2), (2, 2)])
+def test_convolution_is_the_sum_over_three_taps(steps: int, stride: int) -> None:
+    """Against the definition, written out: step before, at and after, zeros beyond the ends."""
+    rng = np.random.default_rng(1)
+    wave, kernel = rng.standard_normal((2, steps, 3)).astype(np.float32), rng.standard_normal((3, 3, 4)).astype(np.float32)
+    found = convolve(wave, kernel, stride)
+    assert found.shape == (2, -(-steps // stride), 4)
+    for place, middle in enumerate(range(0, steps, stride)):
+        expected = sum(wave[:, middle + k - 1] @ kernel[k] for k in range(3) if 0 <= middle + k - 1 < steps)
+        np.testing.assert_allclose(found[:, place], expected, atol=1e-5)  # float32 sums of nine products of order 1
+
+
+def test_probabilities_are_probabilities_for_one_and_many() -> None:
+    """They sum to 1, and a batch gives what its members give alone."""
+    net = small_net()
+    x = np.random.default_rng(2).standard_normal((5, len(NAMES)))
+    many = net.probabilities(x)
+    np.testing.assert_allclose(many.sum(axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(many, [net.probabilities(row) for row in x], atol=1e-6)
+    assert net.probabilities(x.reshape(5, 1, -1)).shape == (5, 1, 4)
+
+
+def test_far_outliers_count_as_the_limit() -> None:
+    """Whatever lies beyond the cut-off gives the same answer, without overflow."""
+    net = small_net()
+    limit = net.mean + CLIP * net.scale
+    np.testing.assert_allclose(
+        net.probabilities(np.full(len(NAMES), 1e30)), net.probabilities(limit * (1 + 1e-5 * np.sign(limit))), atol=1e-3
+    )
+
+
+def test_flop_is_counted_layer_by_layer() -> None:
+    """By hand: 7 steps x 3 x 3 x 5 weights, 4 steps x 3 x 5 x 4, 18 x 6, 6 x 4; two each, and two for each sum."""
+    inputs = 2 * len(NAMES)
+    convolutions = 7 * (2 * 45 + 2 * 5) + 4 * (2 * 60 + 2 * 4)
+    dense = 2 * 18 * 6 + 2 * 6 + 2 * 6 * 4 + 2 * 4
+    assert small_net().flop == inputs + convolutions + dense + 5 * 4
+
+
+def test_file_gives_the_same_network_back(tmp_path: Path) -> None:
+    """Same answers, names, settings and bytes."""
+    net = small_net()
+    save_net(net, tmp_path / "net.npz")
+    again = load_net(tmp_path / "net.npz")
+    x = np.random.default_rng(2).standard_normal((5, len(NAMES)))
+    np.testing.assert_array_equal(again.probabilities(x), net.probabilities(x))
+    assert (again.names, again.labels, again.settings, again.figures) == (net.names, net.labels, net.settings, net.figures)
+    save_net(again, tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "net.npz").read_bytes()
+
+
+def test_bad_files_are_refused(tmp_path: Path) -> None:
+    """No archive, cut off, without an array, of a newer format, with pickled objects: one clear error each."""
+    good = tmp_path / "net.npz"
+    save_net(small_net(), good)
+    with np.load(good) as file:
+        content = {name: file[name] for name in file.files}
+    bad = tmp_path / "bad.npz"
+    for text in (b"", b"no archive", good.read_bytes()[:500]):
+        bad.write_bytes(text)
+        with pytest.raises(ConfigError, match="not a curve network"):
+            load_net(bad)
+    for change in (
+        {"format": np.array(99)},
+        {"mean": np.array([object()])},
+        {"mean": content["mean"] * np.float32(np.nan)},
+        {"about": np.zeros(3)},
+    ):
+        np.savez(bad, **(content | change))
+        with pytest.raises(ConfigError, match=r"bad\.npz"):
+            load_net(bad)
+    np.savez(bad, **{name: array for name, array in content.items() if name != "kernel_1"})
+    with pytest.raises(ConfigError, match="kernel_1"):
+        load_net(bad)
+
+
+def test_wrong_numbers_are_refused() -> None:
+    """Shapes that do not fit when it is made, features that do not fit when it is asked."""
+    net = small_net()
+    with pytest.raises(ConfigError, match="scale"):
+        dataclasses.replace(net, scale=net.scale * 0)
+    with pytest.raises(ConfigError, match="kernel_1"):
+        dataclasses.replace(net, kernels=(net.kernels[0], net.kernels[1][:, :4]))
+    with pytest.raises(ConfigError, match="labels"):
+        dataclasses.replace(net, labels=("a", "b"))
+    with pytest.raises(DataError, match="expected"):
+        net.probabilities(np.zeros(4))
+    with pytest.raises(DataError, match="non-finite"):
+        net.probabilities(np.full(len(NAMES), np.nan))
+
+
+def test_training_learns_the_order_of_time_and_repeats() -> None:
+    """Bumps early or late in noise 7 times smaller are told apart; the same seed gives the same network, another seed another."""
+    pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    rng = np.random.default_rng(3)
+    x, label = waves(400, rng)
+    settings = CurveTraining(channels=(6, 8), hidden=8, passes=15, batch=64)
+
+    def train(seed: int) -> CurveNet:
+        chosen = dataclasses.replace(settings, seed=seed)
+        return train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, settings=chosen)
+
+    net = train(1)
+    fresh, truth = waves(200, rng)
+    assert np.mean(net.probabilities(fresh).argmax(axis=1) == truth) > 0.97
+    np.testing.assert_array_equal(train(1).probabilities(fresh), net.probabilities(fresh))
+    assert not np.array_equal(train(2).probabilities(fresh), net.probabilities(fresh))
+
+
+def test_numpy_gives_what_pytorch_gives() -> None:
+    """The finished network, batch normalisation folded in, against the layers that were trained."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    from radar_gestures import curve_training
+
+    kept = []
+    network = curve_training._Network
+
+    class Kept(network):  # type: ignore[misc, valid-type]
+        """Remembers what was trained."""
+
+        def __init__(self, *args: object) -> None:
+            super().__init__(*args)
+            kept.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curve_training, "_Network", Kept)
+        x, label = waves(200, np.random.default_rng(4))
+        settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
+        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, settings=settings)
+    standard = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
+    with torch.no_grad():
+        expected = torch.softmax(kept[0](torch.from_numpy(standard)), dim=1).numpy()
+    np.testing.assert_allclose(net.probabilities(x), expected, atol=1e-5)  # float32 sums in another order
+
+
+def test_training_refuses_what_does_not_fit() -> None:
+    """As many labels as samples."""
+    with pytest.raises(DataError, match="samples have shape"):
+        train_net(np.zeros((1, 3, len(NAMES)), np.float32), np.zeros(4, np.int64), names=NAMES, labels=("a",), steps=STEPS)
