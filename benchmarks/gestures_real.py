@@ -30,7 +30,7 @@ from radar_ros.importers import open_original
 
 GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
 MAX_SPEED: Final = 4.2  # m/s: no arm was faster
-LONGEST: Final = 3.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
+LONGEST: Final = 4.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
 CURVES: Final = CurveConfig(nearest=1.0)
 """People stood at 1.2 m and beyond; what is nearer is somebody at the desk."""
 COPIES: Final = 8  # changed ones of every training sample
