@@ -31,8 +31,8 @@ from radar_ros.importers import open_original
 GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
 MAX_SPEED: Final = 4.2  # m/s: no arm was faster
 LONGEST: Final = 4.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
-CURVES: Final = CurveConfig(nearest=1.0)
-"""People stood at 1.2 m and beyond; what is nearer is somebody at the desk."""
+CURVES: Final = CurveConfig(nearest=1.0, farthest=5.5)
+"""People stood at 1.2 to 4.8 m; what is nearer is somebody at the desk, what is farther came over a wall."""
 COPIES: Final = 8  # changed ones of every training sample
 SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
 """Gestures that both data sets have."""
@@ -42,7 +42,7 @@ SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP"
 class PerceptronTraining:
     """How a perceptron is trained."""
 
-    hidden: tuple[int, ...] = knob((64,), low=1, high=1024, doc="neurons of each hidden layer")
+    hidden: tuple[int, ...] = knob((48,), low=1, high=1024, doc="neurons of each hidden layer")
     regularisation: float = knob(1.0, low=0.0, high=1e3, doc="L2 penalty on the weights")
     learning_rate: float = knob(2e-3, low=1e-6, high=1.0, doc="of Adam")
     passes: int = knob(32, low=1, high=1000, doc="over the training samples, each through another changed copy")
@@ -150,7 +150,7 @@ def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointClou
         The person's points, and distance [m], azimuth and elevation [rad] of the body.
     """
     clouds = [cloud for cloud in clouds if cloud.stamp_ns - clouds[0].stamp_ns <= LONGEST * 1e9]
-    distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]), CURVES.nearest)[0]
+    distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]), CURVES.nearest, CURVES.farthest)[0]
     own = []
     for cloud in clouds:
         lateral = cloud.range * np.cos(cloud.elevation) * np.sin(cloud.azimuth)
@@ -367,7 +367,7 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     perceptron = PerceptronTraining(passes=10 if quick else 32)
     yield "curves", first
     yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
-    for hidden in (16, 64):
+    for hidden in (16, 48):
         yield f"perceptron, {hidden} neurons", replace(first, settings=replace(perceptron, hidden=(hidden,)))
     if quick:
         return

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError
+from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
 from radar_gestures.maps import FeatureMaps
 
@@ -66,6 +66,9 @@ class CurveConfig:
     nearest: float = knob(
         0.0, unit="m", low=0.0, high=20.0, doc="people who gesture stand at least that far away; nearer bodies are not looked for"
     )
+    farthest: float = knob(
+        50.0, unit="m", low=0.1, high=1e3, doc="people who gesture stand at most that far away; farther bodies are not looked for"
+    )
     reach: float = knob(1.0, unit="m", low=0.1, high=10.0, doc="detections that much nearer or farther than the body are not the person's")
     side: float = knob(0.9, unit="m", low=0.1, high=10.0, doc="detections that far to the left or right of the body are not the person's")
     height: float = knob(1.6, unit="m", low=0.1, high=10.0, doc="detections that far above or below the sensor are not the person's")
@@ -73,6 +76,11 @@ class CurveConfig:
     relative_strength: bool = knob(
         True, doc="count strengths from all that moves in the strongest frame of the event, so that they do not tell the distance"
     )
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when nobody could stand anywhere."""
+        if self.nearest >= self.farthest:
+            raise ConfigError(f"CurveConfig: nearest ({self.nearest:g} m) must be less than farthest ({self.farthest:g} m)")
 
 
 def curve_names(settings: CurveConfig) -> tuple[str, ...]:
@@ -160,15 +168,15 @@ def join(events: Sequence[FeatureMaps]) -> EventMaps:
     return EventMaps(first.astype(np.int64), time, speed, np.stack(layers))
 
 
-def locate(events: EventMaps, nearest: float = 0.0) -> Float64Array:
+def locate(events: EventMaps, nearest: float = 0.0, farthest: float = 50.0) -> Float64Array:
     """Find the body in each event: the range at which most is detected, and the middle of what is there.
 
     Parameters
     ----------
     events : EventMaps
         The feature maps.
-    nearest : float
-        Bodies are not looked for below this range [m].
+    nearest, farthest : float
+        Bodies are looked for between these ranges [m].
 
     Returns
     -------
@@ -187,6 +195,7 @@ def locate(events: EventMaps, nearest: float = 0.0) -> Float64Array:
     count = np.bincount(event[seen] * n_bins + bins, weight[seen] * distance[seen] ** 2, minlength=n * n_bins).reshape(n, n_bins)
     smooth = gaussian_filter1d(count, _BODY_WIDTH / _RANGE_BIN, axis=1, mode="constant")
     smooth[:, : int(nearest / _RANGE_BIN)] = 0.0
+    smooth[:, int(farthest / _RANGE_BIN) + 1 :] = 0.0
     body = np.zeros((n, 3))
     body[:, 0] = np.where(smooth.any(axis=1), (smooth.argmax(axis=1) + 0.5) * _RANGE_BIN, 0.0)
     near = seen & (np.abs(distance - body[event, 0]) < 0.8)
@@ -232,7 +241,9 @@ def signals(events: EventMaps, settings: CurveConfig, body: Float64Array | None 
     ndarray of float64, shape (n_rows, n_signals) = `SIGNALS`
         NaN where no gate tells.
     """
-    weight, places = _beside(events, settings, locate(events, settings.nearest) if body is None else np.asarray(body, np.float64))
+    weight, places = _beside(
+        events, settings, locate(events, settings.nearest, settings.farthest) if body is None else np.asarray(body, np.float64)
+    )
     receding, approaching = events.speed > settings.slow, events.speed < -settings.slow
     gates = (receding | approaching, receding, approaching, ~(receding | approaching))
     columns: list[Float64Array] = []

@@ -239,10 +239,18 @@ ASSOCIATIONS: Final[dict[str, Callable[[AssociationConfig], Association]]] = {
 """The thesis's trackers by name."""
 
 
-def associate(association: Association, points: Points, sight: Sight, confirmed: NDArray[np.bool_]) -> Owners:
-    """Share out a cloud's points: confirmed tracks choose first, tentative ones take what is left."""
+def associate(association: Association, points: Points, sight: Sight, confirmed: NDArray[np.bool_], apart: float = np.inf) -> Owners:
+    """Share out a cloud's points: confirmed tracks choose first, tentative ones take what is left.
+
+    Tentative tracks ``apart`` [m] or farther from every confirmed one choose with these: they are no arm, but somebody who was there from
+    the beginning too.
+    """
     main, limb = nobody(len(points)), nobody(len(points))
-    for group in (confirmed, ~confirmed):
+    first = confirmed.copy()
+    if confirmed.any() and not confirmed.all():
+        step = sight.centre[:, None] - sight.centre[confirmed]
+        first |= np.hypot(step[..., 0], step[..., 1]).min(axis=1) >= apart
+    for group in (first, ~first):
         rows, open_points = np.flatnonzero(group), np.flatnonzero((main < 0) & (limb < 0))
         if len(rows) == 0 or len(open_points) == 0:
             continue

@@ -19,12 +19,15 @@ from radar_tracking.roster import Roster
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _HALF: Final = 0.5  # of the clouds
 _FEWEST: Final = 4  # points that can be two heaps
 _LEAST_SHARE: Final = 0.2  # of the echoes' amplitude is in the smaller heap: a hand has less
 _COMPACT: Final = 0.4  # standard deviation of a heap, as a share of the distance between the two
 _REACH: Final = 0.8  # m: a track that nothing belongs to takes a heap so far from where it is predicted
+BEFORE: Final = 0.3
+"""Points that much nearer to the radar than a person's centre may be the hand [m]."""
 _SHORT: Final = 1e-3  # m: nothing is nearer
 
 
@@ -41,7 +44,7 @@ class Pairs:
         self._config = config
 
     def process(
-        self, roster: Roster, points: Points, matched: Matched, centre: Float64Array, stamp_ns: int
+        self, roster: Roster, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
     ) -> tuple[Matched, list[IndexArray]]:
         """Take in whose the points of a cloud seem to be.
 
@@ -55,6 +58,8 @@ class Pairs:
             Which of them measure which tracks.
         centre : ndarray of float64, shape (n_tracks, 2)
             Where tracks are predicted on the floor plane [m].
+        beside : ndarray of bool, shape (n_points,)
+            Points that measure no track, but may be of a second person beside one. Only those that hardly move are, and are not before it: arms.
         stamp_ns : int
             Of the cloud [ns].
 
@@ -67,7 +72,8 @@ class Pairs:
         """
         second: list[IndexArray] = []
         main = None
-        own, group, rows = matched.own, matched.group, matched.rows
+        rows = matched.rows
+        own, group = self._with_beside(points, matched, centre, beside)
         value = _offsets(points, own, centre[rows][group])
         amplitude = (
             np.sqrt(np.where(np.isfinite(points.power[own]), points.power[own], 1.0)) * np.maximum(points.distance[own], _SHORT) ** 2
@@ -86,7 +92,7 @@ class Pairs:
             lost, which = _takes(place, centre[rows[k]], centre, unseen)
             if main is None:
                 main = np.full(len(points), -1, np.int64)
-                main[own] = matched.row
+                main[matched.own] = matched.row
             if lost >= 0:
                 main[heaps[which]], unseen[lost] = lost, False
             elif share[axis] > _HALF:
@@ -95,6 +101,18 @@ class Pairs:
                 main[heaps[which]] = -1
                 roster["pair"][rows[k]] = 0.0
         return (matched if main is None else match(main, len(roster))), second
+
+    def _with_beside(self, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray) -> tuple[IndexArray, IndexArray]:
+        """Points that measure tracks, and then those beside them, with the place of each one's track in ``matched.rows``."""
+        index = np.flatnonzero(beside & ~(np.abs(points.speed) > self._config.static_speed))
+        if len(index) == 0 or len(matched.rows) == 0:
+            return matched.own, matched.group
+        step = points.plane[index, None] - centre[matched.rows]
+        distance = np.hypot(step[..., 0], step[..., 1])
+        nearest = distance.argmin(axis=1)
+        beyond = _offsets(points, index, centre[matched.rows][nearest])[1]
+        near = (distance[np.arange(len(index)), nearest] < self._config.birth_distance) & (beyond > -BEFORE)
+        return np.concatenate([matched.own, index[near]]), np.concatenate([matched.group, nearest[near]])
 
 
 def _offsets(points: Points, own: IndexArray, centre: Float64Array) -> Float64Array:
@@ -105,7 +123,7 @@ def _offsets(points: Points, own: IndexArray, centre: Float64Array) -> Float64Ar
     return np.stack([sight[0] * step[1] - sight[1] * step[0], sight[0] * step[0] + sight[1] * step[1]])
 
 
-def _takes(place: Float64Array, seen: Float64Array, centre: Float64Array, unseen: NDArray[np.bool_]) -> tuple[int, int]:
+def _takes(place: Float64Array, seen: Float64Array, centre: Float64Array, unseen: BoolArray) -> tuple[int, int]:
     """Find the unseen track that takes one of two heaps, so that it and the seen track together are nearest to theirs.
 
     Returns

@@ -15,7 +15,7 @@ from radar_tracking.estimators import make_estimator
 from radar_tracking.estimators.base import Belief, Measurement
 from radar_tracking.life import TrackManagement
 from radar_tracking.notes import Matched, match, note_extent, note_torso, torsos
-from radar_tracking.pairs import Pairs
+from radar_tracking.pairs import BEFORE, Pairs
 from radar_tracking.people_config import TrackerConfig
 from radar_tracking.points import Admission, Points
 from radar_tracking.reflections import Reflections
@@ -115,9 +115,9 @@ class PeopleTracker:
         self._predict(dt, cloud.stamp_ns)
         point_track_id = np.full(len(cloud), -1, np.int32)
         points = every.select(~self._background.process(every))
-        free, behind, second = self._follow(points, cloud.stamp_ns, point_track_id)
+        free, sight, second = self._follow(points, cloud.stamp_ns, point_track_id)
         self._learn(every, dt)
-        for own in self._births(points, free, behind, cloud.stamp_ns):
+        for own in self._births(points, free, sight, cloud.stamp_ns):
             point_track_id[points.index[own]] = self._start(points, own, cloud.stamp_ns)
         for own in second[: max(self.config.life.max_tracks - len(self._roster), 0)]:
             point_track_id[points.index[own]] = self._start(points, own, cloud.stamp_ns, confirmed=True)
@@ -167,24 +167,25 @@ class PeopleTracker:
 
     def _follow(
         self, points: Points, stamp_ns: int, point_track_id: NDArray[np.int32]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[IndexArray]]:
+    ) -> tuple[NDArray[np.bool_], Sight | None, list[IndexArray]]:
         """Give points to tracks and update those that got some.
 
         Returns
         -------
         tuple
-            Which points are nobody's; which are behind which track, shape (n_tracks, n_points); the points of second people in tracks.
+            Which points are nobody's; where they lie beside the tracks, None: there is no track; the points of second people in tracks.
         """
         roster, everybody = self._roster, np.ones(len(points), bool)
         if roster.belief is None or len(roster) == 0 or len(points) == 0:
-            return everybody, np.zeros((len(roster), len(points)), bool), []
+            return everybody, None, []
         kinematics = self._kinematics(roster.belief)
         sight = look(roster, kinematics, points, self.config.association)
-        owners = associate(self._association, points, sight, roster["confirmed"])
+        owners = associate(self._association, points, sight, roster["confirmed"], self.config.life.birth_together)
         matched = match(owners.main, len(roster))
         second: list[IndexArray] = []
         if self.config.life.pair_distance > 0:
-            matched, second = self._pairs.process(roster, points, matched, kinematics[0][:, :2], stamp_ns)
+            beside = (owners.main < 0) & ~sight.behind.any(axis=0)  # who is behind somebody starts a track of their own
+            matched, second = self._pairs.process(roster, points, matched, kinematics[0][:, :2], beside, stamp_ns)
         whole = owners.limb.copy()
         whole[matched.own] = matched.row
         owned = np.flatnonzero(whole >= 0)
@@ -195,7 +196,7 @@ class PeopleTracker:
             self._update(points, sight, matched, kinematics, stamp_ns)
             self._note_extent(points, owned, whole[owned], stamp_ns)
             roster["seen_ns"][matched.rows] = stamp_ns
-        return owners.free, sight.behind, second
+        return owners.free, sight, second
 
     def _update(self, points: Points, sight: Sight, matched: Matched, before: tuple[Float64Array, Float64Array], stamp_ns: int) -> None:
         """Update tracks with their points; the farther all points lie from the prediction, the less they are believed."""
@@ -266,7 +267,7 @@ class PeopleTracker:
             body, standing = np.asarray(near.any(axis=0)), np.asarray(near[roster["still"][rows]].any(axis=0))
         self._background.learn(points, body, standing & ~self._background.still(points), dt)
 
-    def _births(self, points: Points, free: NDArray[np.bool_], behind: NDArray[np.bool_], stamp_ns: int) -> list[IndexArray]:
+    def _births(self, points: Points, free: NDArray[np.bool_], sight: Sight | None, stamp_ns: int) -> list[IndexArray]:
         """Clusters of free points that may start tracks: enough points, enough power, far enough from every track."""
         life = self.config.life
         index = np.flatnonzero(free)
@@ -283,13 +284,19 @@ class PeopleTracker:
             if len(own) < life.birth_points or len(old) + len(new) >= life.max_tracks or self._weak(points.power[own]):
                 continue
             centre = points.position[own, :2].mean(axis=0)
-            least = np.where(behind[:, own].all(axis=1), life.birth_behind, life.birth_distance)
-            apart = bool((np.hypot(*(old - centre).T) >= least).all())
+            apart = sight is None or bool((np.hypot(*(old - centre).T) >= self._least_distance(sight, own)).all())
             apart &= all(math.hypot(*(centre - other)) >= life.birth_together for other in new)
             if apart and self._zones.may_enter(centre, age):
                 new.append(centre)
                 found.append(own)
         return found
+
+    def _least_distance(self, sight: Sight, own: IndexArray) -> Float64Array:
+        """How far a new track has to be from each old one, shape (n_tracks,) [m]."""
+        life = self.config.life
+        least = np.where(sight.behind[:, own].all(axis=1), life.birth_behind, life.birth_distance)
+        before = sight.beyond[:, own].mean(axis=1) < -BEFORE
+        return np.asarray(np.where(before, max(life.birth_before, life.birth_distance), least))
 
     def _weak(self, power: Float64Array) -> bool:
         """Whether points have too little power together to start a track."""

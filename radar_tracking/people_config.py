@@ -79,6 +79,9 @@ class LifeConfig:
     birth_behind: float = knob(
         0.4, unit="m", low=0.0, high=10.0, doc="the same for points behind a person (see association.body_depth), which are no arm"
     )
+    birth_before: float = knob(
+        1.1, unit="m", low=0.0, high=10.0, doc="the same for points before a person, nearer to the radar: people stretch their arms to it"
+    )
     birth_together: float = knob(
         0.6, unit="m", low=0.0, high=10.0, doc="tracks that begin with the same cloud are this far apart; nearer: see pair_distance"
     )
