@@ -14,6 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.gestures_closing import accuracy_without, from_the_end
+from benchmarks.gestures_closing import figures as closing_figures
 from benchmarks.recordings import folder
 from benchmarks.report import choice, measure
 from radar_core import DataError, PointCloud
@@ -33,6 +35,7 @@ MAX_SPEED: Final = 4.2  # m/s: no arm was faster
 LONGEST: Final = 4.0  # s: of a longer segment, the beginning; in the rest people often walk up to the radar
 CURVES: Final = CurveConfig(nearest=1.0, farthest=5.5)
 """People stood at 1.2 to 4.8 m; what is nearer is somebody at the desk, what is farther came over a wall."""
+CHOICE_FOLDS: Final = 3  # of the ten: what the choices are compared on
 COPIES: Final = 8  # changed ones of every training sample
 SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
 """Gestures that both data sets have."""
@@ -252,13 +255,17 @@ class Study:
 
         return cross_validate(self.data.number, self.data.person, folds, judge, labels=self.data.labels, split=split)
 
+    def folds(self, split: str, most: int = 10) -> list[Mask]:
+        """Give the test parts: "subjects" for people who are not in the training, two at a time; "random" for a fifth of the samples."""
+        return (leave_subjects_out(self.data.person, 2) if split == "subjects" else random_split(len(self.plain)))[:most]
+
     def held_out(self, most: int = 10) -> Validation:
-        """Judge people who are not in the training, two at a time."""
-        return self.validate(leave_subjects_out(self.data.person, 2)[:most], "subjects")
+        """Judge people who are not in the training."""
+        return self.validate(self.folds("subjects", most), "subjects")
 
     def random(self, most: int = 10) -> Validation:
         """Judge a random fifth of the samples at a time."""
-        return self.validate(random_split(len(self.plain))[:most], "random")
+        return self.validate(self.folds("random", most), "random")
 
 
 def study(data: RealSet, settings: PerceptronTraining | CurveTraining, curves: CurveConfig = CURVES, n_copies: int = COPIES) -> Study:
@@ -333,33 +340,43 @@ def figures(quick: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        Accuracies by data set and split, ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the second set in training),
-        size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``.
+        Accuracies by data set and split over all segments, and with ``_gestures`` behind the name without those that hold none (see
+        `benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the second set in training), size
+        and operations of the model, ``closing``, ``confusion``, ``learning_curve`` and ``choices``.
     """
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
     settings = default_training(quick)
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
-    first, second = study(ours, settings, n_copies=n_copies), study(other, settings, n_copies=n_copies)
-    validations = {
-        "mhomeges_held_out": first.held_out(folds),
-        "mhomeges_random": first.random(folds),
-        "mtranssee_held_out": second.held_out(folds),
-        "mtranssee_random": second.random(folds),
-        "mhomeges_to_mtranssee": transfer(study(ours.only(other.labels), settings, n_copies=n_copies), second),
-    }
+    sets = {"mhomeges": study(ours, settings, n_copies=n_copies), "mtranssee": study(other, settings, n_copies=n_copies)}
+    first = sets["mhomeges"]
+    result: dict[str, Any] = {"real_classifier": type(settings).__name__, "real_samples": len(ours.label), "closing": {}, "confusion": {}}
+    for name, made in sets.items():
+        data = made.data
+        closing = from_the_end(data.label, data.person, data.distance)
+        result["closing"][name] = closing_figures(made.plain, data.label, data.number, data.person, data.distance)
+        for split, short in (("subjects", "held_out"), ("random", "random")):
+            parts = made.folds(split, folds)
+            found = made.validate(parts, split)
+            result[f"{name}_{short}"] = found.accuracy
+            result[f"{name}_{short}_gestures"] = accuracy_without(found, parts, closing)
+            result["confusion"][f"{name}_{short}"] = matrix(found)
+    moved = transfer(study(ours.only(other.labels), settings, n_copies=n_copies), sets["mtranssee"])
+    result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
     model = first.fit()
-    result: dict[str, Any] = {name: validation.accuracy for name, validation in validations.items()}
-    result |= {"real_classifier": type(settings).__name__, "real_samples": len(ours.label)}
     result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop}
-    result["confusion"] = {name: matrix(validation) for name, validation in validations.items()}
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
-    result["learning_curve"] = learning_curve(first, counts, (1,) if quick else (1, 2, 3))
+    result["learning_curve"] = learning_curve(first, counts, (1,) if quick else (1, 2))
+    return result | {"choices": choices(first, model, quick)}
+
+
+def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[dict[str, Any]]:
+    """Measure each choice's accuracy on the same held-out people (the first `CHOICE_FOLDS` folds) beside its time."""
     rows, reference = [], event_times(first, model, 20 if quick else 200)
     for name, made in _variants(first, quick):
-        accuracy = validations["mhomeges_held_out"].accuracy if made is first else made.held_out(folds).accuracy
+        accuracy = made.held_out(CHOICE_FOLDS).accuracy
         times = reference if made is first else event_times(made, made.fit(), 20 if quick else 200)
         rows.append(choice("gestures of real people", name, accuracy=("held out", accuracy, ""), times_ms=times, reference_ms=reference))
-    return result | {"choices": rows}
+    return rows
 
 
 def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
@@ -376,8 +393,7 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
         yield f"{steps} steps", study(first.data, first.settings, replace(CURVES, steps=steps))
     if isinstance(first.settings, CurveTraining):
         yield "half the channels", replace(first, settings=replace(first.settings, channels=(24, 32)))
+        yield "twice the channels, 410 kB", replace(first, settings=replace(first.settings, channels=(96, 128)))
 
 
-def run(quick: bool = False) -> dict[str, Any]:
-    """As `figures`."""
-    return figures(quick)
+run = figures

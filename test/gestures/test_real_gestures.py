@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks import gestures_real as real
+from benchmarks.gestures_closing import accuracy_without, alone, from_the_end
 from benchmarks.recordings import folder
 from radar_core import DataError
 from radar_gestures.curves import CURVE_NAMES, Curves
+from radar_gestures.validation import Validation
 
 LIMIT = 900
 
@@ -67,3 +69,58 @@ def test_the_model_keeps_to_its_size(made: real.Study) -> None:
     model = made.fit()
     assert real.model_bytes(model) <= 200_000
     assert model.flop <= 1_000_000
+
+
+def test_the_last_segment_of_each_recording_is_marked() -> None:
+    """Three recordings of 3, 2 and 1 segments: a change of gesture, person or distance ends one; the one before needs two segments."""
+    label = np.array(["a", "a", "a", "a", "a", "b"])
+    person, distance = np.array([1, 1, 1, 2, 2, 2]), np.ones(6)
+    np.testing.assert_array_equal(from_the_end(label, person, distance), [False, False, True, False, True, True])
+    np.testing.assert_array_equal(from_the_end(label, person, distance, 1), [False, True, False, True, False, False])
+    np.testing.assert_array_equal(from_the_end(label, person, np.arange(6.0)), np.ones(6, bool))
+    with pytest.raises(DataError):
+        from_the_end(label, person, distance[:2])
+
+
+def test_accuracy_leaves_out_what_is_marked() -> None:
+    """Of four samples three are tested: right, right, wrong; without the wrong one all are right, without a right one half are."""
+    probabilities = np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]])
+    found = Validation("subjects", ("a", "b"), probabilities, np.array([0, 1, 1]), np.array([1, 2, 2]), 2)
+    folds = [np.array([True, False, False, False]), np.array([False, False, True, True])]
+    assert accuracy_without(found, folds, np.array([False, False, False, True])) == 1.0
+    assert accuracy_without(found, folds, np.array([True, True, False, False])) == 0.5
+
+
+def test_segments_alone_tell_what_they_hold() -> None:
+    """Vectors with the label in them are recognised for other people, vectors of noise at chance: one in four +- 3 sigma of 240 draws."""
+    rng = np.random.default_rng(3)
+    number, person = np.tile(np.arange(4), 60), np.repeat(np.arange(4), 60)
+    noise = rng.standard_normal((240, 12)).astype(np.float32)
+    chosen = np.ones(240, bool)
+    assert (
+        abs(alone(noise, number, person, chosen) - 0.25) < 3 * np.sqrt(0.25 * 0.75 / 240) + 0.02
+    )  # folds of one data set are not independent
+    noise[:, :6] += 8 * number[:, None]
+    assert alone(noise, number, person, chosen) > 0.97
+
+
+@pytest.mark.parametrize("kind", ["mhomeges", "mtranssee"])
+def test_recordings_end_with_a_walk_to_the_radar(kind: str) -> None:
+    """From the first to the last third of its points a closing segment comes nearer by decimetres in the median, all others stay."""
+    try:
+        path = folder() / kind / "segments.npz"
+    except DataError as error:
+        pytest.skip(str(error))
+    with np.load(path) as file:
+        data = {name: file[name] for name in ("label", "subject", "distance_m", "offset", "xyz_mm")}
+    last = from_the_end(data["label"], data["subject"], data["distance_m"])
+    distance = np.linalg.norm(data["xyz_mm"] * 1e-3, axis=1)
+    moved = np.full(len(last), np.nan)
+    for k in range(len(last)):
+        own = distance[data["offset"][k] : data["offset"][k + 1]]
+        own = own[(own > 0.3) & (own < 6.0)]  # what is farther came over a wall
+        if len(own) >= 12 and (last[k] or k % 10 == 0):
+            third = len(own) // 3
+            moved[k] = np.median(own[-third:]) - np.median(own[:third])
+    assert np.nanmedian(moved[last]) < -0.3
+    assert abs(np.nanmedian(moved[~last])) < 0.05

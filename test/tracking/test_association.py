@@ -36,7 +36,7 @@ def share(plane: np.ndarray, centres: np.ndarray, confirmed: list[bool] | None =
     cloud = make_cloud(np.column_stack([plane, np.ones(n)]), radial_speed=np.zeros(n, np.float32))
     points, sight = seen(cloud, centres, config)
     sure = np.ones(len(centres), bool) if confirmed is None else np.array(confirmed)
-    return associate(make_association(config), points, sight, sure), points, sight
+    return associate(make_association(config), points, sight, sure, config.life.birth_together), points, sight
 
 
 def body(x: float, y: float, n: int = 12, radius: float = 0.12) -> np.ndarray:
@@ -232,3 +232,12 @@ def test_an_arm_counts_less_than_the_torso():
     assert faster == pytest.approx(1 / (1 + (1 / config.association.arm_speed) ** 2), rel=0.05)
     assert sight.slip[0] == pytest.approx([0, 0, 1])
     np.testing.assert_allclose(sight.beyond[0], np.hypot(*plane.T) - 3.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("apart", "own"), [(0.9, True), (0.5, False)])
+def test_a_tentative_track_far_from_confirmed_ones_keeps_its_points(apart, own):
+    """At 0.9 m it is somebody else, and has the points of its body; at 0.5 m it may be an arm, and the confirmed track takes them all."""
+    centres = np.array([[2.5, 0.0], [2.5, apart]])
+    found = share(np.vstack([body(*centres[0]), body(*centres[1])]), centres, confirmed=[True, False], tracker="group")[0]
+    assert (found.main[:12] == 0).all()
+    assert (found.main[12:] == (1 if own else 0)).all()

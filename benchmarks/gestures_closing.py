@@ -1,0 +1,100 @@
+"""Segments that hold no gesture: the last one of every recording of mHomeGes and mTransSee, and what they cost a recogniser.
+
+Each person did each gesture some 16 times at each distance, and each such recording was cut into segments. What follows the last gesture
+was cut out and labelled like the rest: the person walks up to the radar to stop it, or has left. They are one segment in 17 or more, and no
+recogniser can name them; `alone` shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError
+from radar_gestures.validation import Mask, Validation, leave_subjects_out
+
+
+def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:
+    """Mark one segment of every recording: one person, one gesture, one distance.
+
+    Parameters
+    ----------
+    label, person, distance : ndarray, shape (n,)
+        Of every segment, in the order of the whole data set.
+    back : int
+        0: the last one; 1: the one before; recordings with fewer segments have none.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Raises
+    ------
+    DataError
+        When there is no segment, or the lengths differ.
+    """
+    if not len(label) or not len(label) == len(person) == len(distance):
+        raise DataError(f"{len(label)} labels, {len(person)} people and {len(distance)} distances; each segment needs one of each")
+    change = (label[1:] != label[:-1]) | (person[1:] != person[:-1]) | (distance[1:] != distance[:-1])
+    end = np.flatnonzero(np.append(change, True))
+    start = np.concatenate([[0], end[:-1] + 1])
+    marked = np.zeros(len(label), np.bool_)
+    marked[(end - back)[end - back >= start]] = True
+    return marked
+
+
+def accuracy_without(validation: Validation, folds: Sequence[Mask], left_out: Mask) -> float:
+    """Give the share of tested samples with the right label, those that a mask over all samples marks left out."""
+    right = validation.probabilities.argmax(axis=-1) == validation.label
+    return float(right[~left_out[np.any(folds, axis=0)]].mean())
+
+
+def alone(vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], chosen: Mask) -> float:
+    """Train on some segments only, test on the same of other people: the accuracy, which is chance where they hold nothing.
+
+    Parameters
+    ----------
+    vectors : ndarray of float32, shape (n, n_features)
+        Curves of all segments.
+    number, person : ndarray of int64, shape (n,)
+        Index of the label, and whose.
+    chosen : ndarray of bool, shape (n,)
+        The segments.
+    """
+    from sklearn.ensemble import ExtraTreesClassifier
+
+    x, y = vectors[chosen], number[chosen]
+    right = np.zeros(len(y), np.bool_)
+    for test in leave_subjects_out(person[chosen], 2):
+        trees = ExtraTreesClassifier(200, min_samples_leaf=2, max_features=0.1, random_state=1).fit(x[~test], y[~test])
+        right[test] = trees.predict(x[test]) == y[test]
+    return float(right.mean())
+
+
+def figures(
+    vectors: NDArray[np.float32],
+    label: NDArray[np.str_],
+    number: NDArray[np.int64],
+    person: NDArray[np.int64],
+    distance: NDArray[np.float64],
+) -> dict[str, Any]:
+    """Measure what the closing segments hold, beside as many others from near the end of the same recordings.
+
+    Returns
+    -------
+    dict
+        ``closing_share`` of all segments; ``closing_alone`` and ``others_alone``: see `alone`; ``chance``: one label in so many;
+        ``ceiling``: accuracy on everything of a recogniser that names every other segment rightly and these as `alone` does.
+    """
+    last, other = from_the_end(label, person, distance), from_the_end(label, person, distance, 3)
+    share, accuracy = float(last.mean()), alone(vectors, number, person, last)
+    return {
+        "closing_share": share,
+        "closing_alone": accuracy,
+        "others_alone": alone(vectors, number, person, other),
+        "chance": 1.0 / len(np.unique(number)),
+        "ceiling": 1.0 - share * (1.0 - accuracy),
+    }
