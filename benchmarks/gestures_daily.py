@@ -142,13 +142,18 @@ def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
         gestures, daily = by_others(study, streams)
         own = study.data.label != DAILY
         known, false = _score(gestures[own], study.data.labels), _score(np.concatenate(daily), study.data.labels)
-        result[f"daily_false_{name}"] = float((false >= choose_reject(known, LOST)).sum()) / hours
+        result[f"daily_false_{name}"] = count_passed(false, choose_reject(known, LOST)) / hours
         result[f"daily_false_{name}_by_lost"] = {
-            f"{lost:g}": float((false >= choose_reject(known, lost)).sum()) / hours for lost in (0.0, *LOSSES)
+            f"{lost:g}": count_passed(false, choose_reject(known, lost)) / hours for lost in (0.0, *LOSSES)
         }
         right = np.array(study.data.labels)[gestures[own].argmax(axis=1)] == study.data.label[own]
         result[f"daily_accuracy_{name}"] = float(right.mean())
     return result
+
+
+def count_passed(score: NDArray[np.float64], limit: float) -> int:
+    """Count events that a limit lets pass; a score of 0 never does: the model called these daily."""
+    return int(((score > 0) & (score >= limit)).sum())
 
 
 def _score(probabilities: NDArray[np.float64], labels: Sequence[str]) -> NDArray[np.float64]:

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
-from radar_gestures.curve_net import CLIP, CurveNet
+from radar_gestures.curve_net import CLIP, CurveNet, half
 from radar_gestures.curves import TOTALS
+
+_LEAST_STEPS: Final[int] = 16  # of a pass: small data sets take smaller steps, or there would be too few of them
+_LEAST_BATCH: Final[int] = 32  # batch normalisation needs many samples
 
 
 @config
 class CurveTraining:
     """The network and its training."""
 
-    channels: tuple[int, ...] = knob((48, 64), low=1, high=1024, doc="patterns of each convolution")
-    hidden: int = knob(48, low=1, high=4096, doc="neurons of the dense layer")
-    dropout: float = knob(0.2, low=0.0, high=0.95, doc="in training, of the outputs of every layer")
-    passes: int = knob(40, low=1, high=10_000, doc="over the samples, each through another changed copy")
-    batch: int = knob(256, low=2, high=65_536, doc="samples a step")
+    channels: tuple[int, ...] = knob((80, 96), low=1, high=1024, doc="patterns of each convolution")
+    hidden: int = knob(64, low=1, high=4096, doc="neurons of the dense layer")
+    dropout: float = knob(0.25, low=0.0, high=0.95, doc="in training, of the outputs of every layer")
+    passes: int = knob(60, low=1, high=10_000, doc="over the samples, each through another changed copy")
+    batch: int = knob(256, low=2, high=65_536, doc="samples a step; fewer where there are less than sixteen times as many")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
     weight_decay: float = knob(1e-2, low=0.0, high=10.0, doc="decoupled L2 penalty")
     smoothing: float = knob(0.05, low=0.0, high=0.9, doc="share of each label that is spread over all: for labels that may be wrong")
@@ -40,6 +43,8 @@ def train_net(
     curves: Mapping[str, Any] | None = None,
 ) -> CurveNet:
     """Train a network; the same samples and seed give the same numbers on one machine.
+
+    Its kernels and weights are rounded to half precision at the end (`radar_gestures.curve_net.half`): the file takes half the bytes.
 
     Parameters
     ----------
@@ -78,9 +83,9 @@ def train_net(
     return CurveNet(
         mean,
         scale,
-        kernels,
+        tuple(half(kernel) for kernel in kernels),
         offsets,
-        tuple(_array(layer.weight.T) for layer in net.dense),
+        tuple(half(_array(layer.weight.T)) for layer in net.dense),
         tuple(_array(layer.bias) for layer in net.dense),
         names=tuple(names),
         labels=tuple(labels),
@@ -128,7 +133,7 @@ def _optimise(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]], 
     loss = torch.nn.CrossEntropyLoss(label_smoothing=settings.smoothing)
     optimiser = torch.optim.AdamW(net.modules.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     target = torch.from_numpy(label)
-    batch = min(settings.batch, len(label))
+    batch = min(settings.batch, max(len(label) // _LEAST_STEPS, _LEAST_BATCH), len(label))
     steps = settings.passes * (len(label) // batch)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=max(steps, 2))
     net.modules.train()

@@ -45,7 +45,7 @@ def generate(
 ) -> int:
     """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped.
 
-    A scene takes about 6 s of one core and gives about 20 samples, see `radar_gestures.training_scenes`.
+    A scene takes about 10 s of one core and gives about 20 samples, see `radar_gestures.training_scenes`.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class GestureConfig:
     maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
     walk_distance: float = knob(
-        0.6, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
+        0.5, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
     )
     min_confidence: float = knob(
         0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import platform
@@ -284,3 +285,36 @@ def load_samples(folder: str | Path) -> SampleSet:
     missed = np.sum(columns.pop("missed"), axis=0)
     joined: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
     return SampleSet(**joined, missed=np.asarray(missed, np.int64), settings=settings)
+
+
+def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
+    """Put data sets together; people of different ones are different people.
+
+    Parameters
+    ----------
+    sets : sequence of SampleSet
+        At least one.
+
+    Raises
+    ------
+    DataError
+        When their features were made with different settings, or are others.
+    """
+    first = sets[0]
+    person, above = [], 0
+    for samples in sets:
+        if dict(samples.settings) != dict(first.settings) or samples.names != first.names:
+            raise DataError("data sets whose features were made with different settings do not go together; generate one of them anew")
+        known, number = np.unique(samples.person, return_inverse=True)
+        person.append(number.astype(np.int64) + above)
+        above += len(known)
+    columns = {name: np.concatenate([getattr(samples, name) for samples in sets]) for name in ("features", "label", "walked")}
+    missed = np.sum([samples.missed for samples in sets], axis=0)
+    return SampleSet(**columns, person=np.concatenate(person), missed=missed, settings=first.settings, names=first.names)
+
+
+def standing(samples: SampleSet, most: float) -> SampleSet:
+    """Leave out samples whose person moved farther than ``most`` [m]: these a recogniser calls random without asking its model."""
+    keep = samples.walked <= most
+    columns = {name: getattr(samples, name)[keep] for name in ("features", "label", "person", "walked")}
+    return dataclasses.replace(samples, **columns)

@@ -16,8 +16,9 @@ from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
 from radar_gestures.calibration import calibration_error, choose_reject, fit_temperature, soften
 from radar_gestures.model import RANDOM, GestureModel, save_model
+from radar_gestures.recognizer import GestureConfig
 from radar_gestures.rejection import ByDistance, ByProbability, Rejector
-from radar_gestures.samples import MANIFEST, SampleSet, load_samples
+from radar_gestures.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
 from radar_gestures.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out
 
 _MOST_REPEATS: Final[int] = 8  # of a rare sample: more of the same teaches nothing
@@ -28,7 +29,7 @@ class TrainingConfig:
     """How a perceptron is trained."""
 
     hidden: tuple[int, ...] = knob((32,), low=1, high=4096, doc="neurons of each hidden layer")
-    regularisation: float = knob(1e-2, low=0.0, high=1e3, doc="L2 penalty on the weights, in place of the thesis's dropout")
+    regularisation: float = knob(0.1, low=0.0, high=1e3, doc="L2 penalty on the weights, in place of the thesis's dropout")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam, at the start")
     max_iterations: int = knob(600, low=1, high=1_000_000, doc="most passes over the samples; training ends earlier when it gains nothing")
     balanced: bool = knob(True, doc="repeat rare labels, at most eight times a sample, until all weigh the same")
@@ -65,17 +66,21 @@ class TrainingReport:
 
 
 def train(
-    folder: str | Path, out: str | Path | None = None, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES
+    folder: str | Path | Sequence[str | Path],
+    out: str | Path | None = None,
+    settings: TrainingConfig | None = None,
+    *,
+    labels: Sequence[str] = GESTURES,
 ) -> TrainingReport:
-    """Train a perceptron on the samples in ``folder`` and write it to ``out``.
+    """Train a perceptron on the samples in one or more folders and write it to ``out``.
 
     The figures, the temperature and the limit for rejection come from people that the models which judged them had not seen; the model
     itself is then trained on everybody. The same samples and settings give the same file, bit for bit, on one machine.
 
     Parameters
     ----------
-    folder : str or Path
-        A data set of scenes or of single samples.
+    folder : str or Path, or sequence of them
+        Data sets of scenes or of single samples.
     out : str or Path or None
         Model file to write (.npz); None: write nothing.
     settings : TrainingConfig or None
@@ -95,7 +100,8 @@ def train(
     DataError
         When the folder holds no samples, those of fewer than two people, or none of a label.
     """
-    report = train_on(of_labels(read_folder(folder), labels), settings, labels=labels)
+    folders = [folder] if isinstance(folder, str | Path) else list(folder)
+    report = train_on(of_labels(join_samples([read_folder(place) for place in folders]), labels), settings, labels=labels)
     if out is not None:
         save_model(report.model, out)
     return report
@@ -103,6 +109,8 @@ def train(
 
 def read_folder(folder: str | Path) -> SampleSet:
     """Read a data set of scenes (`radar_gestures.dataset.generate`) or one of single samples (`radar_gestures.synthesis.synthesise`).
+
+    Without the samples of people who walked (``GestureConfig.walk_distance``): a recogniser calls these random without asking its model.
 
     Raises
     ------
@@ -113,8 +121,8 @@ def read_folder(folder: str | Path) -> SampleSet:
     if (folder / MANIFEST).is_file() and any(folder.glob("sample_*.npz")):
         from radar_gestures.synthesis import feature_samples  # loads the simulator, which scenes of others do not need
 
-        return feature_samples(folder)
-    return load_samples(folder)
+        return standing(feature_samples(folder), GestureConfig().walk_distance)
+    return standing(load_samples(folder), GestureConfig().walk_distance)
 
 
 def train_on(samples: SampleSet, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES) -> TrainingReport:

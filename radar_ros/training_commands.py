@@ -19,16 +19,18 @@ SPLITS = ("subjects", "random", "all")
 
 
 def train(
-    folder: Annotated[Path, typer.Argument(help="folder of a data set: of scenes, or of single samples")],
+    folders: Annotated[list[Path], typer.Argument(help="folders of data sets: of scenes, or of single samples")],
     out: Annotated[Path, typer.Option("--out", "-o", help="model file to write (.npz); its card goes beside it (.md)")] = Path(
         "gestures.npz"
     ),
     labels: Annotated[str, typer.Option(help="only these gestures, with commas between, e.g. random,push,pull; default: all ten")] = "",
     hidden: Annotated[str, typer.Option(help="neurons of the hidden layers, with commas between")] = "32",
-    regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 1e-2,
+    regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 0.1,
     lost: Annotated[float, typer.Option(help="share of known gestures given up to reject unknown ones", min=0.0, max=1.0)] = 0.05,
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
-    scenes: Annotated[int, typer.Option(help="first simulate until the folder holds so many scenes, 6 s of one core each", min=0)] = 0,
+    scenes: Annotated[
+        int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s of one core each", min=0)
+    ] = 0,
     jobs: Annotated[int, typer.Option(help="with --scenes: processes that simulate", min=1)] = 2,
 ) -> None:
     """Train the perceptron that names gestures.
@@ -49,15 +51,15 @@ def train(
     if scenes:
         from radar_gestures.dataset import generate
 
-        generate(folder, scenes, seed=seed, n_jobs=jobs)
+        generate(folders[0], scenes, seed=seed, n_jobs=jobs)
     settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, lost=lost, seed=seed)
-    report = fit(folder, out, settings, labels=_names(labels))
+    report = fit(folders, out, settings, labels=_names(labels))
     print(describe(report))
     text = card(
         report.model,
         [report.validation],
-        data={"data set": folder.name, **report.model.settings},
-        command=_command(folder, out, labels, hidden, regularisation, lost, seed, scenes),
+        data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
+        command=_command(folders, out, labels, hidden, regularisation, lost, seed, scenes),
         n_bytes=out.stat().st_size,
     )
     write_card(text, out.with_suffix(".md"))
@@ -165,7 +167,8 @@ def _sizes(text: str) -> tuple[int, ...]:
         raise ConfigError(f"--hidden {text}: give whole numbers with commas between, e.g. 32 or 64,32") from None
 
 
-def _command(folder: Path, out: Path, labels: str, hidden: str, regularisation: float, lost: float, seed: int, scenes: int) -> str:
+def _command(folders: list[Path], out: Path, labels: str, hidden: str, regularisation: float, lost: float, seed: int, scenes: int) -> str:
     """Return the command that was given, with all that matters for the result."""
-    parts = [f"handwave train {folder} --out {out} --hidden {hidden} --regularisation {regularisation:g} --lost {lost:g} --seed {seed}"]
+    places = " ".join(map(str, folders))
+    parts = [f"handwave train {places} --out {out} --hidden {hidden} --regularisation {regularisation:g} --lost {lost:g} --seed {seed}"]
     return " ".join(parts + ([f"--labels {labels}"] if labels else []) + ([f"--scenes {scenes}"] if scenes else []))

@@ -59,7 +59,7 @@ class Pairs:
         centre : ndarray of float64, shape (n_tracks, 2)
             Where tracks are predicted on the floor plane [m].
         beside : ndarray of bool, shape (n_points,)
-            Points that measure no track, but may be of a second person beside one. Only those that hardly move are, and are not before it: arms.
+            Points that measure no track, but may be of a second person beside one; those that move, or lie before it, are taken for arms.
         stamp_ns : int
             Of the cloud [ns].
 

@@ -207,6 +207,12 @@ def test_nobody_is_judged_by_a_model_that_knows_them(recordings: real.RealSet, m
         assert stream.person not in known[int(found[0, 0])]
 
 
+def test_what_is_called_daily_never_passes() -> None:
+    """Not even where nothing is rejected."""
+    score = np.array([0.0, 0.3, 0.6])
+    assert [daily.count_passed(score, limit) for limit in (0.0, 0.3, 0.5, 1.0)] == [2, 2, 1, 0]
+
+
 def test_false_gestures_are_counted_an_hour(recordings: real.RealSet) -> None:
     """Without rejection all events count; a limit that loses more gestures lets fewer events pass; rates are events over hours."""
     made = real.study(recordings, real.PerceptronTraining(passes=4), n_copies=0)
