@@ -65,6 +65,7 @@ KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
         "life.birth_snr": (5.0, 20.0),
         "life.birth_distance": (0.4, 1.2),
         "life.birth_behind": (0.2, 0.8),
+        "life.birth_before": (0.8, 1.5),
         "life.birth_together": (0.4, 0.8),
         "life.confirm_after": (0.1, 0.5),
         "life.confirm_matches": (1, 10),
