@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +18,13 @@ from benchmarks.gesture_clouds import Store, follow
 from benchmarks.gesture_streams import NAMED, Random, body, effects, stroke
 from benchmarks.report import choice
 from radar_core import GESTURES, RadarInfo
-from radar_dsp import BasebandConfig
+from radar_core.config import load_file
+from radar_core.paths import find_config
+from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.model import load_model
 from radar_gestures.perceptron import GestureModel
 from radar_gestures.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
-from radar_sim import Action, Person, Scene
+from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.scene import SceneRadar
 
 NEAR: Final = (0.8, 1.2)
@@ -57,6 +60,10 @@ class Crowd:
         return tuple(name for name in NAMED if self.apart[0] >= WIDE[0] or name not in SIDEWAYS)
 
 
+_SEVERAL, _ONE = "two directions a cell (preset people)", "one direction a cell"
+PEOPLE: Final = load_file(BasebandConfig, find_config("people", "baseband", ".yaml"))
+BASEBANDS: Final = {_SEVERAL: PEOPLE, _ONE: BasebandConfig()}
+"""What the crowds are seen through."""
 CROWDS: Final = tuple(Crowd(users, apart, bystander) for users in (2, 3) for bystander in (False, True) for apart in (NEAR, WIDE))
 
 
@@ -195,7 +202,7 @@ def causes(judged: Sequence[Judged]) -> dict[str, Any]:
 
 
 def measure(
-    plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True, baseband: BasebandConfig | None = None
+    plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True, baseband: BasebandConfig = PEOPLE
 ) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all scenes, and count."""
     store = Store(keep, baseband)
@@ -222,6 +229,31 @@ def measure(
     }
 
 
+def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:
+    """Measure through the baseband for several people and through the default one, each with the time that a frame takes it."""
+    found = {name: measure(plan, keep, model, n_jobs, progress, baseband) for name, baseband in BASEBANDS.items()}
+    times = {name: frame_times(baseband) for name, baseband in BASEBANDS.items()}
+    result, single = found[_SEVERAL], found[_ONE]
+    figures = ("two_users_accuracy", "three_users_accuracy", "cross_talk")
+    for name in BASEBANDS:
+        accuracy = ("two users: right gesture for the right person", found[name]["two_users_accuracy"] or 0.0, "")
+        reference = None if name == _SEVERAL else times[_SEVERAL]
+        result["choices"].append(choice("crowds: baseband", name, accuracy=accuracy, times_ms=times[name], reference_ms=reference))
+    return result | {"one_direction_a_cell": {name: single[name] for name in figures}}
+
+
+def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
+    """Milliseconds of each frame of two users who gesture, from the raw samples to the cloud."""
+    simulator = Simulator(crowd_scene(CROWDS[0], 0, rounds=1))
+    frames = [simulator.process(k).frame for k in range(round(_LEAD * 50), round(_LEAD * 50) + n_frames)]
+    processor, times = Baseband(baseband, simulator.info), []
+    for frame in frames:
+        start = time.perf_counter_ns()
+        processor.process(frame)
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+    return times[10:]  # the first ones compile and design
+
+
 def rows(counts: dict[Crowd, Counts], times: dict[Crowd, list[float]]) -> list[dict[str, Any]]:
     """Accuracy of every kind of crowd beside the recogniser's time, the first as the reference."""
     made: list[dict[str, Any]] = []
@@ -233,7 +265,7 @@ def rows(counts: dict[Crowd, Counts], times: dict[Crowd, list[float]]) -> list[d
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Measure crowds; a full run simulates 48 scenes of a minute, once.
+    """Measure crowds; a full run simulates 48 scenes of a minute, once for each of two basebands.
 
     Parameters
     ----------
@@ -249,10 +281,11 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[
     dict
         ``two_users_accuracy``, ``three_users_accuracy``: gestures for which the person who performed them was credited with the right one,
         over all performed, slow ones too; ``cross_talk``: gestures credited to somebody who performed none while others did, over all
-        performed; ``crowds``: the same and the causes by kind of scene.
+        performed; ``crowds``: the same and the causes by kind of scene; all this through the baseband's preset ``people``, which looks for
+        two directions in a cell; ``one_direction_a_cell``: through the default one.
     """
     plan, model = QUICK if quick else FULL, load_model()
     if keep is not None:
-        return measure(plan, keep, model, n_jobs)
+        return compare(plan, keep, model, n_jobs)
     with tempfile.TemporaryDirectory() as folder:
-        return measure(plan, Path(folder), model, n_jobs)
+        return compare(plan, Path(folder), model, n_jobs)

@@ -52,7 +52,7 @@ def run(quick: bool = False, keep: Path | None = None, real: bool = False, full:
     if real:
         from benchmarks import gestures_real
 
-        return gestures_real.run(quick)
+        return gestures_real.run(quick, None if keep is None else keep / "real")
     n_jobs = 1 if quick else os.cpu_count() or 1
     if keep is None:
         with tempfile.TemporaryDirectory() as folder:

@@ -334,16 +334,26 @@ def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
     return CurveTraining(passes=6 if quick else 60)
 
 
-def figures(quick: bool = False) -> dict[str, Any]:
-    """Measure everything; quick: few samples and two folds, to see that it runs.
+def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Measure everything.
+
+    Parameters
+    ----------
+    quick : bool
+        Few samples and two folds, to see that it runs.
+    keep : Path or None
+        Folder for what is simulated to train on; None: it is thrown away.
 
     Returns
     -------
     dict
         Accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
         none, and ``_closing`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of
-        the second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``.
+        the second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures
+        of `gestures_transfer` and `gestures_daily`.
     """
+    from benchmarks import gestures_daily, gestures_transfer  # these need this module
+
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
     settings = default_training(quick)
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
@@ -366,7 +376,10 @@ def figures(quick: bool = False) -> dict[str, Any]:
     model = first.fit()
     result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop}
     result["learning_curve"] = learning_curve(first, (2, 6) if quick else (1, 2, 4, 8, 14), (1,))
-    return result | {"choices": choices(first, model, quick)}
+    simulated = gestures_transfer.figures(first, quick, keep)
+    result["confusion"] |= simulated.pop("confusion")
+    rows = choices(first, model, quick) + simulated.pop("choices")
+    return result | simulated | gestures_daily.figures(first, quick, keep) | {"choices": rows}
 
 
 def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[dict[str, Any]]:

@@ -351,3 +351,11 @@ def test_crowds_measure(tmp_path, monkeypatch):
     assert row["performed"] == 2
     assert row["wrong"] + row["missed"] + 2 * row["accuracy"] == pytest.approx(2)
     assert result["three_users_accuracy"] is None
+
+
+def test_both_basebands_are_timed_on_the_same_frames():
+    """Thirty frames each after the ten that compile; no time is asserted beyond being one."""
+    for baseband in gesture_crowds.BASEBANDS.values():
+        times = gesture_crowds.frame_times(baseband, 40)
+        assert len(times) == 30
+        assert min(times) > 0
