@@ -37,6 +37,8 @@ elevations (up positive) are rad, or m where ``FeatureConfig.angles`` is ``offse
 
 
 _SIDELOBE_RANGE: Final[float] = 0.3  # m: the body's echo and its side lobes spread over a few range bins
+_GAUSSIAN: Final[float] = -10.0 / math.log(10.0)  # dB: 20 log10 of exp(-x^2 / 2) is this times x^2
+_FAR: Final[float] = 3.7  # standard deviations beside the body: -60 dB, which is as good as nothing
 
 
 @config
@@ -54,6 +56,12 @@ class FeatureConfig:
         doc="what the azimuth and elevation features hold: offsets from the track in metres, angles from it in rad, or sensor angles",
     )
     smoothing: float = knob(0.06, unit="s", low=0.0, high=1.0, doc="length of the window over which angles are averaged, weighted by SNR")
+    median: float = knob(
+        0.1, unit="s", low=0.0, high=1.0, doc="length of the window over which speed and angles are medians: a neighbour's few points go"
+    )
+    lateral: float = knob(
+        0.35, unit="m", low=0.05, high=100.0, doc="moving detections count less the farther beside the body (standard deviation)"
+    )
 
 
 class Detections(Protocol):
@@ -219,7 +227,8 @@ def summarise(
 
     The thesis takes the highest velocity of each frame and the median angle. Here the side (approaching or receding) is the one whose
     moving gates carry more amplitude times speed, so that a lone false alarm on the other side does not flip the sign, and gates far
-    weaker than the strongest moving one (``weak``) do not count.
+    weaker than the strongest moving one (``weak``) do not count. Detections count as weaker the farther they are beside the body
+    (``lateral``): those far away are more often a neighbour's.
 
     Parameters
     ----------
@@ -242,9 +251,11 @@ def summarise(
     if picked is None:
         picked = doppler_gates(cloud.radial_speed, cloud.snr, settings.gate)
     picked = picked[_is_arm(cloud, snr, settings)[picked]]
+    snr = snr[picked] + _beside(cloud.range[picked], cloud.azimuth[picked] - body[1], settings.lateral)
     if len(picked):
-        picked = picked[snr[picked] >= snr[picked].max() - settings.weak]
-    speed, snr = cloud.radial_speed[picked].astype(np.float64), snr[picked]
+        strong = snr >= snr.max() - settings.weak
+        picked, snr = picked[strong], snr[strong]
+    speed = cloud.radial_speed[picked].astype(np.float64)
     if not len(picked):
         return MotionSample(cloud.stamp_ns, 0.0, 0.0, math.nan, math.nan, math.nan, body)
     amplitude = 10.0 ** (snr / 20)
@@ -266,6 +277,13 @@ def _is_arm(cloud: Detections, snr: NDArray[np.float64], settings: FeatureConfig
     near = np.abs(cloud.range[:, None] - cloud.range[None, slow]) <= _SIDELOBE_RANGE
     strongest = np.where(near, snr[None, slow], -np.inf).max(axis=1)
     return np.asarray(moving & (snr >= strongest - settings.sidelobe))
+
+
+def _beside(distance: NDArray[np.floating], azimuth: NDArray[np.floating], lateral: float) -> NDArray[np.float64]:
+    """How much less a detection counts for being beside the body [dB, 0 or less]; not at all where its place is unknown."""
+    with np.errstate(invalid="ignore"):  # the sine of an unknown azimuth
+        away = np.clip(np.asarray(distance * np.sin(azimuth), np.float64) / lateral, -_FAR, _FAR)
+    return np.where(np.isnan(away), 0.0, _GAUSSIAN * np.square(away))
 
 
 class MotionRing:
@@ -337,8 +355,9 @@ def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureCon
         return None
     time, speed, weight = rows[:, 0] * 1e-9, rows[:, 1], rows[:, 2]
     moving = weight > 0
-    lateral, height = (_fill(angle[moving], time[moving], weight[moving], settings.smoothing) for angle in _angles(rows, settings.angles))
-    time, speed = time[moving], speed[moving]
+    time, speed, weight = time[moving], speed[moving], weight[moving]
+    angles = [_fill(angle[moving], time, weight, settings.smoothing) for angle in _angles(rows, settings.angles)]
+    speed, lateral, height = running_medians(np.array([speed, *angles]), time, settings.median)
     first, last = int(np.argmax(speed)), int(np.argmin(speed))
     return np.array(
         [
@@ -357,6 +376,29 @@ def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureCon
             height[last],
         ]
     )
+
+
+def running_medians(rows: NDArray[np.float64], time: NDArray[np.float64], window: float) -> NDArray[np.float64]:
+    """Median of every row over a window of time about each sample.
+
+    Parameters
+    ----------
+    rows : ndarray of float64, shape (n_rows, n)
+        Finite values.
+    time : ndarray of float64, shape (n,)
+        Of the values [s].
+    window : float
+        Length [s]; a sample without neighbours within it stays as it is.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_rows, n)
+    """
+    near = np.abs(time[:, None] - time[None, :]) <= window / 2 + 1e-9
+    values = np.sort(np.where(near, rows[:, None], np.inf), axis=-1)
+    count = near.sum(axis=1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=-1)
+    return np.asarray(np.take_along_axis(values, middle[None], axis=-1).mean(axis=-1))
 
 
 def _angles(rows: NDArray[np.float64], kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,8 +21,7 @@ from radar_gestures.model import GestureModel
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
 RANDOM: Final[int] = GESTURES.index("random")
-_AROUND_NS: Final[int] = 400_000_000  # ns: who walks does so before and after the event too
-_PIECE: Final[float] = 0.2  # s
+_AROUND_NS: Final[int] = 400_000_000  # ns: where a person is before and after an event is the median over this
 
 
 @config
@@ -33,7 +33,7 @@ class GestureConfig:
     maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
     walk_distance: float = knob(
-        0.5, unit="m", low=0.0, high=100.0, doc="an event during which the person moved farther is random: they walk"
+        0.45, unit="m", low=0.0, high=100.0, doc="an event after which the person stands farther from where they were is random: they walk"
     )
     min_confidence: float = knob(
         0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"
@@ -101,7 +101,7 @@ class TrackEvent:
     features : ndarray of float64, shape (13,), or None
         None: too few samples.
     walked : float
-        Farthest that the track was from itself, from shortly before to shortly after [m]; see `walked`.
+        How far the track is after it from where it was before [m]; see `walked`.
     maps : FeatureMaps or None
         From ``margin`` before the event to ``margin`` after it, or as long as `MapConfig` says.
     """
@@ -177,21 +177,24 @@ class _TrackState:
             return None
         start, end = event.start_ns - self._margin_ns, event.end_ns + self._margin_ns
         features = extract(self._motion.between(start, end), event.start_ns, self._settings.features)
-        around = self._motion.between(event.start_ns - _AROUND_NS, event.end_ns + _AROUND_NS)
-        return TrackEvent(track_id, event, features, walked(around), self._maps.window(start, end, self._settings.maps.length))
+        before = self._motion.between(event.start_ns - _AROUND_NS, event.start_ns)
+        after = self._motion.between(event.end_ns, event.end_ns + _AROUND_NS)
+        return TrackEvent(track_id, event, features, walked(before, after), self._maps.window(start, end, self._settings.maps.length))
 
 
-def walked(samples: Sequence[MotionSample]) -> float:
-    """Farthest that a track was from itself during the samples, on the ground [m]; medians over `_PIECE`, because arms pull at it."""
-    if not samples:
+def walked(before: Sequence[MotionSample], after: Sequence[MotionSample]) -> float:
+    """How far a track is from where it was, on the ground [m]: arms pull at it meanwhile, so medians before and after; 0 when unknown."""
+    if not before or not after:
         return 0.0
+    step = _ground(after) - _ground(before)
+    return float(math.hypot(*step)) if np.isfinite(step).all() else 0.0
+
+
+def _ground(samples: Sequence[MotionSample]) -> NDArray[np.float64]:
+    """Median place of a track, shape (2,) [m]."""
     distance, azimuth, elevation = np.array([sample.body for sample in samples], np.float64).T
-    ground = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1) * (distance * np.cos(elevation))[:, None]
-    stamps = np.array([sample.stamp_ns - samples[0].stamp_ns for sample in samples]) * 1e-9
-    piece = (stamps / _PIECE).astype(np.int64)
-    places = np.array([np.median(ground[piece == k], axis=0) for k in np.unique(piece)])
-    apart = places[:, None] - places[None]
-    return float(np.hypot(apart[..., 0], apart[..., 1]).max())
+    ground = np.array((np.cos(azimuth), np.sin(azimuth))) * (distance * np.cos(elevation))
+    return np.asarray(np.median(ground, axis=1))
 
 
 class GestureRecognizer:

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from radar_core import PointCloud
 from radar_gestures.features import (
@@ -14,6 +16,7 @@ from radar_gestures.features import (
     MotionSample,
     doppler_gates,
     extract,
+    running_medians,
     summarise,
     weighted_median,
     weighted_medians,
@@ -104,7 +107,8 @@ def test_features_of_a_swipe_written_by_hand():
     """Approaching, then receding, while the arm goes 0.5 rad to the left at constant rate; smoothing leaves a straight line alone."""
     t = np.arange(40) * 0.02
     speed = -2.0 * np.cos(np.pi * t / t[-1])
-    got = by_name(extract(motion(speed, azimuth=-0.25 + 0.5 * t / t[-1]), 0, FeatureConfig(angles="relative", smoothing=0.0)))
+    plain = FeatureConfig(angles="relative", smoothing=0.0, median=0.0)
+    got = by_name(extract(motion(speed, azimuth=-0.25 + 0.5 * t / t[-1]), 0, plain))
     assert got["zero_crossings"] == 1
     assert got["max_speed"] == pytest.approx(2.0)
     assert got["min_speed"] == pytest.approx(-2.0)
@@ -117,7 +121,7 @@ def test_features_of_a_swipe_written_by_hand():
 
 
 def test_times_count_from_the_event_not_from_the_first_sample():
-    got = by_name(extract(motion([1.0, 1.0, 3.0, 1.0]), 20_000_000, SETTINGS))
+    got = by_name(extract(motion([1.0, 1.0, 3.0, 1.0]), 20_000_000, FeatureConfig(median=0.0)))
     assert got["time_of_max_speed"] == pytest.approx(0.02)
 
 
@@ -150,9 +154,9 @@ def test_too_few_moving_samples_give_no_features():
 def test_a_sensor_without_elevation(angles):
     """All four elevation features are 0, all others as with elevation."""
     speed, azimuth, unknown = np.linspace(-1, 2, 10), np.linspace(0, 1, 10), np.full(10, np.nan)
-    settings = FeatureConfig(angles=angles)
-    with_it = by_name(extract(motion(speed, azimuth, np.linspace(0, 0.5, 10)), 0, settings))
-    without = by_name(extract(motion(speed, azimuth, unknown, body=(2.0, 0.0, math.nan)), 0, settings))
+    chosen = FeatureConfig(angles=angles)
+    with_it = by_name(extract(motion(speed, azimuth, np.linspace(0, 0.5, 10)), 0, chosen))
+    without = by_name(extract(motion(speed, azimuth, unknown, body=(2.0, 0.0, math.nan)), 0, chosen))
     for name in FEATURE_NAMES:
         assert without[name] == (0.0 if "elevation" in name else with_it[name])
 
@@ -161,7 +165,7 @@ def test_an_angle_that_is_unknown_for_a_moment_is_that_of_its_neighbours():
     """One NaN in a straight rise, between neighbours 20 ms away: their average is the missing value."""
     speed, azimuth = np.full(11, 1.0), 0.02 * np.arange(11)
     speed[5], azimuth[5] = 2.0, np.nan
-    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05)))
+    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05, median=0.0)))
     assert got["azimuth_at_max_speed"] == pytest.approx(0.1)
 
 
@@ -169,7 +173,7 @@ def test_an_angle_that_is_unknown_for_long_is_the_mean_of_the_event():
     """Nothing is known within ``smoothing`` of the fastest moment; the known angles are 0, 0.02, 0.18 and 0.2."""
     speed, azimuth = np.full(11, 1.0), 0.02 * np.arange(11)
     speed[5], azimuth[2:9] = 2.0, np.nan
-    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05)))
+    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.05, median=0.0)))
     assert got["azimuth_at_max_speed"] == pytest.approx(0.1)
     assert (got["min_azimuth"], got["max_azimuth"]) == (pytest.approx(0.01), pytest.approx(0.19))  # ends are averages of two
 
@@ -177,9 +181,40 @@ def test_an_angle_that_is_unknown_for_long_is_the_mean_of_the_event():
 def test_gates_without_a_direction_leave_it_to_the_others():
     """The strongest gate has no azimuth: the other two decide; none has an elevation: NaN, not 0, in the sample."""
     unknown = np.full(3, np.nan)
-    sample = summarise(cloud([1.0, 1.5, 2.0], [40, 30, 30], azimuth=[np.nan, 0.1, 0.3], elevation=unknown), BODY, SETTINGS)
-    assert sample.azimuth == pytest.approx(0.2)
+    item = cloud([1.0, 1.5, 2.0], [40, 30, 30], azimuth=[np.nan, 0.1, 0.3], elevation=unknown)
+    sample = summarise(item, BODY, FeatureConfig(lateral=100.0))  # whose weights are all one
+    assert sample.azimuth == pytest.approx(0.2, abs=1e-4)
     assert math.isnan(sample.elevation)
+
+
+def test_what_is_far_beside_the_body_counts_less():
+    """A neighbour's hand, 0.9 m beside the body and 6 dB stronger than the own one, decides alone; weighted it does not."""
+    beside = 0.1 + math.asin(0.9 / 2.0)
+    item = cloud([1.0, -2.0], [30, 36], azimuth=[0.1, beside])
+    assert summarise(item, BODY, FeatureConfig(lateral=100.0)).speed == pytest.approx(-2.0)
+    # exp(-(0.9 / 0.35)^2 / 2) is -28.7 dB: 22.7 dB below the own hand, more than `weak`.
+    sample = summarise(item, BODY, SETTINGS)
+    assert (sample.speed, sample.azimuth) == (pytest.approx(1.0), pytest.approx(0.1))
+
+
+def test_a_neighbours_points_in_two_clouds_change_no_feature():
+    """Two clouds of 40 ms in a stroke show somebody else's hand: the medians over 0.1 s (five clouds) leave it out."""
+    speed, azimuth = np.full(30, 1.5), np.full(30, 0.2)
+    clean = extract(motion(speed, azimuth), 0, SETTINGS)
+    speed[14:16], azimuth[14:16] = -3.0, -0.8
+    got = by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.0)))
+    assert list(got.values()) == pytest.approx(clean.tolist())
+    assert by_name(extract(motion(speed, azimuth), 0, FeatureConfig(smoothing=0.0, median=0.0)))["min_speed"] == -3.0
+
+
+@given(st.integers(1, 40), st.floats(0.0, 0.5), st.integers(0, 2**32 - 1))
+@settings(max_examples=50, deadline=None)
+def test_running_medians_are_those_of_numpy(n, window, seed):
+    """At any spacing of the samples."""
+    rng = np.random.default_rng(seed)
+    time, rows = np.sort(rng.uniform(0.0, 1.5, n)), rng.normal(size=(3, n))
+    want = [[np.median(row[np.abs(time - t) <= window / 2 + 1e-9]) for t in time] for row in rows]
+    np.testing.assert_allclose(running_medians(rows, time, window), want, atol=1e-15)
 
 
 def test_moments_without_detections_do_not_count():
@@ -188,8 +223,8 @@ def test_moments_without_detections_do_not_count():
     gaps = motion(speed, azimuth)
     for i in (5, 6, 13):
         gaps[i] = MotionSample(gaps[i].stamp_ns, 0.0, 0.0, math.nan, math.nan, math.nan, gaps[i].body)
-    settings = FeatureConfig(smoothing=0.0)
-    np.testing.assert_allclose(extract(gaps, 0, settings), extract(motion(speed, azimuth), 0, settings))
+    plain = FeatureConfig(smoothing=0.0, median=0.0)
+    np.testing.assert_allclose(extract(gaps, 0, plain), extract(motion(speed, azimuth), 0, plain))
 
 
 @pytest.mark.parametrize("picked", [None, "given"])

@@ -212,13 +212,21 @@ def test_a_model_trained_with_other_settings_is_refused():
         GestureRecognizer(SETTINGS, other, MOUNT)
 
 
-def test_walked_is_the_farthest_that_the_track_was_from_itself():
-    """There and back counts; a single outlier does not (median of 0.2 s, ten samples here)."""
-    t = np.arange(50) * 0.02
-    away = 2.0 + 0.8 * np.sin(np.pi * t)
-    samples = [MotionSample(round(s * 1e9), 1.0, 1.0, 2.0, 0.0, 0.0, (d, 0.3, 0.0)) for s, d in zip(t, away, strict=True)]
-    # The medians of the first and the middle piece: 2.0 + 0.8 sin(0.1 pi) and nearly 2.8.
-    assert walked(samples) == pytest.approx(0.8 * (1 - np.sin(0.09 * np.pi)), abs=0.03)
-    still = [MotionSample(round(s * 1e9), 1.0, 1.0, 2.0, 0.0, 0.0, (5.0 if i == 20 else 2.0, 0.3, 0.0)) for i, s in enumerate(t)]
-    assert walked(still) == pytest.approx(0.0, abs=1e-12)
-    assert walked([]) == 0.0
+def motion(t, distance):
+    """One motion sample at t [s] of a body straight ahead, its azimuth 0.3 rad."""
+    return MotionSample(round(t * 1e9), 1.0, 1.0, 2.0, 0.0, 0.0, (distance, 0.3, 0.0))
+
+
+def test_walked_is_from_where_the_track_was_to_where_it_is():
+    """What an arm does to the track meanwhile is not asked for, and single outliers do not count; who walked 0.8 m did."""
+    before = [motion(0.02 * k, 9.0 if k == 7 else 2.0) for k in range(20)]
+    after = [motion(1.0 + 0.02 * k, 9.0 if k == 3 else 2.8) for k in range(10)]
+    assert walked(before, after) == pytest.approx(0.8, abs=1e-9)
+    assert walked(before, before) == 0.0
+
+
+def test_walked_is_zero_when_it_is_unknown():
+    """No samples before or after, or a track that has no place."""
+    here = [motion(0.0, 2.0)]
+    assert walked([], here) == walked(here, []) == 0.0
+    assert walked(here, [motion(1.0, np.nan)]) == 0.0

@@ -9,7 +9,7 @@ import pytest
 
 from radar_core import PointCloud
 from radar_gestures.events import EventConfig, EventDetector
-from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, summarise
+from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, Share, extract, summarise
 
 SETTINGS = FeatureConfig()
 BODY = (2.0, 0.0, 0.0)
@@ -67,6 +67,16 @@ def test_no_points_and_points_without_speed():
     for cloud in (points(0), points(5, snr=20.0)):
         result = summarise(cloud, BODY, SETTINGS)
         assert result.speed == result.weight == 0.0
+
+
+@pytest.mark.parametrize("place", [(np.inf, 0.2), (np.nan, 0.2), (1e30, 0.2), (2.0, np.nan), (2.0, np.inf), (0.0, 0.0)])
+def test_absurd_places_beside_a_body_give_a_finite_summary(place):
+    """Range and azimuth that are unknown, or overflow float32 when squared."""
+    distance, azimuth = (np.float32([2.0, value]) for value in place)
+    share = Share(5, np.float32([1.0, 1.0]), np.float32([30.0, 20.0]), distance, azimuth, np.float32([0.0, 0.0]))
+    found = summarise(share, BODY, SETTINGS)
+    assert found.speed == 1.0
+    assert np.isfinite(found.weight)
 
 
 def test_many_points_in_one_gate():
