@@ -61,6 +61,7 @@ class Readings:
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
         self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
+        self._validate_cnn = memory.cache(_validate_cnn, ignore=["given"])
         self._place, self._n_jobs = place, n_jobs
         self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
 
@@ -72,6 +73,10 @@ class Readings:
         """Input of the convolutional network."""
         return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
 
+    def validate_cnn(self, settings: CnnConfig) -> Validation:
+        """Judge the convolutional network on people left out: the better part of an hour."""
+        return self._validate_cnn(self._key, self.cubes(), settings)
+
 
 _Key = tuple[str, str, int]  # what is read depends on: our sources, what the samples are, and how many
 
@@ -82,6 +87,11 @@ def _collect(key: _Key, place: Path, every: int, one_tx: bool, n_jobs: int) -> S
 
 def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
     return cubes(place, GestureConfig(), n_jobs=n_jobs)
+
+
+def _validate_cnn(key: _Key, given: Cubes, settings: CnnConfig) -> Validation:
+    judge = cnn_judge(given.cube, given.label, settings)
+    return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
 
 
 def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
@@ -180,7 +190,7 @@ def repeats(samples: SampleSet) -> bool:
         return paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def table_4_2(samples: SampleSet, given: Cubes, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
+def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
     """Perceptron and convolutional network on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
     folds = leave_subjects_out(samples.person)
     mlp = fit(samples, np.ones(len(samples.label), np.bool_), SETTINGS)
@@ -188,9 +198,7 @@ def table_4_2(samples: SampleSet, given: Cubes, quick: bool) -> tuple[dict[str, 
     figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": model_bytes(mlp), "mlp_flop": mlp.flop}
     settings = CnnConfig(epochs=3) if quick else CnnConfig()
     try:
-        found = cross_validate(
-            given.label, given.person, folds, cnn_judge(given.cube, given.label, settings), labels=GESTURES, split="subjects"
-        )
+        found, given = readings.validate_cnn(settings), readings.cubes()
     except ConfigError as error:
         return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
     with tempfile.TemporaryDirectory() as folder:
@@ -229,7 +237,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> tuple[dict[str, Any], dic
     samples = readings.samples()
     flat, found = ten_classes(samples)
     by_rate, rate_rows = table_4_1(readings, quick)
-    compared, cnn_rows, networks = table_4_2(samples, readings.cubes(), quick)
+    compared, cnn_rows, networks = table_4_2(samples, readings, quick)
     flat |= compared | {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
     return {**flat, "table_4_1": by_rate, "choices": rate_rows + hidden_neurons(samples, quick) + cnn_rows}, found | networks
 
