@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.perceptron import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.datasets.samples import write_chunk
+from radar_gestures.datasets.workers import work_through
+from radar_gestures.evaluation.scoring import nearest_person
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
-from radar_gestures.samples import write_chunk
-from radar_gestures.scoring import nearest_person
-from radar_gestures.workers import work_through
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_sim.people import Action, Person

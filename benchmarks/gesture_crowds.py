@@ -21,9 +21,9 @@ from radar_core import GESTURES, RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.model import load_model
-from radar_gestures.perceptron import GestureModel
-from radar_gestures.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.scene import SceneRadar
 

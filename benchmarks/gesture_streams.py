@@ -17,8 +17,8 @@ from benchmarks.gesture_causes import RANDOM, Judged, Outcome, judge
 from benchmarks.gesture_clouds import Store, fitted, follow
 from benchmarks.report import choice
 from radar_core import GESTURES, RadarInfo
-from radar_gestures.model import load_model
-from radar_gestures.perceptron import GestureModel
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import Gesture
 from radar_sim import GESTURE_DURATION, VARIANTS, Action, Coupling, Draw, Effects, Losses, Noise, Occlusion, Pattern, Person, Scene
 from radar_sim.people import SHAPES, Reach, Variation, Walk

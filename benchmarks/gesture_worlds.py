@@ -22,13 +22,13 @@ import numpy as np
 from benchmarks.gesture_clouds import sources
 from radar_core import GESTURES
 from radar_core.config import plain
-from radar_gestures.perceptron import GestureModel
-from radar_gestures.readings import collect
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.datasets.readings import collect
+from radar_gestures.datasets.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
+from radar_gestures.datasets.synthesis import simulate_sample
+from radar_gestures.datasets.synthesis_plan import Plan, Sample, draw_sample
+from radar_gestures.datasets.workers import work_through
 from radar_gestures.recognizer import GestureConfig, feature_settings
-from radar_gestures.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
-from radar_gestures.synthesis import simulate_sample
-from radar_gestures.synthesis_plan import Plan, Sample, draw_sample
-from radar_gestures.workers import work_through
 from radar_sim import Pattern, Scene, Wall
 from radar_sim.effects.config import ChannelErrors, Multipath
 from radar_sim.scene import Fidelity
@@ -101,7 +101,7 @@ class Sizes:
     """Samples of each world."""
 
     training: int = 1_500
-    test: int = 600
+    test: int = 150
 
 
 def generate(world: World, folder: Path, n_samples: int, *, n_jobs: int = 1, progress: bool = True) -> float:
@@ -154,7 +154,7 @@ def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> d
 
 def measure(folder: Path, sizes: Sizes, n_jobs: int = 1, progress: bool = True, other_world: World = OTHER) -> dict[str, Any]:
     """Simulate what is missing of both worlds, train on one, and test on the other."""
-    from radar_gestures.training import TrainingConfig, fit, of_labels
+    from radar_gestures.classifiers.training import TrainingConfig, fit, of_labels
 
     pairs = ((TRAINING, sizes.training), (other_world, sizes.test))
     seconds = {world.name: generate(world, folder, n, n_jobs=n_jobs, progress=progress) for world, n in pairs}

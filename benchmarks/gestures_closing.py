@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_gestures.validation import Mask, Validation, leave_subjects_out
+from radar_gestures.classifiers.validation import Mask, Validation, leave_subjects_out
 
 
 def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:

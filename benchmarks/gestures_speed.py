@@ -13,9 +13,9 @@ from benchmarks.report import choice, measure_together
 from radar_core import PointCloud, RadarInfo
 from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.classifiers.model import GestureModel, load_model
 from radar_gestures.events import EventConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
-from radar_gestures.model import GestureModel, load_model
 from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
 from radar_sim import Action, Effects, Losses, Noise, Person, Scene, SimulatedFrame, Simulator
 from radar_tracking import PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus

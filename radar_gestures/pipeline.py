@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.model import load_model
+from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
 from radar_tracking import HandConfig, HandTrack, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, Tracks
 

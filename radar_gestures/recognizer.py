@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, ConfigError, Pose
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
+from radar_gestures.classifiers.model import GestureModel
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, MotionRing, MotionSample, Share, doppler_gates, extract, shares, summarise
 from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing
-from radar_gestures.model import GestureModel
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
 RANDOM: Final[int] = GESTURES.index("random")

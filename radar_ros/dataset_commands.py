@@ -12,9 +12,9 @@ import typer
 from radar_core import ConfigError, DataError, PointCloud
 
 if TYPE_CHECKING:
-    from radar_gestures.labelled import Moment
-    from radar_gestures.samples import SampleSet
-    from radar_gestures.scoring import TruthSegment
+    from radar_gestures.datasets.labelled import Moment
+    from radar_gestures.datasets.samples import SampleSet
+    from radar_gestures.evaluation.scoring import TruthSegment
     from radar_ros.offline import Recording
 
 app = typer.Typer(
@@ -45,12 +45,12 @@ def generate(
     """Simulate single gestures of many people, each with clouds, features and truth in a file of its own.
 
     A sample depends on the seed and its number only: workers, machines and restarts change no byte. A run that is stopped, or killed, goes
-    on with the same command. Every sample can be made again from its file alone (`radar_gestures.synthesis.remake`).
+    on with the same command. Every sample can be made again from its file alone (`radar_gestures.datasets.synthesis.remake`).
 
     Examples: `handwave dataset generate people --one-tx` · `handwave dataset generate strokes --plan thesis --body ellipsoids --seed 7`
     """
-    from radar_gestures.synthesis import synthesise as run
-    from radar_gestures.synthesis_plan import named_plan
+    from radar_gestures.datasets.synthesis import synthesise as run
+    from radar_gestures.datasets.synthesis_plan import named_plan
     from radar_ros.interrupts import INTERRUPTED, interruptible
 
     if jobs == 0:
@@ -104,7 +104,7 @@ def inspect(
     """
     from rich.console import Console
 
-    from radar_gestures.samples import read_sample, sample_files, sample_path
+    from radar_gestures.datasets.samples import read_sample, sample_files, sample_path
 
     files = sample_files(folder)
     chosen = [sample_path(folder, number) for number in numbers or ()]
@@ -114,7 +114,7 @@ def inspect(
     Console().print(table)
     if out is None:
         return
-    from radar_gestures.pictures import draw_sample_maps
+    from radar_gestures.evaluation.pictures import draw_sample_maps
 
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -137,7 +137,7 @@ def _contents(files: list[Path]) -> tuple[Any, list[Path]]:
     from rich.table import Table
 
     from radar_core import GESTURES
-    from radar_gestures.samples import read_sample
+    from radar_gestures.datasets.samples import read_sample
 
     rows = []
     for path in files:
@@ -168,7 +168,7 @@ def import_(
 
     Examples: `handwave dataset import living_room people --labels labels.csv` · `handwave dataset import my_demo strokes`
     """
-    from radar_gestures.labelled import import_labelled, read_labels
+    from radar_gestures.datasets.labelled import import_labelled, read_labels
     from radar_ros.offline import open_recording
 
     recording = open_recording(bag)
@@ -199,7 +199,7 @@ def _truths(bag: Path) -> Iterator[Any]:
 
 
 def _own_labels(bag: Path) -> tuple[TruthSegment, ...]:
-    from radar_gestures.scoring import truth_segments
+    from radar_gestures.evaluation.scoring import truth_segments
 
     found = truth_segments(_truths(bag))
     if not found:
@@ -212,7 +212,7 @@ def _moments(recording: Recording, one_tx: bool) -> Iterator[Moment]:
     from radar_core import RadarFrame
     from radar_core.transmitters import one_transmitter, one_transmitter_frame
     from radar_dsp import Baseband, BasebandConfig
-    from radar_gestures.labelled import Moment
+    from radar_gestures.datasets.labelled import Moment
 
     places = {truth.stamp_ns: dict(zip(truth.person_id.tolist(), truth.position, strict=True)) for truth in _truths(recording.path)}
     info = recording.info
@@ -243,8 +243,8 @@ def compare(
 
     Examples: `handwave dataset compare simulated recorded --out comparison`
     """
-    from radar_gestures.comparison import as_text
-    from radar_gestures.comparison import compare as run
+    from radar_gestures.evaluation.comparison import as_text
+    from radar_gestures.evaluation.comparison import compare as run
 
     if jobs == 0:
         raise ConfigError("--jobs 0: give the number of processes, or -1 for one per core")
@@ -253,7 +253,7 @@ def compare(
     text = as_text(result)
     print(text)
     if out is not None:
-        from radar_gestures.pictures import draw_comparison
+        from radar_gestures.evaluation.pictures import draw_comparison
 
         made = draw_comparison(result, a, b, out, (first.name, second.name))
         (out / "comparison.txt").write_text(text + "\n", encoding="utf-8")
@@ -262,7 +262,7 @@ def compare(
 
 def _collected(folder: Path, jobs: int) -> SampleSet:
     """Read a data set of single gestures, or one of whole scenes."""
-    from radar_gestures.readings import collect
-    from radar_gestures.samples import load_samples
+    from radar_gestures.datasets.readings import collect
+    from radar_gestures.datasets.samples import load_samples
 
     return load_samples(folder) if any(folder.glob("chunk_*.npz")) else collect(folder, n_jobs=jobs)

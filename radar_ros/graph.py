@@ -50,7 +50,7 @@ NODES: Mapping[str, NodeSpec] = {
         NodeSpec("baseband", "radar_dsp.node"),
         NodeSpec("fusion", "radar_tracking.nodes.fusion"),
         NodeSpec("tracking", "radar_tracking.nodes.tracking"),
-        NodeSpec("gestures", "radar_gestures.node"),
+        NodeSpec("gestures", "radar_gestures.nodes.gesture"),
         NodeSpec("hand", "radar_tracking.nodes.hand"),
         NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
         NodeSpec("evaluation", "radar_gestures.nodes.evaluation"),

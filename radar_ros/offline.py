@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import load, nest, plain
-from radar_gestures.messages import gesture_to_msg
+from radar_gestures.nodes.messages import gesture_to_msg
 from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, local, read, require_topics

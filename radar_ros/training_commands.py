@@ -11,9 +11,9 @@ import typer
 from radar_core import GESTURES, ConfigError
 
 if TYPE_CHECKING:
-    from radar_gestures.model import GestureModel
-    from radar_gestures.samples import SampleSet
-    from radar_gestures.validation import Validation
+    from radar_gestures.classifiers.model import GestureModel
+    from radar_gestures.classifiers.validation import Validation
+    from radar_gestures.datasets.samples import SampleSet
 
 SPLITS = ("subjects", "random", "all")
 
@@ -42,14 +42,14 @@ def train(
 
     Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
     """
-    from radar_gestures.card import card, write_card
-    from radar_gestures.training import TrainingConfig, describe
-    from radar_gestures.training import train as fit
+    from radar_gestures.classifiers.card import card, write_card
+    from radar_gestures.classifiers.training import TrainingConfig, describe
+    from radar_gestures.classifiers.training import train as fit
 
     if out.suffix != ".npz":
         raise ConfigError(f"--out {out}: give a file that ends in .npz")
     if scenes:
-        from radar_gestures.dataset import generate
+        from radar_gestures.datasets.scenes import generate
 
         generate(folders[0], scenes, seed=seed, n_jobs=jobs)
     settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, lost=lost, seed=seed)
@@ -84,9 +84,9 @@ def evaluate(
     """
     import json
 
-    from radar_gestures.model import load_model
-    from radar_gestures.training import of_labels, read_folder
-    from radar_gestures.validation import as_text
+    from radar_gestures.classifiers.model import load_model
+    from radar_gestures.classifiers.training import of_labels, read_folder
+    from radar_gestures.classifiers.validation import as_text
 
     if split not in SPLITS:
         raise ConfigError(f"--split {split}: choose one of {', '.join(SPLITS)}")
@@ -108,9 +108,9 @@ def evaluate(
 
 
 def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation:
-    from radar_gestures.calibration import soften
-    from radar_gestures.training import settings_of, validate
-    from radar_gestures.validation import Validation, leave_subjects_out, random_split
+    from radar_gestures.classifiers.calibration import soften
+    from radar_gestures.classifiers.training import settings_of, validate
+    from radar_gestures.classifiers.validation import Validation, leave_subjects_out, random_split
 
     if split == "all":
         return Validation("all", model.labels, model.probabilities(samples.features), samples.label, samples.person)
@@ -124,8 +124,8 @@ def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation
 
 
 def _unknown(model: GestureModel, samples: SampleSet, *, quiet: bool) -> dict[str, float]:
-    from radar_gestures.training import settings_of
-    from radar_gestures.unknown import as_table, leave_one_gesture_out
+    from radar_gestures.classifiers.training import settings_of
+    from radar_gestures.classifiers.unknown import as_table, leave_one_gesture_out
 
     reports = leave_one_gesture_out(samples, settings_of(model), labels=model.labels)
     if not quiet:
@@ -135,8 +135,8 @@ def _unknown(model: GestureModel, samples: SampleSet, *, quiet: bool) -> dict[st
 
 def _draw(model: GestureModel, validation: Validation, out: Path, name: str, folder: Path, split: str) -> None:
     from radar_core.paths import find_config
-    from radar_gestures.card import card, write_card
-    from radar_gestures.reports import draw_confusion, draw_reliability
+    from radar_gestures.classifiers.card import card, write_card
+    from radar_gestures.evaluation.reports import draw_confusion, draw_reliability
 
     draw_confusion({split: validation}, out / "confusion.png")
     draw_reliability({split: validation}, out / "calibration.png")

@@ -16,8 +16,8 @@ from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.msg import Truth as TruthMsg
 
 from radar_core import DataError, RadarInfo
-from radar_gestures.evaluation import EvaluationConfig, Evaluator
-from radar_gestures.messages import gesture_from_msg
+from radar_gestures.evaluation.run import EvaluationConfig, Evaluator
+from radar_gestures.nodes.messages import gesture_from_msg
 from radar_ros import qos
 from radar_ros.convert import header
 from radar_ros.params import declare, declare_config

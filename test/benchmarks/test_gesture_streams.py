@@ -17,10 +17,10 @@ from benchmarks.gesture_crowds import CROWDS, TOGETHER, Counts, Crowd, count, cr
 from benchmarks.gesture_streams import IDLE, Plan, gesture_figures, gesture_stream, idle_figures, idle_stream, rejection, scene_of, unknown
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.model import load_model
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment
+from radar_gestures.evaluation.truth_events import TrueEvent
 from radar_gestures.recognizer import Gesture
-from radar_gestures.scoring import RecognisedGesture, TruthSegment
-from radar_gestures.truth_events import TrueEvent
 from radar_sim import Action, Person, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus

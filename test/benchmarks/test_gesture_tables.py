@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmarks import gesture_tables
+from benchmarks import gesture_model, gesture_tables
 from radar_core import GESTURES
+from radar_gestures.classifiers.model import save_model
+from radar_gestures.classifiers.training import TrainingConfig, train_on
+from radar_gestures.classifiers.validation import Validation
+from radar_gestures.datasets.samples import SampleSet
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import GestureConfig, feature_settings
-from radar_gestures.samples import SampleSet
-from radar_gestures.validation import Validation
 
 
 def samples(spread, missed=0, seed=0):
@@ -73,3 +75,16 @@ def test_frames_are_timed_with_two_transmitters_and_with_one():
 def test_training_twice_gives_the_same_file():
     """Bit for bit on one machine."""
     assert gesture_tables.repeats(samples(0.3))
+
+
+@pytest.mark.parametrize(("seed", "same"), [(1, True), (2, False)])
+def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_path):
+    """The shipped file is equal bit for bit when it was trained with the same samples and settings, and only then."""
+    shipped = tmp_path / "shipped.npz"
+    save_model(train_on(samples(0.3), TrainingConfig(lost=gesture_model.LOST, seed=seed)).model, shipped)
+    found = gesture_model.compare(samples(0.3), shipped)
+    assert found["repeats_bit_for_bit"]
+    assert found["shipped_bit_for_bit"] is same
+    assert (found["equal_predictions"] == 1.0) is same or found["equal_predictions"] > 0.9
+    kept = [row["accuracy"]["value"] for row in found["choices"]]
+    assert kept == sorted(kept, reverse=True)  # the more may be lost, the fewer are kept

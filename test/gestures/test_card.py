@@ -10,12 +10,12 @@ import typer
 from typer.testing import CliRunner
 
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.card import card, write_card
+from radar_gestures.classifiers.card import card, write_card
+from radar_gestures.classifiers.model import GestureModel, load_model
+from radar_gestures.classifiers.validation import Validation
+from radar_gestures.datasets.samples import MANIFEST
+from radar_gestures.evaluation.reports import draw_confusion, draw_reliability, draw_rows
 from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.model import GestureModel, load_model
-from radar_gestures.reports import draw_confusion, draw_reliability, draw_rows
-from radar_gestures.samples import MANIFEST
-from radar_gestures.validation import Validation
 from radar_ros.training_commands import evaluate, train
 
 

@@ -10,8 +10,8 @@ from scipy import stats
 from small_sets import random_set
 
 from radar_core import GESTURES, DataError
-from radar_gestures import comparison
-from radar_gestures.comparison import Comparison, ComparisonConfig, as_text, compare, most_different
+from radar_gestures.evaluation import comparison
+from radar_gestures.evaluation.comparison import Comparison, ComparisonConfig, as_text, compare, most_different
 from radar_gestures.features import FEATURE_NAMES
 
 LABELS = (1, 2, 5, 6, 7, 8, 9)

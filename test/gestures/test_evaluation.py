@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, NO_GESTURE, DataError, Pose
-from radar_gestures.evaluation import EvaluationConfig, Evaluator
+from radar_gestures.evaluation.run import EvaluationConfig, Evaluator
 from radar_gestures.recognizer import Gesture
 from radar_sim import Truth
 from radar_tracking import HandTrack, Track, Tracks

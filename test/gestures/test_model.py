@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.paths import share_dir
+from radar_gestures.classifiers.model import FORMAT, GestureModel, load_model, save_model
+from radar_gestures.classifiers.rejection import ByDistance
 from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.model import FORMAT, GestureModel, load_model, save_model
-from radar_gestures.rejection import ByDistance
 
 
 def make(hidden=(32,), names=FEATURE_NAMES, labels=GESTURES, seed=0, **more):

@@ -9,8 +9,8 @@ from benchmarks import gestures_real as real
 from benchmarks.gestures_closing import accuracy_without, alone, from_the_end
 from benchmarks.recordings import folder
 from radar_core import DataError
+from radar_gestures.classifiers.validation import Validation
 from radar_gestures.curves import CURVE_NAMES, Curves
-from radar_gestures.validation import Validation
 
 LIMIT = 900
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.model import load_model, save_model
-from radar_gestures.samples import SampleSet
-from radar_gestures.training import TrainingConfig, describe, fit, of_labels, settings_of, train_on, validate
-from radar_gestures.unknown import as_table, leave_one_gesture_out
-from radar_gestures.validation import random_split
+from radar_gestures.classifiers.model import load_model, save_model
+from radar_gestures.classifiers.training import TrainingConfig, describe, fit, of_labels, settings_of, train_on, validate
+from radar_gestures.classifiers.unknown import as_table, leave_one_gesture_out
+from radar_gestures.classifiers.validation import random_split
+from radar_gestures.datasets.samples import SampleSet
 
 QUICK = TrainingConfig(max_iterations=60, folds=3)
 

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform
 from radar_core.cloud import ARRAY_FIELDS
-from radar_gestures.messages import gesture_from_msg, gesture_to_msg
+from radar_gestures.nodes.messages import gesture_from_msg, gesture_to_msg
 from radar_gestures.recognizer import Gesture
 from radar_ros import convert
 from radar_sim import Truth

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from radar_core import ConfigError, DataError, HandwaveError
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.readings import collect, read
-from radar_gestures.samples import read_manifest, read_samples, unpack_clouds
+from radar_gestures.datasets.readings import collect, read
+from radar_gestures.datasets.samples import read_manifest, read_samples, unpack_clouds
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.bags import read as read_bag
 from radar_ros.convert import cloud_to_msg, info_to_msg

@@ -111,7 +111,7 @@ def test_a_model_that_does_not_fit_is_refused_by_the_node(tmp_path, change):
         arrays = dict(shipped)
     assert set(change) <= set(arrays)
     np.savez(tmp_path / "other.npz", **{**arrays, **change})
-    command = [sys.executable, "-m", "radar_gestures.node", "--ros-args", "-p", f"model:={tmp_path / 'other.npz'}"]
+    command = [sys.executable, "-m", "radar_gestures.nodes.gesture", "--ros-args", "-p", f"model:={tmp_path / 'other.npz'}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     assert "other.npz" in done.stderr

@@ -140,7 +140,7 @@ def test_a_node_that_dies_leaves_the_others_running(ros):
     process = subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         assert ros.spin_until(lambda: len(tracks) > 10, 40.0)
-        victim = next(p for p in marked(marker) if "radar_gestures.node" in p.cmdline())
+        victim = next(p for p in marked(marker) if "radar_gestures.nodes.gesture" in p.cmdline())
         victim.kill()
         ros.spin_until(lambda: False, 1.0)
         count = len(tracks)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.paths import find_config
-from radar_gestures.perceptron import ADVICE, RANDOM, GestureModel
-from radar_gestures.rejection import make_rejector
+from radar_gestures.classifiers.perceptron import ADVICE, RANDOM, GestureModel
+from radar_gestures.classifiers.rejection import make_rejector
 
 __all__ = ["FORMAT", "RANDOM", "GestureModel", "load_model", "save_model"]
 

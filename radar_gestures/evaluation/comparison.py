@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
 from radar_core.config import config, knob
-from radar_gestures.samples import SampleSet
+from radar_gestures.datasets.samples import SampleSet
 
 Float64Array = NDArray[np.float64]
 _LARGEST: Final[int] = 5000  # samples of which Shapiro's p-value is known

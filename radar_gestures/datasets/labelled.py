@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
-from radar_gestures.readings import read_stroke
+from radar_gestures.datasets.readings import read_stroke
+from radar_gestures.datasets.samples import FORMAT, ONE, open_folder, pack_clouds, read_sample, sample_path, write_chunk
+from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.recognizer import GestureConfig, feature_settings
-from radar_gestures.samples import FORMAT, ONE, open_folder, pack_clouds, read_sample, sample_path, write_chunk
-from radar_gestures.scoring import TruthSegment
 
 COLUMNS: Final[tuple[str, ...]] = ("start", "end", "gesture", "person")
 """Of a file of labels: start and end in seconds of the recording, one of `GESTURES`, number of the person."""
@@ -240,7 +240,7 @@ def _digest(source: str, label: TruthSegment, info: RadarInfo, settings: Gesture
 def _columns(
     number: int, label: TruthSegment, cut: list[Moment], info: RadarInfo, settings: GestureConfig, one_tx: bool
 ) -> dict[str, NDArray[Any]]:
-    """Columns of a file, as `radar_gestures.synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
+    """Columns of a file, as `synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
     clouds = [moment.cloud for moment in cut]
     position = np.array([moment.places.get(label.person_id, _NOWHERE) for moment in cut], np.float64).reshape(-1, 3)
     reading = read_stroke(info, clouds, position, label, settings, padded=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
-from radar_gestures.curve_net import CLIP, CurveNet, half
+from radar_gestures.classifiers.curve_net import CLIP, CurveNet, half
 from radar_gestures.curves import TOTALS
 
 _LEAST_STEPS: Final[int] = 16  # of a pass: small data sets take smaller steps, or there would be too few of them
@@ -44,12 +44,12 @@ def train_net(
 ) -> CurveNet:
     """Train a network; the same samples and seed give the same numbers on one machine.
 
-    Its kernels and weights are rounded to half precision at the end (`radar_gestures.curve_net.half`): the file takes half the bytes.
+    Its kernels and weights are rounded to half precision at the end (`curve_net.half`): the file takes half the bytes.
 
     Parameters
     ----------
     changed : ndarray of float32, shape (n_copies, n, n_features)
-        Samples, in copies that the passes take in turn: see `radar_gestures.variation.copies`. One copy: the samples as they are.
+        Samples, in copies that the passes take in turn: see `variation.copies`. One copy: the samples as they are.
     label : ndarray of int64, shape (n,)
         Index into ``labels``.
     names, labels : sequence of str

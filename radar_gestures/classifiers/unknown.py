@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
-from radar_gestures.calibration import fit_temperature, soften
-from radar_gestures.model import RANDOM, GestureModel
-from radar_gestures.rejection import ByProbability, Rejector
-from radar_gestures.samples import SampleSet
-from radar_gestures.training import TrainingConfig, fit, reject_limit
-from radar_gestures.validation import Mask, Validation, leave_subjects_out
+from radar_gestures.classifiers.calibration import fit_temperature, soften
+from radar_gestures.classifiers.model import RANDOM, GestureModel
+from radar_gestures.classifiers.rejection import ByProbability, Rejector
+from radar_gestures.classifiers.training import TrainingConfig, fit, reject_limit
+from radar_gestures.classifiers.validation import Mask, Validation, leave_subjects_out
+from radar_gestures.datasets.samples import SampleSet
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from radar_core import DataError
-from radar_gestures.calibration import calibration_error
-from radar_gestures.model import FORMAT, GestureModel
-from radar_gestures.validation import Validation
+from radar_gestures.classifiers.calibration import calibration_error
+from radar_gestures.classifiers.model import FORMAT, GestureModel
+from radar_gestures.classifiers.validation import Validation
 
 _SPLITS: Final[dict[str, str]] = {
     "subjects": "people left out: nobody is in training and test at the same time",

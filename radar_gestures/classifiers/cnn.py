@@ -272,5 +272,5 @@ def count_flop(model: Any, shape: tuple[int, int, int]) -> int:
         elif node.op_type == "Softmax":
             total += 5 * cells - 2
         else:
-            raise DataError(f"count_flop: the operator {node.op_type} is not counted; say what it costs in radar_gestures/cnn.py")
+            raise DataError(f"count_flop: the operator {node.op_type} is not counted; say in cnn.py what it costs")
     return total

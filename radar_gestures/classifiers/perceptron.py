@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
+from radar_gestures.classifiers.rejection import ByProbability, Rejector
 from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.rejection import ByProbability, Rejector
 
 ADVICE: Final[str] = "make a new one with `handwave train`, or name the model that comes with Handwave (gestures)"
 RANDOM: Final[str] = "random"
@@ -42,7 +42,7 @@ class GestureModel:
     names : tuple of str
         What the inputs mean.
     temperature : float
-        Scores are divided by it before the softmax: calibration, see `radar_gestures.calibration`.
+        Scores are divided by it before the softmax: calibration, see `radar_gestures.classifiers.calibration`.
     reject : float
         An event whose score by ``rejector`` is below this is no known gesture.
     rejector : Rejector

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, PointCloud, Pose, RadarInfo
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
+from radar_gestures.datasets.samples import chunk_path, load_samples, open_folder, write_chunk
+from radar_gestures.datasets.training_scenes import training_scene
+from radar_gestures.datasets.workers import work_through
+from radar_gestures.evaluation.scoring import TruthSegment, nearest_person, truth_segments
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
-from radar_gestures.samples import chunk_path, load_samples, open_folder, write_chunk
-from radar_gestures.scoring import TruthSegment, nearest_person, truth_segments
-from radar_gestures.training_scenes import training_scene
-from radar_gestures.workers import work_through
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.library import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
@@ -45,7 +45,7 @@ def generate(
 ) -> int:
     """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped.
 
-    A scene takes about 10 s of one core and gives about 20 samples, see `radar_gestures.training_scenes`.
+    A scene takes about 10 s of one core and gives about 20 samples, see `radar_gestures.datasets.training_scenes`.
 
     Parameters
     ----------

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.cnn import CnnConfig, CnnModel, Network, export
-from radar_gestures.validation import Judge, Mask
+from radar_gestures.classifiers.cnn import CnnConfig, CnnModel, Network, export
+from radar_gestures.classifiers.validation import Judge, Mask
 
 
 def train_cnn(
@@ -34,7 +34,7 @@ def train_cnn(
     Returns
     -------
     Network
-        For `radar_gestures.cnn.export`.
+        For `radar_gestures.classifiers.cnn.export`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def train_cnn(
 def cnn_judge(
     cubes: NDArray[np.float32], label: NDArray[np.int64], settings: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
 ) -> Judge:
-    """Make the network comparable with any other classifier on the same split: see `radar_gestures.validation.cross_validate`.
+    """Make the network comparable with any other classifier on the same split: see `radar_gestures.classifiers.validation.cross_validate`.
 
     What is judged is the exported graph in the ONNX runtime, as it would run.
 

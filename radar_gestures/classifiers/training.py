@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
-from radar_gestures.calibration import calibration_error, choose_reject, fit_temperature, soften
-from radar_gestures.model import RANDOM, GestureModel, save_model
+from radar_gestures.classifiers.calibration import calibration_error, choose_reject, fit_temperature, soften
+from radar_gestures.classifiers.model import RANDOM, GestureModel, save_model
+from radar_gestures.classifiers.rejection import ByDistance, ByProbability, Rejector
+from radar_gestures.classifiers.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out
+from radar_gestures.datasets.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
 from radar_gestures.recognizer import GestureConfig
-from radar_gestures.rejection import ByDistance, ByProbability, Rejector
-from radar_gestures.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
-from radar_gestures.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out
 
 _MOST_REPEATS: Final[int] = 8  # of a rare sample: more of the same teaches nothing
 
@@ -108,7 +108,7 @@ def train(
 
 
 def read_folder(folder: str | Path) -> SampleSet:
-    """Read a data set of scenes (`radar_gestures.dataset.generate`) or one of single samples (`radar_gestures.synthesis.synthesise`).
+    """Read a data set of scenes (`datasets.scenes.generate`) or one of single samples (`datasets.synthesis.synthesise`).
 
     Without the samples of people who walked (``GestureConfig.walk_distance``): a recogniser calls these random without asking its model.
 
@@ -119,7 +119,7 @@ def read_folder(folder: str | Path) -> SampleSet:
     """
     folder = Path(folder)
     if (folder / MANIFEST).is_file() and any(folder.glob("sample_*.npz")):
-        from radar_gestures.synthesis import feature_samples  # loads the simulator, which scenes of others do not need
+        from radar_gestures.datasets.synthesis import feature_samples  # loads the simulator, which scenes of others do not need
 
         return standing(feature_samples(folder), GestureConfig().walk_distance)
     return standing(load_samples(folder), GestureConfig().walk_distance)
@@ -169,7 +169,7 @@ def validate(
     samples : SampleSet
         ``label`` is an index into ``labels``.
     folds : sequence of ndarray of bool, shape (n,)
-        Test parts, see `radar_gestures.validation`.
+        Test parts, see `radar_gestures.classifiers.validation`.
     settings : TrainingConfig
         How to train.
     labels : sequence of str

@@ -1,9 +1,9 @@
 """Synthetic data sets: one gesture of one person a file, with clouds, features and truth (thesis, sections 4.3 and chapter 5).
 
-`radar_gestures.dataset` simulates whole scenes, for training what the recogniser will meet. Here each sample is one stroke, as in the
-thesis: for maps, for other classifiers, for comparing with recordings. A sample takes about half a second of one core.
+`radar_gestures.datasets.scenes` simulates whole scenes, for training what the recogniser will meet. Here each sample is one stroke, as in
+the thesis: for maps, for other classifiers, for comparing with recordings. A sample takes about half a second of one core.
 
-Workers are joblib's, see `radar_gestures.workers`. On a Dask cluster whose machines share the folder::
+Workers are joblib's, see `radar_gestures.datasets.workers`. On a Dask cluster whose machines share the folder::
 
     with Client("tcp://scheduler:8786"), joblib.parallel_config(backend="dask"):
         synthesise("folder", 600, seed=1)
@@ -29,12 +29,22 @@ from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import load, plain
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.readings import read_stroke
+from radar_gestures.datasets.readings import read_stroke
+from radar_gestures.datasets.samples import (
+    FORMAT,
+    ONE,
+    SampleSet,
+    open_folder,
+    pack_clouds,
+    read_manifest,
+    read_samples,
+    sample_path,
+    write_chunk,
+)
+from radar_gestures.datasets.synthesis_plan import Plan, Sample, draw_sample, named_plan, stroke_of
+from radar_gestures.datasets.workers import work_through
+from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.recognizer import GestureConfig, feature_settings
-from radar_gestures.samples import FORMAT, ONE, SampleSet, open_folder, pack_clouds, read_manifest, read_samples, sample_path, write_chunk
-from radar_gestures.scoring import TruthSegment
-from radar_gestures.synthesis_plan import Plan, Sample, draw_sample, named_plan, stroke_of
-from radar_gestures.workers import work_through
 from radar_sim import Scene, SimulatedFrame, Simulator
 from radar_sim.motions.library import library_hash
 from radar_tracking import TrackerConfig

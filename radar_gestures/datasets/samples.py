@@ -33,7 +33,7 @@ BOTH: Final[str] = "cloud"
 ONE: Final[str] = "one"
 """How those of the first transmitter alone do."""
 _COLUMNS: Final[tuple[str, ...]] = ("features", "label", "person", "walked", "missed")
-_ADVICE: Final[str] = "make some with `handwave dataset generate`, or radar_gestures.synthesis.synthesise"
+_ADVICE: Final[str] = "make some with `handwave dataset generate`, or radar_gestures.datasets.synthesis.synthesise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +252,7 @@ def read_sample(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """Read the samples of a folder one after the other, in order; each as `radar_gestures.synthesis.simulate_sample` describes it.
+    """Read the samples of a folder one after the other, in order; each as `radar_gestures.datasets.synthesis.simulate_sample` describes it.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
 
 
 def load_samples(folder: str | Path) -> SampleSet:
-    """Read all chunks of a data set of scenes (`radar_gestures.dataset.generate`).
+    """Read all chunks of a data set of scenes (`radar_gestures.datasets.scenes.generate`).
 
     Raises
     ------
@@ -273,7 +273,7 @@ def load_samples(folder: str | Path) -> SampleSet:
     folder = Path(folder)
     chunks = sorted(folder.glob("chunk_*.npz"))
     if not chunks or not (folder / MANIFEST).is_file():
-        raise DataError(f"{folder}: no samples here; make some with `handwave train`, or radar_gestures.dataset.generate")
+        raise DataError(f"{folder}: no samples here; make some with `handwave train`, or radar_gestures.datasets.scenes.generate")
     columns: dict[str, list[NDArray[Any]]] = {name: [] for name in _COLUMNS}
     for path in chunks:
         content = read_sample(path)

@@ -13,8 +13,8 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import HandwaveError, RadarInfo
-from radar_gestures.messages import gesture_to_msg, maps_to_msg
-from radar_gestures.model import load_model
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.nodes.messages import gesture_to_msg, maps_to_msg
 from radar_gestures.recognizer import GestureConfig, GestureRecognizer
 from radar_ros import qos
 from radar_ros.convert import cloud_from_msg

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
-from radar_gestures.dataset import label_events
+from radar_gestures.datasets.samples import BOTH, ONE, SampleSet, info_of, read_sample, sample_files, unpack_clouds
+from radar_gestures.datasets.scenes import label_events
 from radar_gestures.encoder import ATTRIBUTES, EncoderConfig, encode
+from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
 from radar_gestures.maps import FeatureMaps, feature_maps
 from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
-from radar_gestures.samples import BOTH, ONE, SampleSet, info_of, read_sample, sample_files, unpack_clouds
-from radar_gestures.scoring import TruthSegment
 from radar_tracking import PeopleTracker, Track, TrackedCloud, TrackerConfig
 
 T = TypeVar("T")
@@ -264,7 +264,7 @@ def collect(
     Parameters
     ----------
     folder : str or Path
-        A data set of `radar_gestures.synthesis` or `radar_gestures.labelled`.
+        A data set of `radar_gestures.datasets.synthesis` or `radar_gestures.datasets.labelled`.
     settings, every, one_tx
         As in `read`.
     n_jobs : int

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_gestures.calibration import calibration_error, reliability
-from radar_gestures.validation import Validation
+from radar_gestures.classifiers.calibration import calibration_error, reliability
+from radar_gestures.classifiers.validation import Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

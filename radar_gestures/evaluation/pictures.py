@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
-from radar_gestures.comparison import Comparison
-from radar_gestures.readings import maps_of, read
+from radar_gestures.datasets.readings import maps_of, read
+from radar_gestures.datasets.samples import SampleSet
+from radar_gestures.evaluation.comparison import Comparison
 from radar_gestures.recognizer import GestureConfig
-from radar_gestures.samples import SampleSet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

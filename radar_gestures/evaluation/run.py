@@ -12,8 +12,8 @@ from radar_core import GESTURES, NO_GESTURE, Pose
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.linalg import SingularError
+from radar_gestures.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, score_gestures
 from radar_gestures.recognizer import Gesture
-from radar_gestures.scoring import GestureScore, RecognisedGesture, TruthSegment, score_gestures
 from radar_tracking import HandTrack, Tracks
 from radar_tracking.metrics import (
     ClearMot,

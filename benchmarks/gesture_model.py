@@ -1,0 +1,118 @@
+"""Is the model that comes with Handwave the one that its command makes? Simulates, trains, and compares (`COMMANDS`)."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.report import choice
+from radar_core.paths import find_config
+from radar_gestures.classifiers.model import load_model, save_model
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.classifiers.training import TrainingConfig, TrainingReport, read_folder, train_on
+from radar_gestures.datasets.samples import SampleSet, join_samples
+from radar_gestures.datasets.scenes import generate
+from radar_gestures.datasets.synthesis import synthesise
+from radar_gestures.datasets.synthesis_plan import named_plan
+
+SCENES: Final = 320
+STROKES: Final = 1_500
+LOST: Final = 0.02
+"""Share of known gestures given up to reject unknown ones: of people beside each other a higher one costs more than it keeps out."""
+COMMANDS: Final = (
+    f"handwave dataset generate strokes --plan all --body ellipsoids -n {STROKES}",
+    f"handwave train scenes strokes --scenes {SCENES} --lost {LOST} --out gestures.npz",
+)
+
+
+def data(folder: Path, quick: bool, n_jobs: int) -> SampleSet:
+    """Do what the commands do, as far as the folder does not hold it yet: about an hour and a half of one core."""
+    scenes, strokes = (4, 60) if quick else (SCENES, STROKES)
+    generate(folder / "scenes", scenes, seed=1, n_jobs=n_jobs)
+    synthesise(folder / "strokes", strokes, seed=1, n_jobs=n_jobs, plan=named_plan("all"), body="ellipsoids")
+    return join_samples([read_folder(folder / name) for name in ("scenes", "strokes")])
+
+
+def model_file(report: TrainingReport, folder: Path) -> bytes:
+    """Content of the file that a model is saved to."""
+    path = folder / "model.npz"
+    save_model(report.model, path)
+    return path.read_bytes()
+
+
+def equal_predictions(first: GestureModel, second: GestureModel, samples: SampleSet) -> float:
+    """Share of the samples that two models name alike, rejected ones as random."""
+    return float(np.mean([_named(first, row) == _named(second, row) for row in samples.features]))
+
+
+def _named(model: GestureModel, features: np.ndarray[Any, Any]) -> int:
+    probabilities = model.probabilities(features)
+    return int(np.argmax(probabilities)) if model.known(features, probabilities) else 0
+
+
+def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
+    """Train twice, and compare the files with each other and with the one that is shipped."""
+    settings = TrainingConfig(lost=LOST)
+    reports, seconds = [], []
+    for _ in range(2):
+        start = time.perf_counter()
+        reports.append(train_on(samples, settings))
+        seconds.append(time.perf_counter() - start)
+    with tempfile.TemporaryDirectory() as folder:
+        files = [model_file(report, Path(folder)) for report in reports]
+    return {
+        "repeats_bit_for_bit": files[0] == files[1],
+        "shipped_bit_for_bit": files[0] == shipped.read_bytes(),
+        "equal_predictions": equal_predictions(reports[0].model, load_model(shipped), samples),
+        "n_samples": len(samples.label),
+        "held_out": reports[0].validation.accuracy,
+        "held_out_gestures": reports[0].validation.figures()["gesture_accuracy"],
+        "train_s": min(seconds),
+        "choices": rejection_rows(reports[0], samples),
+    }
+
+
+def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[float] = (LOST, 0.05, 0.1)) -> list[dict[str, Any]]:
+    """Gestures of people left out that are kept, beside the time of naming one, for several limits of rejection."""
+    rows: list[dict[str, Any]] = []
+    reference: list[float] | None = None
+    for lost in shares:
+        limited = train_on(samples, TrainingConfig(lost=lost)) if lost != LOST else report
+        times = []
+        for row in samples.features[:300]:
+            start = time.perf_counter_ns()
+            limited.model.known(row, limited.model.probabilities(row))
+            times.append((time.perf_counter_ns() - start) * 1e-6)
+        accuracy = ("known gestures kept", 1.0 - limited.lost, "")
+        rows.append(choice("rejection", f"lost={lost:g}", accuracy=accuracy, times_ms=times[50:], reference_ms=reference))
+        reference = reference or times[50:]
+    return rows
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Make the shipped model again.
+
+    Parameters
+    ----------
+    quick : bool
+        Few samples; nothing can be equal to the shipped model then.
+    keep : Path or None
+        Folder for the samples (``scenes``, ``strokes``), with which an interrupted run goes on; None: they are thrown away.
+
+    Returns
+    -------
+    dict
+        ``repeats_bit_for_bit``, ``shipped_bit_for_bit`` (on the machine that made it), ``equal_predictions`` (on any), ``n_samples``,
+        ``held_out``, ``held_out_gestures``: accuracy for people left out, of all events and of gestures; ``train_s``, ``choices``.
+    """
+    n_jobs, shipped = (1 if quick else os.cpu_count() or 1), find_config("gestures", "models", ".npz")
+    if keep is not None:
+        return compare(data(keep, quick, n_jobs), shipped)
+    with tempfile.TemporaryDirectory() as folder:
+        return compare(data(Path(folder), quick, n_jobs), shipped)

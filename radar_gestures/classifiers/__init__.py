@@ -1,0 +1,1 @@
+"""Classifiers: training, calibration, rejection, validation, and the model files that recognisers read."""

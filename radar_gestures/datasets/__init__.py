@@ -1,0 +1,1 @@
+"""Labelled samples: simulated ones, recorded ones, and what is read from them."""

@@ -1,0 +1,1 @@
+"""How good recognition is: scores against the truth, statistics, reports and pictures."""
