@@ -11,9 +11,9 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks import gesture_crowds, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
+from benchmarks import gesture_crowds, gesture_knobs, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
 
-_OURS: Final = ("tables", "worlds", "streams", "crowds")  # folders within the one that --keep names
+_OURS: Final = ("tables", "knobs", "worlds", "streams", "crowds")  # folders within the one that --keep names
 
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
@@ -22,6 +22,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     parts = [
         gestures_speed.figures(quick),
         tables,
+        gesture_knobs.run(quick, folder / "knobs", n_jobs),
         gesture_worlds.run(quick, folder / "worlds", n_jobs),
         gesture_streams.run(quick, folder / "streams", n_jobs),
         gesture_crowds.run(quick, folder / "crowds", n_jobs),
@@ -47,7 +48,7 @@ def run(quick: bool = False, keep: Path | None = None, real: bool = False, full:
     Returns
     -------
     dict
-        The figures of `gesture_tables`, `gesture_worlds`, `gesture_streams`, `gesture_crowds` and `gestures_speed`.
+        The figures of `gesture_tables`, `gesture_knobs`, `gesture_worlds`, `gesture_streams`, `gesture_crowds` and `gestures_speed`.
     """
     if real:
         from benchmarks import gestures_real

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import gesture_model, gesture_tables
+from benchmarks import gesture_knobs, gesture_model, gesture_tables
 from radar_core import GESTURES
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.classifiers.training import TrainingConfig, train_on
@@ -88,3 +88,19 @@ def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_pat
     assert (found["equal_predictions"] == 1.0) is same or found["equal_predictions"] > 0.9
     kept = [row["accuracy"]["value"] for row in found["choices"]]
     assert kept == sorted(kept, reverse=True)  # the more may be lost, the fewer are kept
+
+
+def test_every_knob_that_is_measured_differs_from_the_default():
+    """Or a row would say that a knob costs and gains nothing because nobody turned it."""
+    for made in (gesture_knobs.settings(), gesture_knobs.trainings()):
+        (first, default), *others = made.items()
+        assert first == "default"
+        assert all(config != default for _, config in others)
+        assert len({str(config) for config in made.values()}) == len(made)
+
+
+def test_recognised_counts_gestures_without_an_event_as_wrong():
+    """Ten labels of 30 samples that are told apart; three more of each that gave no event, those of random movements right."""
+    training = TrainingConfig(max_iterations=200)
+    assert gesture_knobs.accuracy(samples(0.01), training) == 1.0
+    assert gesture_knobs.accuracy(samples(0.01, missed=3), training) == pytest.approx(303 / 330)

@@ -1,0 +1,145 @@
+"""What the knobs of events, features and training gain and cost: 400 samples of ten people, two people left out at a time."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.gesture_tables import counted
+from benchmarks.gestures_speed import four_tracks, one_user
+from benchmarks.report import choice
+from radar_core import RadarInfo
+from radar_core.config import load_file
+from radar_core.paths import find_config
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.classifiers.training import TrainingConfig, fit, validate
+from radar_gestures.classifiers.validation import leave_subjects_out
+from radar_gestures.datasets.readings import collect
+from radar_gestures.datasets.samples import SampleSet
+from radar_gestures.datasets.synthesis import synthesise
+from radar_gestures.datasets.synthesis_plan import named_plan
+from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_sim import Simulator
+from radar_tracking import TrackedCloud
+
+REPETITIONS: Final = 4
+_ACCURACY: Final = "recognised, people held out"
+
+
+def settings() -> dict[str, GestureConfig]:
+    """Every setting of events and features that is measured; each differs from the default, which stands first, in one thing."""
+    default = GestureConfig()
+    features: dict[str, list[Any]] = {
+        "angles": ["offset", "sensor"],
+        "smoothing": [0.0, 0.14],
+        "median": [0.0, 0.2],
+        "lateral": [0.2, 100.0],
+        "weak": [10.0, 30.0],
+        "gate": [0.26],
+    }
+    events: dict[str, list[Any]] = {"release": [0.8], "quiet": [0.15], "max_duration": [1.0], "min_duration": [0.1, 0.25]}
+    made = {"default": default}
+    for group, knobs in (("features", features), ("events", events)):
+        for knob, values in knobs.items():
+            for value in values:
+                part = dataclasses.replace(getattr(default, group), **{knob: value})
+                made[f"{knob}={value}"] = dataclasses.replace(default, **{group: part})
+    made["margin=0"] = dataclasses.replace(default, margin=0.0)
+    made["preset thesis"] = load_file(GestureConfig, find_config("thesis", "gestures", ".yaml"))
+    return made
+
+
+def trainings() -> dict[str, TrainingConfig]:
+    """Every setting of the training that is measured, layers aside (`gesture_tables`); the default stands first."""
+    default = TrainingConfig()
+    knobs: dict[str, list[Any]] = {"regularisation": [1e-3, 1.0], "balanced": [False]}
+    made = {"default": default}
+    return made | {f"{knob}={value}": dataclasses.replace(default, **{knob: value}) for knob, values in knobs.items() for value in values}
+
+
+def accuracy(samples: SampleSet, training: TrainingConfig) -> float:
+    """Share of the performed gestures that a model of other people names right; without an event they are wrong."""
+    found = counted(validate(samples, leave_subjects_out(samples.person), training), samples)
+    return float(found["recognised"])
+
+
+def tracked_clouds(quick: bool) -> tuple[list[TrackedCloud], RadarInfo]:
+    """Four people who gesture, for the time of an event stage."""
+    simulator = Simulator(one_user(quick))
+    baseband, info = Baseband(BasebandConfig(), simulator.info), simulator.info
+    frames = range(min(simulator.n_frames, 60 if quick else 300))
+    return four_tracks([baseband.process(simulator.process(k).frame).to_room(info.mount) for k in frames]), info
+
+
+def stage_times(config: GestureConfig, clouds: list[TrackedCloud], info: RadarInfo) -> list[float]:
+    """Milliseconds of maps, events and features of four tracks, cloud by cloud."""
+    stage, times = EventStage(config, info.mount), []
+    for tracked in clouds:
+        start = time.perf_counter_ns()
+        stage.process(tracked)
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+    return times[5:]  # the first ones compile
+
+
+def naming_times(samples: SampleSet, training: TrainingConfig) -> list[float]:
+    """Milliseconds of naming an event, one at a time."""
+    model, times = fit(samples, np.ones(len(samples.label), np.bool_), training), []
+    for row in samples.features[:200]:
+        start = time.perf_counter_ns()
+        model.probabilities(row)
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+    return times[20:]
+
+
+def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
+    """Make the samples that are missing, and measure every setting on them."""
+    plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {"repetitions": REPETITIONS}))
+    synthesise(folder, plan.n_samples, seed=5, n_jobs=n_jobs, plan=plan, body="ellipsoids")
+    clouds, info = tracked_clouds(quick)
+    rows: list[dict[str, Any]] = []
+    default: SampleSet | None = None
+    reference: list[float] | None = None
+    for name, config in list(settings().items())[: 2 if quick else None]:
+        samples = collect(folder, config, n_jobs=n_jobs)
+        times = stage_times(config, clouds, info)
+        value = (_ACCURACY, accuracy(samples, TrainingConfig()), "")
+        rows.append(choice("events and features, four tracks", name, accuracy=value, times_ms=times, reference_ms=reference))
+        default, reference = default or samples, reference or times
+    assert default is not None
+    reference = None
+    for name, training in list(trainings().items())[: 2 if quick else None]:
+        times = naming_times(default, training)
+        value = (_ACCURACY, accuracy(default, training), "")
+        rows.append(choice("training, one event", name, accuracy=value, times_ms=times, reference_ms=reference))
+        reference = reference or times
+    return rows
+
+
+def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None) -> dict[str, Any]:
+    """Measure the knobs; a quarter of an hour of one core.
+
+    Parameters
+    ----------
+    quick : bool
+        Few samples, few settings.
+    keep : Path or None
+        Folder for the samples; None: they are thrown away.
+    n_jobs : int or None
+        Processes; None: one per core, quickly one.
+
+    Returns
+    -------
+    dict
+        ``choices``: gestures recognised beside the time of the event stage of four tracks, or of naming one event.
+    """
+    n_jobs = n_jobs if n_jobs is not None else (1 if quick else os.cpu_count() or 1)
+    if keep is not None:
+        return {"choices": measure(keep, quick, n_jobs)}
+    with tempfile.TemporaryDirectory() as folder:
+        return {"choices": measure(Path(folder), quick, n_jobs)}
