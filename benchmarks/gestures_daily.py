@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gestures_real import CURVES, GATES, MAX_SPEED, RealSet, Study
+from benchmarks.gesture_studies import CURVES, GATES, MAX_SPEED, RealSet, Study
 from benchmarks.recordings import folder, tracker_for
 from radar_core import PointCloud
 from radar_core.config import load_file

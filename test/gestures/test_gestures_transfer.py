@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks import gesture_drills as drills
+from benchmarks import gesture_studies as real
 from benchmarks import gestures_daily as daily
-from benchmarks import gestures_real as real
 from benchmarks import gestures_transfer as transfer
 from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import gestures_real as real
+from benchmarks import gesture_studies as real
 from benchmarks.gestures_closing import accuracy_without, alone, from_the_end
+from benchmarks.gestures_real import model_bytes
 from benchmarks.recordings import folder
 from radar_core import DataError
 from radar_gestures.classifiers.validation import Validation
@@ -67,7 +68,7 @@ def test_people_never_seen_are_recognised(made: real.Study) -> None:
 def test_the_model_keeps_to_its_size(made: real.Study) -> None:
     """At most 200 kB and 1 MFLOP."""
     model = made.fit()
-    assert real.model_bytes(model) <= 200_000
+    assert model_bytes(model) <= 200_000
     assert model.flop <= 1_000_000
 
 
