@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,9 +271,3 @@ def study(data: RealSet, settings: PerceptronTraining | CurveTraining, curves: C
 def thirteen(data: RealSet, settings: PerceptronTraining) -> Study:
     """Take the thirteen features instead; there are no changed copies of these."""
     return Study(data, FEATURE_NAMES, data.thirteen.astype(np.float32), None, settings)
-
-
-def matrix(validation: Validation) -> dict[str, Any]:
-    """Give a confusion matrix and the recalls as plain data."""
-    recall = {name: float(value) for name, value in zip(validation.labels, validation.recall, strict=True)}
-    return {"labels": list(validation.labels), "confusion": validation.confusion.tolist(), "recall": recall}

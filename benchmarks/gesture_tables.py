@@ -14,7 +14,7 @@ import numpy as np
 from joblib import Memory
 
 from benchmarks.gesture_clouds import sources
-from benchmarks.report import choice, measure_together
+from benchmarks.report import choice, matrix, measure_together
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
@@ -223,15 +223,13 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
     return figures, rows, {"CNN": found}
 
 
-def measure(folder: Path, quick: bool, n_jobs: int) -> tuple[dict[str, Any], dict[str, Validation]]:
+def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     """Make the data set and all tables.
 
     Returns
     -------
     dict
-        Flat figures, ``table_4_1`` and ``choices``.
-    dict of str to Validation
-        Confusion matrices for pictures.
+        Flat figures, ``table_4_1``, ``confusion`` and ``choices``.
     """
     readings = Readings(data_set(folder, quick, n_jobs), folder / "read", n_jobs)
     samples = readings.samples()
@@ -239,7 +237,9 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> tuple[dict[str, Any], dic
     by_rate, rate_rows = table_4_1(readings, quick)
     compared, cnn_rows, networks = table_4_2(samples, readings, quick)
     flat |= compared | {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
-    return {**flat, "table_4_1": by_rate, "choices": rate_rows + hidden_neurons(samples, quick) + cnn_rows}, found | networks
+    confusion = {name: matrix(one) for name, one in (found | networks).items()}
+    rows = rate_rows + hidden_neurons(samples, quick) + cnn_rows
+    return {**flat, "table_4_1": by_rate, "confusion": confusion, "choices": rows}
 
 
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
@@ -260,6 +260,6 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     n_jobs = 1 if quick else os.cpu_count() or 1
     if keep is not None:
-        return measure(keep, quick, n_jobs)[0]
+        return measure(keep, quick, n_jobs)
     with tempfile.TemporaryDirectory() as folder:
-        return measure(Path(folder), quick, n_jobs)[0]
+        return measure(Path(folder), quick, n_jobs)

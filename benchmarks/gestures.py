@@ -18,10 +18,9 @@ _OURS: Final = ("tables", "knobs", "worlds", "streams", "crowds")  # folders wit
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     """Measure everything that needs no recordings."""
-    tables, _ = gesture_tables.measure(folder / "tables", quick, n_jobs)
     parts = [
         gestures_speed.figures(quick),
-        tables,
+        gesture_tables.measure(folder / "tables", quick, n_jobs),
         gesture_knobs.run(quick, folder / "knobs", n_jobs),
         gesture_worlds.run(quick, folder / "worlds", n_jobs),
         gesture_streams.run(quick, folder / "streams", n_jobs),

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
-from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, matrix, person_of, read
-from benchmarks.report import choice, measure
+from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
+from benchmarks.report import choice, matrix, measure
 from radar_gestures.classifiers.curve_training import CurveTraining
 from radar_gestures.classifiers.validation import Validation
 from radar_gestures.classifiers.variation import VariationConfig, copies

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from radar_gestures.classifiers.validation import Validation
+
 
 def measure(call: Callable[[], Any], *, repeat: int = 50, warmup: int = 3) -> list[float]:
     """Time ``call`` and return milliseconds per run."""
@@ -70,3 +72,9 @@ def choice(
         "ratio": float(np.median(times_ms) / np.median(reference_ms)) if reference_ms else 1.0,
         **({"at": {"name": at[0], "value": at[1]}} if at else {}),
     }
+
+
+def matrix(validation: Validation) -> dict[str, Any]:
+    """Give a confusion matrix and the recalls as plain data."""
+    recall = {name: float(value) for name, value in zip(validation.labels, validation.recall, strict=True)}
+    return {"labels": list(validation.labels), "confusion": validation.confusion.tolist(), "recall": recall}
