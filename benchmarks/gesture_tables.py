@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import tempfile
@@ -24,11 +25,12 @@ from radar_gestures.classifiers.model import GestureModel, save_model
 from radar_gestures.classifiers.training import TrainingConfig, fit, train_on, validate
 from radar_gestures.classifiers.validation import Validation, cross_validate, leave_subjects_out, random_split
 from radar_gestures.datasets.readings import Cubes, collect, cubes
-from radar_gestures.datasets.samples import SampleSet, read_manifest, sample_files
+from radar_gestures.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_gestures.datasets.synthesis import synthesise
 from radar_gestures.datasets.synthesis_plan import Plan, named_plan
 from radar_gestures.recognizer import EventStage, GestureConfig
 from radar_sim import Action, Person, Scene, Simulator
+from radar_sim.motions.library import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud
 
 _PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures")
@@ -40,9 +42,19 @@ SETTINGS: Final = TrainingConfig()
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
     """Simulate what the folder does not hold yet: ten people, ten gestures, fifteen times (section 4.3); quickly four people, thrice."""
     plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 3} if quick else {}))
-    place = folder / ("few" if quick else "subjects")
-    synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, body="ellipsoids" if quick else "mesh", one_tx=True)
+    place, body = folder / ("few" if quick else "subjects"), "ellipsoids" if quick else "mesh"
+    if not holds(place, plan, body):
+        synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, body=body, one_tx=True)
     return place
+
+
+def holds(place: Path, plan: Plan, body: str) -> bool:
+    """Whether all samples are there, whatever features stand in their files: `Readings` makes these anew."""
+    if not (place / MANIFEST).is_file():
+        return False
+    found = read_manifest(place)
+    wanted = {"seed": 1, "plan": json.loads(json.dumps(dataclasses.asdict(plan))), "body": body, "one_tx": True, "motions": library_hash()}
+    return {name: found[name] for name in wanted} == wanted and len(sample_files(place)) == plan.n_samples
 
 
 class Readings:

@@ -28,7 +28,7 @@ from radar_gestures.datasets.samples import FORMAT, SampleSet, open_folder, samp
 from radar_gestures.datasets.synthesis import simulate_sample
 from radar_gestures.datasets.synthesis_plan import Plan, Sample, draw_sample
 from radar_gestures.datasets.workers import work_through
-from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.recognizer import GestureConfig
 from radar_sim import Pattern, Scene, Wall
 from radar_sim.effects.config import ChannelErrors, Multipath
 from radar_sim.scene import Fidelity
@@ -82,9 +82,9 @@ class World:
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What has to be equal for a run to go on in a folder."""
+        """What has to be equal for a run to go on in a folder; features are read anew, whatever stands in the files."""
         own = {"body": self.body, "model": self.model, "seed": self.seed, "disturbed": self.disturbed, "plan": plain(self.plan)}
-        return {"format": FORMAT, **own, "sources": sources(), "settings": feature_settings(GestureConfig())}
+        return {"format": FORMAT, **own, "sources": sources()}
 
 
 TRAINING: Final = World("ellipsoids", "ellipsoids", "auto", Plan(animations="all"), 11, disturbed=False)

@@ -9,6 +9,8 @@ from radar_gestures.classifiers.model import save_model
 from radar_gestures.classifiers.training import TrainingConfig, train_on
 from radar_gestures.classifiers.validation import Validation
 from radar_gestures.datasets.samples import SampleSet
+from radar_gestures.datasets.synthesis import synthesise
+from radar_gestures.datasets.synthesis_plan import named_plan
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import GestureConfig, feature_settings
 
@@ -104,3 +106,14 @@ def test_recognised_counts_gestures_without_an_event_as_wrong():
     training = TrainingConfig(max_iterations=200)
     assert gesture_knobs.accuracy(samples(0.01), training) == 1.0
     assert gesture_knobs.accuracy(samples(0.01, missed=3), training) == pytest.approx(303 / 330)
+
+
+def test_a_data_set_is_used_again_only_when_it_is_the_same(tmp_path):
+    """Another body, or a sample too few: simulate."""
+    plan = named_plan("subjects", n_subjects=1, repetitions=2, gestures=("push",))
+    assert not gesture_tables.holds(tmp_path, plan, "ellipsoids")
+    synthesise(tmp_path, plan.n_samples, seed=1, n_jobs=1, plan=plan, body="ellipsoids", one_tx=True, progress=False)
+    assert gesture_tables.holds(tmp_path, plan, "ellipsoids")
+    assert not gesture_tables.holds(tmp_path, plan, "mesh")
+    next(tmp_path.glob("sample_*.npz")).unlink()
+    assert not gesture_tables.holds(tmp_path, plan, "ellipsoids")
