@@ -23,6 +23,7 @@ from radar_gestures.features import FEATURE_NAMES, FeatureConfig
 from radar_gestures.maps import FeatureMaps, MapConfig
 from radar_gestures.recognizer import EventStage, GestureConfig
 from radar_ros.importers import open_original
+from radar_ros.importers.recording import Recording
 from radar_tracking import TrackedCloud
 
 LOST: Final = 0.05
@@ -69,11 +70,8 @@ def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]
     people : sequence of int
         Whose; empty: everybody's.
     """
-    path, settings = folder() / "mhomeges" / "daily_random.npz", event_settings()
-    with np.load(path) as data:
-        everybody = sorted(int(name.removeprefix("frame_")) for name in data.files if name.startswith("frame_"))
-    for person in [person for person in everybody if person in (people or everybody)]:
-        recording = open_original("mhomeges", path, subject=person, idle=0.0)
+    settings = event_settings()
+    for person, recording in recordings(people):
         tracker, stage = tracker_for("sparse", "group_clustering"), EventStage(settings, recording.info.mount)
         found: list[FeatureMaps] = []
         stamps: list[int] = []
@@ -87,6 +85,16 @@ def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]
             if len(stamps) == limit:
                 break
         yield Stream(person, (stamps[-1] - stamps[0]) * 1e-9 / 3600, tuple(maps for maps in found if len(maps.stamp_ns)))
+
+
+def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
+    """Open the stream of each person, or of some; with the person's number."""
+    path = folder() / "mhomeges" / "daily_random.npz"
+    with np.load(path) as data:
+        everybody = sorted(int(name.removeprefix("frame_")) for name in data.files if name.startswith("frame_"))
+    for person in everybody:
+        if person in (people or everybody):
+            yield person, open_original("mhomeges", path, subject=person, idle=0.0)
 
 
 def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import joblib
 import numpy as np
 
-from benchmarks import gestures_daily, gestures_transfer
+from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_clouds import sources
 from benchmarks.gesture_studies import COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.gestures_closing import accuracy_without, from_the_end
@@ -124,7 +124,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         Accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
         none, and ``_closing`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of
         the second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures
-        of `gestures_transfer` and `gestures_daily`.
+        of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
     """
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
     settings = default_training(quick)
@@ -147,7 +147,8 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     simulated = parts.once("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
     rows = parts.once("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
-    return result | simulated | parts.once("daily", lambda: gestures_daily.figures(first, quick, keep)) | {"choices": rows}
+    daily = parts.once("daily", lambda: gestures_daily.figures(first, quick, keep))
+    return result | simulated | daily | gestures_shipped.figures(quick) | {"choices": rows}
 
 
 def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:

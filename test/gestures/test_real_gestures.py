@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import gesture_studies as real
+from benchmarks import gestures_shipped
 from benchmarks.gestures_closing import accuracy_without, alone, from_the_end
 from benchmarks.gestures_real import model_bytes
 from benchmarks.recordings import folder
@@ -125,3 +126,13 @@ def test_recordings_end_with_a_walk_to_the_radar(kind: str) -> None:
             moved[k] = np.median(own[-third:]) - np.median(own[:third])
     assert np.nanmedian(moved[last]) < -0.3
     assert abs(np.nanmedian(moved[~last])) < 0.05
+
+
+def test_the_shipped_model_before_real_people_is_counted(some: real.RealSet) -> None:
+    """Every gesture that we know is right, another, or missed; a minute of each stream gives rates that are finite."""
+    found = gestures_shipped.segments("mhomeges", 12)
+    assert found["segments"] == 12
+    assert found["right"] + found["other"] + found["missed"] == found["known"] > 0
+    assert 0.0 <= found["with_event"] <= 1.0
+    rates = gestures_shipped.daily(100)
+    assert rates["named_a_minute"] <= rates["events_a_minute"] < 60

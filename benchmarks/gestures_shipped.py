@@ -1,0 +1,117 @@
+"""The shipped model before real people and a radar that it was not made for: mHomeGes and mTransSee (docs/recordings.md)."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, Final
+
+from benchmarks.gesture_studies import GATES
+from benchmarks.gestures_daily import recordings
+from benchmarks.recordings import folder, tracker_for
+from radar_core import GESTURES, PointCloud
+from radar_core.config import load_file
+from radar_core.paths import find_config
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.recognizer import EventStage, Gesture, GestureConfig, GestureRecognizer, TrackEvent
+from radar_ros.importers import open_original
+from radar_ros.importers.recording import Recording, Segment
+from radar_tracking import TrackedCloud
+
+SEGMENTS: Final = 400
+"""Of each data set, spread evenly."""
+OURS: Final = {
+    **{"circle": "rotate", "pull": "pull", "push": "push", "up": "swipe_up", "down": "swipe_down"},
+    **{"CR": "rotate", "PL": "pull", "PS": "push", "UP": "swipe_up"},
+}
+"""Gestures of the data sets that we know too."""
+_LATE: Final = 500_000_000  # ns: an event may end so long after its segment
+
+
+def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
+    """Run people tracking over a recording, or over its first clouds."""
+    tracker = tracker_for("sparse", "group_clustering")
+    clouds = (item for item in recording.items if isinstance(item, PointCloud))
+    for cloud in itertools.islice(clouds, limit or None):
+        placed = cloud.to_room(recording.info.mount)
+        yield TrackedCloud(placed, tracker.process(placed))
+
+
+def during(segment: Segment, start_ns: int, end_ns: int) -> bool:
+    """Whether an event belongs to a segment."""
+    return start_ns <= segment.end_ns and segment.start_ns <= end_ns <= segment.end_ns + _LATE
+
+
+def verdict(segment: Segment, gestures: list[Gesture]) -> str:
+    """Say what became of a gesture that we know: "right", "other", or "missed", called random included."""
+    named = [g.name for g in gestures if g.label != 0 and during(segment, g.start_ns, g.end_ns)]
+    if not named:
+        return "missed"
+    return "right" if OURS[segment.label] in named else "other"
+
+
+def segments(kind: str, limit: int) -> dict[str, float]:
+    """Shares of the segments in which an event is found, with two settings, and what the shipped model calls them."""
+    recording = open_original(kind, folder() / kind / "segments.npz", limit=limit)
+    mount = recording.info.mount
+    slow = EventStage(load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), mount)
+    recogniser = GestureRecognizer(GestureConfig(), load_model(), mount)
+    gestures: list[Gesture] = []
+    events: list[TrackEvent] = []
+    for cloud in tracked(recording):
+        gestures += recogniser.process(cloud)
+        events += slow.process(cloud)
+    found = recording.tally.segments
+    known = [segment for segment in found if segment.label in OURS]
+    verdicts = Counter(verdict(segment, gestures) for segment in known)
+    return {
+        "segments": float(len(found)),
+        "with_event": sum(any(during(s, g.start_ns, g.end_ns) for g in gestures) for s in found) / len(found),
+        "with_event_slow_radar": sum(any(during(s, e.event.start_ns, e.event.end_ns) for e in events) for s in found) / len(found),
+        "known": float(len(known)),
+        **{name: float(verdicts[name]) for name in ("right", "other", "missed")},
+    }
+
+
+def daily(limit: int) -> dict[str, float]:
+    """Events a minute of people who make no gesture, with two settings, and what of it the shipped model calls a gesture."""
+    total: Counter[str] = Counter()
+    seconds = 0.0
+    for _, recording in recordings():
+        slow = EventStage(load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), recording.info.mount)
+        recogniser = GestureRecognizer(GestureConfig(), load_model(), recording.info.mount)
+        stamps = []
+        for cloud in tracked(recording, limit):
+            stamps.append(cloud.cloud.stamp_ns)
+            gestures = recogniser.process(cloud)
+            total["events"] += len(gestures)
+            total["named"] += sum(g.label != GESTURES.index("random") for g in gestures)
+            total["events_slow_radar"] += len(slow.process(cloud))
+        seconds += (stamps[-1] - stamps[0]) * 1e-9
+    return {
+        "minutes": seconds / 60,
+        **{f"{name}_a_minute": total[name] * 60 / seconds for name in ("events", "events_slow_radar", "named")},
+    }
+
+
+def figures(quick: bool = False) -> dict[str, Any]:
+    """Measure both.
+
+    Parameters
+    ----------
+    quick : bool
+        20 segments, and a minute of each stream.
+
+    Returns
+    -------
+    dict
+        ``shipped``: by data set, and ``daily``.
+    """
+    limit = 20 if quick else SEGMENTS
+    return {"shipped": {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(600 if quick else 0)}}
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Measure, as a benchmark; there is nothing to choose."""
+    return figures(quick) | {"choices": []}
