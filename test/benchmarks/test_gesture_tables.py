@@ -87,7 +87,10 @@ def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_pat
     found = gesture_model.compare(samples(0.3), shipped)
     assert found["repeats_bit_for_bit"]
     assert found["shipped_bit_for_bit"] is same
-    assert (found["equal_predictions"] == 1.0) is same or found["equal_predictions"] > 0.9
+    if same:
+        assert found["equal_predictions"] == 1.0
+    else:  # other start weights decide some samples near the limits otherwise, but most alike
+        assert 0.9 < found["equal_predictions"] <= 1.0
     kept = [row["accuracy"]["value"] for row in found["choices"]]
     assert kept == sorted(kept, reverse=True)  # the more may be lost, the fewer are kept
 

@@ -9,7 +9,8 @@ import pytest
 
 from radar_core import PointCloud
 from radar_gestures.events import EventConfig, EventDetector
-from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, Share, extract, summarise
+from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, Share, extract, running_medians, summarise
+from radar_gestures.recognizer import walked
 
 SETTINGS = FeatureConfig()
 BODY = (2.0, 0.0, 0.0)
@@ -131,3 +132,30 @@ def test_the_detector_survives_any_stamps_and_speeds():
         event = detector.process(stamp, float(rng.choice([0.0, 2.0, -2.0, math.nan, math.inf], p=[0.3, 0.4, 0.27, 0.02, 0.01])))
         if event is not None:
             assert 200_000_000 <= event.end_ns - event.start_ns <= 1_900_000_000
+
+
+@pytest.mark.parametrize("window", [0.0, 1e-12, 0.1, 1e9])
+@pytest.mark.parametrize("time", [[], [0.0], [0.0] * 5, [1e9, 1e9 + 0.02, 1e9 + 0.04], [0.0, 1e-300, 1e300]])
+def test_running_medians_at_any_spacing(time, window):
+    """No sample, one, all at one time, times of a real clock, absurd ones: as finite as the input, and between its extremes."""
+    time = np.array(time)
+    rows = np.stack([np.arange(len(time)) * 1.0, np.full(len(time), 1e300)])
+    found = running_medians(rows, time, window)
+    assert found.shape == rows.shape
+    assert np.isfinite(found).all()
+    if len(time):
+        assert (found >= rows.min(axis=1, keepdims=True)).all()
+        assert (found <= rows.max(axis=1, keepdims=True)).all()
+
+
+@pytest.mark.parametrize("body", [(np.nan, 0.0, 0.0), (2.0, np.nan, 0.0), (2.0, 0.0, np.nan), (np.inf, 0.0, 0.0)])
+def test_a_place_that_is_unknown_walks_nowhere(body):
+    """Before or after: 0, which never hides a gesture; the features say themselves what they do not know."""
+    with np.errstate(invalid="ignore"):
+        assert walked([sample(0, body=body)], [sample(1)]) == walked([sample(0)], [sample(1, body=body)]) == 0.0
+
+
+def test_walking_across_the_wrap_of_azimuth_is_a_short_way():
+    """From +179 to -179 degrees at 2 m: 7 cm, not 12 m."""
+    near = [sample(0, body=(2.0, math.radians(179.0), 0.0))], [sample(1, body=(2.0, math.radians(-179.0), 0.0))]
+    assert walked(*near) == pytest.approx(4.0 * math.sin(math.radians(1.0)), rel=1e-9)
