@@ -25,7 +25,7 @@ from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.datasets.samples import write_chunk
 from radar_gestures.datasets.workers import work_through
 from radar_gestures.evaluation.scoring import nearest_person
-from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer, TrackEvent
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_sim.people import Action, Person
@@ -205,10 +205,11 @@ def fitted(person: Person, duration: float, seed: int, more: Callable[[], Sequen
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A recognised gesture and the person nearest to its track when it was decided; None: nobody is near."""
+    """An event, what the recogniser calls it, and the person nearest to its track when it was decided; None: nobody is near."""
 
     person_id: int | None
     gesture: Gesture
+    event: TrackEvent
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +245,7 @@ class Run:
 def follow(
     store: Store, scene: Scene, model: GestureModel, settings: GestureConfig | None = None, tracker: TrackerConfig | None = None
 ) -> Run:
-    """Run tracking and recognition over a stored scene.
+    """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
     Parameters
     ----------
@@ -255,23 +256,24 @@ def follow(
     model : GestureModel
         The classifier.
     settings : GestureConfig or None
-        Knobs of the recogniser; random events are published whatever it says. None: the defaults.
+        Knobs of the recogniser. None: the defaults.
     tracker : TrackerConfig or None
         None: the defaults.
     """
     info = scene.radars[0].info
-    settings = dataclasses.replace(settings if settings is not None else GestureConfig(), publish_random=True)
     people = PeopleTracker(tracker if tracker is not None else TrackerConfig(), info)
-    recogniser = GestureRecognizer(settings, model, info.mount)
+    recogniser = GestureRecognizer(settings if settings is not None else GestureConfig(), model, info.mount)
     run = Run(scene, [], [], [], [])
     for moment in store.moments(scene):
         tracked = TrackedCloud(moment.cloud, people.process(moment.cloud))
         start = time.perf_counter_ns()
-        gestures = recogniser.process(tracked)
+        events = recogniser.find(tracked)
+        gestures = [recogniser.name(event, tracked.tracks.stamp_ns) for event in events]
         run.times_ms.append((time.perf_counter_ns() - start) * 1e-6)
-        for gesture in gestures:
+        for event, gesture in zip(events, gestures, strict=True):
             track = tracked.tracks.find(gesture.track_id)
-            run.found.append(Found(None if track is None else nearest_person(moment.truth, track.position), gesture))
+            person = None if track is None else nearest_person(moment.truth, track.position)
+            run.found.append(Found(person, gesture, dataclasses.replace(event, maps=None)))
         run.tracked.append(tracked)
         run.truths.append(moment.truth)
     return run

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks import gesture_rules
 from benchmarks.gesture_causes import RANDOM, Judged, Outcome, Surplus, judge
 from benchmarks.gesture_clouds import Store, follow
 from benchmarks.gesture_streams import NAMED, Random, body, effects, stroke
@@ -211,10 +212,12 @@ def measure(
     counts = dict.fromkeys(CROWDS, Counts())
     judged: dict[Crowd, list[Judged]] = {crowd: [] for crowd in CROWDS}
     times: dict[Crowd, list[float]] = {crowd: [] for crowd in CROWDS}
+    performed: list[list[TruthSegment]] = []
     for (crowd, _), scene in scenes.items():
         run = follow(store, scene, model)
         one = judge(run)
-        counts[crowd] += count(truth_segments(run.truths), one)
+        performed.append(truth_segments(run.truths))
+        counts[crowd] += count(performed[-1], one)
         judged[crowd].append(one)
         times[crowd] += run.times_ms
     users = {n: sum((counts[crowd] for crowd in CROWDS if crowd.users == n), Counts()) for n in (2, 3)}
@@ -225,8 +228,19 @@ def measure(
         "cross_talk": whole.figures()["cross_talk"],
         "ghost_gestures": whole.ghosts,
         "crowds": {crowd.name: counts[crowd].figures() | {"causes": causes(judged[crowd])} for crowd in CROWDS},
-        "choices": rows(counts, times),
+        "choices": rows(counts, times) + rule_rows([one for own in judged.values() for one in own], performed, model),
     }
+
+
+def rule_rows(judged: Sequence[Judged], performed: Sequence[Sequence[TruthSegment]], model: GestureModel) -> list[dict[str, Any]]:
+    """Accuracy of all crowds by other rules of the recogniser, see `gesture_rules`."""
+
+    def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
+        whole = sum((count(segments, one) for segments, one in zip(performed, again, strict=True)), Counts())
+        shares = whole.figures()
+        return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", ("right gesture for the right person", shares["accuracy"] or 0.0, "")
+
+    return gesture_rules.rows("crowds: rules, one event", judged, model, figures)
 
 
 def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import tempfile
 import time
@@ -15,7 +16,7 @@ from benchmarks.report import choice
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.classifiers.training import TrainingConfig, TrainingReport, read_folder, train_on
+from radar_gestures.classifiers.training import TrainingConfig, TrainingReport, read_folder, reject_limit, train_on
 from radar_gestures.datasets.samples import SampleSet, join_samples
 from radar_gestures.datasets.scenes import generate
 from radar_gestures.datasets.synthesis import synthesise
@@ -83,13 +84,13 @@ def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[
     rows: list[dict[str, Any]] = []
     reference: list[float] | None = None
     for lost in shares:
-        limited = train_on(samples, TrainingConfig(lost=lost)) if lost != LOST else report
-        times = []
+        limit, gone = reject_limit(report.validation, report.score, lost)
+        model, times = dataclasses.replace(report.model, reject=limit), []
         for row in samples.features[:300]:
             start = time.perf_counter_ns()
-            limited.model.known(row, limited.model.probabilities(row))
+            model.known(row, model.probabilities(row))
             times.append((time.perf_counter_ns() - start) * 1e-6)
-        accuracy = ("known gestures kept", 1.0 - limited.lost, "")
+        accuracy = ("known gestures kept", 1.0 - gone, "")
         rows.append(choice("rejection", f"lost={lost:g}", accuracy=accuracy, times_ms=times[50:], reference_ms=reference))
         reference = reference or times[50:]
     return rows

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks import gesture_rules
 from benchmarks.gesture_causes import RANDOM, Judged, Outcome, judge
 from benchmarks.gesture_clouds import Store, fitted, follow
 from benchmarks.report import choice
@@ -359,7 +360,20 @@ def measure(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progre
     recall = flat["event_recall"]
     row = choice("streams", "default", accuracy=("event recall", math.nan if recall is None else recall, ""), times_ms=times)
     pace_now = None if math.isnan(pace) else pace
-    return {**flat, "tables": gesture_tables(judged["gestures"]), "seconds_per_minute_of_stream": pace_now, "choices": [row]}
+    rules = rule_rows(judged["gestures"], [one for own in idle.values() for one in own], model)
+    return {**flat, "tables": gesture_tables(judged["gestures"]), "seconds_per_minute_of_stream": pace_now, "choices": [row, *rules]}
+
+
+def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: GestureModel) -> list[dict[str, Any]]:
+    """Count gestures named right, and false ones an hour of idle time, by other rules of the recogniser, see `gesture_rules`."""
+    hours = sum(one.hours for one in idle)
+
+    def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
+        recognised = gesture_figures(again[: len(gestures)])["recognised_all"]
+        false = sum(s.false for one in again[len(gestures) :] for s in one.surplus)
+        return f", {false / hours:.1f} false gestures an hour", ("recognised", math.nan if recognised is None else recognised, "")
+
+    return gesture_rules.rows("streams: rules, one event", [*gestures, *idle], model, figures)
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:

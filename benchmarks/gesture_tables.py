@@ -73,7 +73,7 @@ class Readings:
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
         self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
-        self._validate_cnn = memory.cache(_validate_cnn, ignore=["given"])
+        self._validate_cnn = memory.cache(_validate_cnn)
         self._place, self._n_jobs = place, n_jobs
         self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
 
@@ -87,7 +87,7 @@ class Readings:
 
     def validate_cnn(self, settings: CnnConfig) -> Validation:
         """Judge the convolutional network on people left out: the better part of an hour."""
-        return self._validate_cnn(self._key, self.cubes(), settings)
+        return self._validate_cnn(sources(("radar_gestures/classifiers",)), self.cubes(), settings)
 
 
 _Key = tuple[str, str, int]  # what is read depends on: our sources, what the samples are, and how many
@@ -101,7 +101,7 @@ def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
     return cubes(place, GestureConfig(), n_jobs=n_jobs)
 
 
-def _validate_cnn(key: _Key, given: Cubes, settings: CnnConfig) -> Validation:
+def _validate_cnn(classifiers: str, given: Cubes, settings: CnnConfig) -> Validation:
     judge = cnn_judge(given.cube, given.label, settings)
     return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
 

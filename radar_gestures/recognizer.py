@@ -21,7 +21,10 @@ from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
 RANDOM: Final[int] = GESTURES.index("random")
-_AROUND_NS: Final[int] = 400_000_000  # ns: where a person is before and after an event is the median over this
+_STEPS: Final[tuple[int, ...]] = (GESTURES.index("push"), GESTURES.index("pull"))  # what a step towards the radar, or back, looks like
+_BEFORE_NS: Final[tuple[int, int]] = (1_200_000_000, 200_000_000)  # ns: from there to there before an event the person still was where they
+# stood, whatever the start of their step does to the track
+_AFTER_NS: Final[int] = 400_000_000  # ns: where a person is after an event
 
 
 @config
@@ -33,7 +36,13 @@ class GestureConfig:
     maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
     walk_distance: float = knob(
-        0.45, unit="m", low=0.0, high=100.0, doc="an event after which the person stands farther from where they were is random: they walk"
+        0.6, unit="m", low=0.0, high=100.0, doc="an event after which the person stands farther from where they were is random: they walk"
+    )
+    step_distance: float = knob(
+        0.25, unit="m", low=0.0, high=100.0, doc="after a push or pull this far from where they were, a person may have made a step instead"
+    )
+    step_score: float = knob(
+        0.4, low=0.0, high=1.0, doc="such a push or pull less familiar to the model is unknown; 0: one that the model knows never is"
     )
     min_confidence: float = knob(
         0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"
@@ -163,7 +172,8 @@ class _TrackState:
         events = settings.events
         self._margin_ns = round(settings.margin * 1e9)
         window = events.max_duration + max(events.quiet, settings.margin) + settings.margin + events.max_gap
-        self._motion = MotionRing(window)
+        remembered = events.max_duration + max(events.quiet, settings.margin) + max(settings.margin, _BEFORE_NS[0] * 1e-9) + events.max_gap
+        self._motion = MotionRing(remembered)
         self._maps = MapRing(window, GateAxis(settings.features.gate, settings.maps.max_speed))
         self._detector = EventDetector(events)
 
@@ -177,9 +187,12 @@ class _TrackState:
             return None
         start, end = event.start_ns - self._margin_ns, event.end_ns + self._margin_ns
         features = extract(self._motion.between(start, end), event.start_ns, self._settings.features)
-        before = self._motion.between(event.start_ns - _AROUND_NS, event.start_ns)
-        after = self._motion.between(event.end_ns, event.end_ns + _AROUND_NS)
-        return TrackEvent(track_id, event, features, walked(before, after), self._maps.window(start, end, self._settings.maps.length))
+        return TrackEvent(track_id, event, features, self._walked(event), self._maps.window(start, end, self._settings.maps.length))
+
+    def _walked(self, event: Event) -> float:
+        early, late = (event.start_ns - before for before in _BEFORE_NS)
+        before = self._motion.between(early, late) or self._motion.between(late, event.start_ns)  # a young track has only just begun
+        return walked(before, self._motion.between(event.end_ns, event.end_ns + _AFTER_NS))
 
 
 def walked(before: Sequence[MotionSample], after: Sequence[MotionSample]) -> float:
@@ -201,10 +214,11 @@ class GestureRecognizer:
     """Names what the people do with their arms.
 
     An event is "random" when the model says so, when it has too few moving samples for features, when the person walked during it
-    (``walk_distance``), and when it is unknown: the model does not know such a gesture (``model.known``), or its best label is less
-    probable than ``min_confidence``. Unknown events and those without features are not ``known``. The speed of the body is not subtracted
-    from the arm's: a standing person's is zero, an estimate of it would only add its error, and events of walking people are random
-    anyway.
+    (``walk_distance``), and when it is unknown: the model does not know such a gesture (``model.known``), its best label is less probable
+    than ``min_confidence``, or it is a push or pull after which the person stands elsewhere (``step_distance``) and that looks less like
+    one than ``step_score`` asks for: a step towards the radar, or back, looks much like either. Unknown events and those without features
+    are not ``known``. The speed of the body is not subtracted from the arm's: a standing person's is zero, an estimate of it would only
+    add its error, and events of walking people are random anyway.
 
     Parameters
     ----------
@@ -286,7 +300,7 @@ class GestureRecognizer:
             own = self._model.probabilities(features)
             probabilities[self._place] = own
             label = int(np.argmax(probabilities))
-            known = label == RANDOM or (self._model.known(features, own) and probabilities[label] >= self._settings.min_confidence)
+            known = label == RANDOM or self._known(found, features, own, label)
             label = label if known else RANDOM
         return Gesture(
             stamp_ns,
@@ -301,6 +315,14 @@ class GestureRecognizer:
             features if features is not None else np.full(len(FEATURE_NAMES), np.nan),
             bool(known),
         )
+
+    def _known(self, found: TrackEvent, features: NDArray[np.float64], probabilities: NDArray[np.float64], label: int) -> bool:
+        """Whether the model knows a gesture, and it is no step that only looks like one."""
+        if not self._model.known(features, probabilities) or float(probabilities.max()) < self._settings.min_confidence:
+            return False
+        if label not in _STEPS or found.walked <= self._settings.step_distance:
+            return True
+        return float(self._model.score(features, probabilities)) >= self._settings.step_score
 
 
 def feature_settings(settings: GestureConfig) -> dict[str, Any]:

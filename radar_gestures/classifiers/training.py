@@ -54,6 +54,8 @@ class TrainingReport:
         How it was trained.
     calibration_error : tuple of float, length 2
         Expected calibration error of people left out, before and after the temperature.
+    score : ndarray of float64, shape (n,)
+        How much every sample looks like a known gesture to the model trained without it, see `GestureModel.score`.
     lost : float
         Known gestures of people left out that are called random or rejected, as a share.
     """
@@ -62,6 +64,7 @@ class TrainingReport:
     validation: Validation
     settings: TrainingConfig
     calibration_error: tuple[float, float]
+    score: NDArray[np.float64]
     lost: float
 
 
@@ -156,7 +159,7 @@ def train_on(samples: SampleSet, settings: TrainingConfig | None = None, *, labe
     figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": _plain(settings)}
     model = fit(samples, np.ones(len(samples.label), np.bool_), settings, labels=labels)
     model = dataclasses.replace(model, temperature=temperature, reject=reject, figures=figures)
-    return TrainingReport(model, soft, settings, error, lost)
+    return TrainingReport(model, soft, settings, error, score, lost)
 
 
 def validate(

@@ -10,17 +10,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import gesture_crowds, gesture_streams
+from benchmarks import gesture_crowds, gesture_rules, gesture_streams
 from benchmarks.gesture_causes import Judged, Outcome, Surplus, judge, why_random
 from benchmarks.gesture_clouds import Found, Run, Store, code_of, fitted, follow
 from benchmarks.gesture_crowds import CROWDS, TOGETHER, Counts, Crowd, count, crowd_scene, is_crossed
 from benchmarks.gesture_streams import IDLE, Plan, gesture_figures, gesture_stream, idle_figures, idle_stream, rejection, scene_of, unknown
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.model import GestureModel, load_model
 from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment
 from radar_gestures.evaluation.truth_events import TrueEvent
-from radar_gestures.recognizer import Gesture
+from radar_gestures.events import Event
+from radar_gestures.recognizer import Gesture, TrackEvent
 from radar_sim import Action, Person, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
@@ -173,8 +174,9 @@ def gesture(label, start, end, track_id=1, probability=0.9):
     return Gesture(end_ns + S // 4, "room", track_id, label, GESTURES[label], probability, probabilities, start_ns, end_ns, np.zeros(13))
 
 
-def found(label, start, end, person=1, probability=0.9):
-    return Found(person, gesture(label, start, end, probability=probability))
+def found(label, start, end, person=1, probability=0.9, walked=0.0):
+    named = gesture(label, start, end, probability=probability)
+    return Found(person, named, TrackEvent(1, Event(named.start_ns, named.end_ns), named.features, walked))
 
 
 def hand_made(strokes, events, *, tracked=True, fast=True, owned=True, snr=30.0, duration=6.0):
@@ -287,6 +289,31 @@ def test_figures_of_streams():
     assert gesture_streams.gesture_tables([judged])["missed"] == {"too short, or with breaks": 1}
 
 
+def test_events_named_again_by_other_rules():
+    """Somebody who stands half a metre elsewhere is random by a rule of 0.3 m, and whatever the model says by the default one."""
+    near, far = found(PUSH, 1.0, 1.5), found(PUSH, 3.0, 3.5, walked=0.5)
+    judged = Judged([Outcome(true(PUSH, 1.0, 1.5), near)], [Surplus(far, "walk")], 0.1)
+    seen = {}
+
+    def figures(again):
+        (one,) = again
+        seen[len(seen)] = (one.outcomes[0].found.gesture, one.surplus[0].found.gesture)
+        return "!", ("gestures", 1.0, "")
+
+    rows = gesture_rules.rows("rules", [judged], sure_of_push(), figures)
+    names = list(gesture_rules.rules())
+    assert [row["choice"] for row in rows] == [f"{name}!" for name in names]
+    for k, name in enumerate(names):
+        still, moved = seen[k]
+        assert (still.name, still.start_ns, still.end_ns) == ("push", near.gesture.start_ns, near.gesture.end_ns)
+        assert moved.name == ("random" if name in ("walk_distance=0.3", "walk_distance=0.45") else "push"), name
+
+
+def sure_of_push():
+    """A model that calls everything a push, beyond doubt."""
+    return GestureModel(np.zeros(13), np.ones(13), (np.zeros((13, 10)),), (100.0 * np.eye(10)[PUSH],))
+
+
 def test_rejection_at_five_percent_loss():
     """The limit is the probability that a twentieth of the known gestures does not reach; unknown ones below it are rejected."""
     model = SimpleNamespace(labels=GESTURES, score=lambda features, probabilities: probabilities.max(axis=-1))
@@ -338,6 +365,7 @@ def test_streams_without_a_gesture_have_no_recall(tmp_path):
     assert result["false_per_hour"] == 0.0
     assert result["seconds_per_minute_of_stream"] > 0
     assert result["choices"][0]["time_ms"]["median"] > 0
+    assert len(result["choices"]) == 1  # nothing to name again
 
 
 def test_crowds_measure(tmp_path, monkeypatch):

@@ -113,6 +113,32 @@ def test_a_walking_person_gives_only_random():
     assert run(quiet, burst(0.5, 3.0, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))]) == []
 
 
+@pytest.mark.parametrize(("moved", "temperature", "name"), [(0.4, 1.0, "push"), (0.4, 20.0, "random"), (0.2, 20.0, "push")])
+def test_a_step_that_looks_a_little_like_a_push_is_unknown(moved, temperature, name):
+    """Somebody who stands 0.4 m elsewhere afterwards has made a step, unless it is a push beyond doubt; 0.2 m is an arm that pulls."""
+    recognizer = GestureRecognizer(SETTINGS, sign_model(temperature=temperature), MOUNT)
+    (found,) = run(
+        recognizer, burst(1.5, 2.0, -2.0), lambda t: [person(1, (2.0 - moved * float(np.clip((t - 1.5) / 0.5, 0, 1)), 0.0, 1.0))]
+    )
+    assert (found.name, found.known) == (name, name == "push")
+
+
+def test_a_step_does_not_hide_another_gesture():
+    """Only pushes and pulls look like a step."""
+    labels = tuple("rotate" if name == "push" else "push" if name == "rotate" else name for name in GESTURES)
+    model = sign_model(temperature=20.0)
+    other = GestureModel(model.mean, model.scale, model.weights, model.biases, labels=labels, temperature=20.0)
+    path = lambda t: [person(1, (2.0 - 0.4 * float(np.clip((t - 1.5) / 0.5, 0, 1)), 0.0, 1.0))]  # noqa: E731
+    (found,) = run(GestureRecognizer(SETTINGS, other, MOUNT), burst(1.5, 2.0, -2.0), path)
+    assert (found.name, found.known) == ("rotate", True)
+
+
+def test_a_young_track_has_walked_too():
+    """One that began 0.1 s before its event has no place from before it set off; the first that it has is taken instead."""
+    found = run(GestureRecognizer(SETTINGS, sign_model(), MOUNT), burst(0.1, 1.2, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))])
+    assert [g.name for g in found] == ["random"]
+
+
 def test_an_unknown_gesture_is_random():
     """Even probabilities, 0.1 each, are below the model's own limit, or below ``min_confidence``; without either the first label wins."""
     flat = {"temperature": 1e6}
