@@ -21,7 +21,7 @@ _OTHERS: Final[tuple[dict[str, float], ...]] = (
     {"walk_distance": _OFF, "step_distance": _OFF},
     {"step_distance": 0.15},
     {"step_distance": _OFF},
-    {"step_score": 0.2},
+    {"step_score": 0.3},
     {"step_score": 0.8},
     {"min_confidence": 0.5},
     {"min_confidence": 0.8},

@@ -42,7 +42,7 @@ class GestureConfig:
         0.25, unit="m", low=0.0, high=100.0, doc="after a push or pull this far from where they were, a person may have made a step instead"
     )
     step_score: float = knob(
-        0.4, low=0.0, high=1.0, doc="such a push or pull less familiar to the model is unknown; 0: one that the model knows never is"
+        0.6, low=0.0, high=1.0, doc="such a push or pull less familiar to the model is unknown; 0: one that the model knows never is"
     )
     min_confidence: float = knob(
         0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"
