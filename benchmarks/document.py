@@ -40,8 +40,8 @@ def table(choices: list[dict[str, Any]]) -> str:
 
 
 def figures(result: dict[str, Any]) -> str:
-    """List the figures, and make tables of those that are told by two names."""
-    flat = [(key, value) for key, value in scalars(result) if not isinstance(value, list)]
+    """List the figures, and make tables of those that are told by two names; what lies deeper, as causes do, only the JSON tells."""
+    flat = [(key, value) for key, value in scalars(result, levels=3) if not isinstance(value, list)]
     found = "\n".join(f"* `{key}`: {value:.4g}" if isinstance(value, float) else f"* `{key}`: {value}" for key, value in flat)
     for head, *body in tables(result):
         lines = [head, ["---"] * 2 + ["---:"] * (len(head) - 2), *body]

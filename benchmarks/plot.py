@@ -34,12 +34,12 @@ def show(result: dict[str, Any]) -> None:
     console.print(table)
 
 
-def scalars(result: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """List the flat figures, and those of dictionaries with dotted names; what `tables` makes tables of is left out."""
+def scalars(result: dict[str, Any], prefix: str = "", levels: int = 9) -> Iterator[tuple[str, Any]]:
+    """List the flat figures, and those of dictionaries, so many levels of them, with dotted names; what `tables` shows is left out."""
     for key, value in result.items():
         if isinstance(value, dict):
-            if not _is_table(value):
-                yield from scalars(value, f"{prefix}{key}.")
+            if levels > 1 and not _is_table(value):
+                yield from scalars(value, f"{prefix}{key}.", levels - 1)
         elif key != "choices":
             yield f"{prefix}{key}", value
 

@@ -283,6 +283,14 @@ def test_figures_are_the_ones_that_were_asked_for(done):
     assert "| trackers |" in listed(found)
 
 
+def test_the_document_lists_figures_but_no_causes_of_causes():
+    """Three levels of names are listed, tables are tables, and what lies deeper is left to the JSON."""
+    found = {"a": 1.0, "b": {"c": {"d": 2.0, "e": {"f": 3.0}, "g": 4.0}}}
+    assert dict(scalars(found, levels=3)) == {"a": 1.0, "b.c.d": 2.0, "b.c.g": 4.0}
+    assert dict(scalars(found)) == {"a": 1.0, "b.c.d": 2.0, "b.c.e.f": 3.0, "b.c.g": 4.0}
+    assert "`b.c.e.f`" not in listed(found)
+
+
 def test_choices_stand_beside_the_default(done):
     """Each stage starts with the default, which is the reference of its times."""
     first, second = tracking_choices.rows(done)
