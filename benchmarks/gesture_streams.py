@@ -248,7 +248,7 @@ def gesture_figures(judged: Sequence[Judged]) -> dict[str, Any]:
     others = [o for o in outcomes if not o.true.meets]
     right = sum(o.found is not None and o.found.gesture.label == o.true.label for o in met)
     strokes = [o for one in judged for o in one.outcomes if o.true.label == RANDOM and o.found is not None]
-    hours = sum(one.hours for one in judged)
+    hours = math.fsum(one.hours for one in judged)
     return {
         "gestures": len(outcomes),
         "gestures_that_meet": len(met),
@@ -332,7 +332,7 @@ def _by_stroke(strange: Sequence[Judged]) -> dict[str, dict[str, int]]:
 def idle_figures(judged: Mapping[str, Sequence[Judged]]) -> dict[str, Any]:
     """Count false gestures per hour of idle time, by kind and by what they were taken for."""
     everything = [one for own in judged.values() for one in own]
-    hours = sum(one.hours for one in everything)
+    hours = math.fsum(one.hours for one in everything)
     events = [s for one in everything for s in one.surplus]
     return {
         "idle_hours": hours,
@@ -366,7 +366,7 @@ def measure(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progre
 
 def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: GestureModel) -> list[dict[str, Any]]:
     """Count gestures named right, and false ones an hour of idle time, by other rules of the recogniser, see `gesture_rules`."""
-    hours = sum(one.hours for one in idle)
+    hours = math.fsum(one.hours for one in idle)
 
     def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
         recognised = gesture_figures(again[: len(gestures)])["recognised_all"]
