@@ -1,6 +1,7 @@
 """Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document [NAME[=FILE] ...]``.
 
-``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring.
+``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring, and
+``gestures=speed.json,tables.json`` what its parts printed.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 from rich.progress import track
 
 from benchmarks.plot import draw, scalars, tables
+from benchmarks.report import join
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("graph", "simulator", "dsp", "tracking", "gestures")
@@ -68,7 +70,8 @@ def main() -> None:
     head = HEAD.format(machine=f"{platform.system()} {platform.machine()}, Python {platform.python_version()}")
     for argument in track(sys.argv[1:] or NAMES, description="measuring"):
         name, _, file = argument.partition("=")
-        result = json.loads((Path(file).read_text(encoding="utf-8") if file else measure(name)).splitlines()[-1])
+        printed = [Path(part).read_text(encoding="utf-8") for part in file.split(",")] if file else [measure(name)]
+        result = join(json.loads(text.splitlines()[-1]) for text in printed)
         draw(result["choices"], ROOT / "docs" / "img" / f"choices_{name}.png")
         kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n"
         body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks import gesture_crowds, gesture_knobs, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
+from benchmarks.report import join
 
 _OURS: Final = ("tables", "knobs", "worlds", "streams", "crowds")  # folders within the one that --keep names
 
@@ -26,8 +27,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
         gesture_streams.run(quick, folder / "streams", n_jobs),
         gesture_crowds.run(quick, folder / "crowds", n_jobs),
     ]
-    choices = [row for part in parts for row in part.pop("choices")]
-    return {key: value for part in parts for key, value in part.items()} | {"choices": choices}
+    return join(parts)
 
 
 def run(quick: bool = False, keep: Path | None = None, real: bool = False, full: bool = False) -> dict[str, Any]:

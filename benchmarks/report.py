@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,25 @@ def choice(
         "ratio": float(np.median(times_ms) / np.median(reference_ms)) if reference_ms else 1.0,
         **({"at": {"name": at[0], "value": at[1]}} if at else {}),
     }
+
+
+def join(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Put the results of several benchmarks into one: all figures, and the choices of all in order.
+
+    Raises
+    ------
+    ValueError
+        When two of them have a figure of one name.
+    """
+    figures: dict[str, Any] = {}
+    choices: list[dict[str, Any]] = []
+    for part in parts:
+        own = {key: value for key, value in part.items() if key != "choices"}
+        if twice := sorted(figures.keys() & own.keys()):
+            raise ValueError(f"two benchmarks give {', '.join(twice)}; show them apart")
+        figures |= own
+        choices += part["choices"]
+    return figures | {"choices": choices}
 
 
 def matrix(validation: Validation) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import pytest
 from benchmarks import tracking, tracking_choices, tracking_suite
 from benchmarks.document import figures as listed
 from benchmarks.plot import scalars, tables
+from benchmarks.report import join
 from benchmarks.scenarios import HIGH_MOUNT, MOUNT, Moment
 from benchmarks.tracking_score import Score, Scorer, apart, fresh_misses, total
 from benchmarks.tracking_suite import FLOOR, PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, simulate, zones_of
@@ -289,6 +290,17 @@ def test_the_document_lists_figures_but_no_causes_of_causes():
     assert dict(scalars(found, levels=3)) == {"a": 1.0, "b.c.d": 2.0, "b.c.g": 4.0}
     assert dict(scalars(found)) == {"a": 1.0, "b.c.d": 2.0, "b.c.e.f": 3.0, "b.c.g": 4.0}
     assert "`b.c.e.f`" not in listed(found)
+
+
+def test_parts_are_joined_in_order():
+    """Figures of all parts, and all choices one after the other."""
+    assert join([{"a": 1, "choices": [{"n": 1}]}, {"b": 2, "choices": [{"n": 2}, {"n": 3}]}]) == {
+        "a": 1,
+        "b": 2,
+        "choices": [{"n": 1}, {"n": 2}, {"n": 3}],
+    }
+    with pytest.raises(ValueError, match="two benchmarks give a"):
+        join([{"a": 1, "choices": []}, {"a": 2, "choices": []}])
 
 
 def test_choices_stand_beside_the_default(done):
