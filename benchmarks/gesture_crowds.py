@@ -212,7 +212,7 @@ def measure(
     counts = dict.fromkeys(CROWDS, Counts())
     judged: dict[Crowd, list[Judged]] = {crowd: [] for crowd in CROWDS}
     times: dict[Crowd, list[float]] = {crowd: [] for crowd in CROWDS}
-    performed: list[list[TruthSegment]] = []
+    performed: list[Sequence[TruthSegment]] = []
     for (crowd, _), scene in scenes.items():
         run = follow(store, scene, model)
         one = judge(run)

@@ -57,6 +57,8 @@ def rows(
         return []
     made: list[dict[str, Any]] = []
     reference: list[float] | None = None
+    for one in judged:  # the first rules would pay for cold caches
+        named_again(one, GestureRecognizer(GestureConfig(), model), [])
     for name, settings in rules().items():
         recogniser, times = GestureRecognizer(settings, model), []
         again = [named_again(one, recogniser, times) for one in judged]

@@ -171,10 +171,9 @@ class _TrackState:
         self._settings = settings
         events = settings.events
         self._margin_ns = round(settings.margin * 1e9)
-        window = events.max_duration + max(events.quiet, settings.margin) + settings.margin + events.max_gap
-        remembered = events.max_duration + max(events.quiet, settings.margin) + max(settings.margin, _BEFORE_NS[0] * 1e-9) + events.max_gap
-        self._motion = MotionRing(remembered)
-        self._maps = MapRing(window, GateAxis(settings.features.gate, settings.maps.max_speed))
+        event = events.max_duration + max(events.quiet, settings.margin) + events.max_gap
+        self._motion = MotionRing(event + max(settings.margin, _BEFORE_NS[0] * 1e-9))
+        self._maps = MapRing(event + settings.margin, GateAxis(settings.features.gate, settings.maps.max_speed))
         self._detector = EventDetector(events)
 
     def process(self, points: Share, body: tuple[float, float, float], track_id: int) -> TrackEvent | None:

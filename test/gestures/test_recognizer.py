@@ -113,13 +113,24 @@ def test_a_walking_person_gives_only_random():
     assert run(quiet, burst(0.5, 3.0, 1.5), lambda t: [person(1, (1.0 + t, 0.0, 1.0))]) == []
 
 
+def stepping(t, moved, start=1.5, duration=0.5):
+    """Somebody 2 m away who comes nearer by ``moved`` [m] from ``start`` on [s]."""
+    return [person(1, (2.0 - moved * float(np.clip((t - start) / duration, 0.0, 1.0)), 0.0, 1.0))]
+
+
+def test_the_longest_event_still_knows_where_it_began():
+    """A body that has come 0.65 m in the 0.7 s before its legs were fast: the memory reaches back to where it stood before."""
+    longest = SETTINGS.events.max_duration
+    recognizer = GestureRecognizer(SETTINGS, sign_model(), MOUNT)
+    found = run(recognizer, burst(1.5, 1.7 + longest, -2.0), lambda t: stepping(t, 0.65, start=0.8, duration=0.7))
+    assert [gesture.name for gesture in found] == ["random"]
+
+
 @pytest.mark.parametrize(("moved", "temperature", "name"), [(0.4, 1.0, "push"), (0.4, 20.0, "random"), (0.2, 20.0, "push")])
 def test_a_step_that_looks_a_little_like_a_push_is_unknown(moved, temperature, name):
     """Somebody who stands 0.4 m elsewhere afterwards has made a step, unless it is a push beyond doubt; 0.2 m is an arm that pulls."""
     recognizer = GestureRecognizer(SETTINGS, sign_model(temperature=temperature), MOUNT)
-    (found,) = run(
-        recognizer, burst(1.5, 2.0, -2.0), lambda t: [person(1, (2.0 - moved * float(np.clip((t - 1.5) / 0.5, 0, 1)), 0.0, 1.0))]
-    )
+    (found,) = run(recognizer, burst(1.5, 2.0, -2.0), lambda t: stepping(t, moved))
     assert (found.name, found.known) == (name, name == "push")
 
 
@@ -128,8 +139,7 @@ def test_a_step_does_not_hide_another_gesture():
     labels = tuple("rotate" if name == "push" else "push" if name == "rotate" else name for name in GESTURES)
     model = sign_model(temperature=20.0)
     other = GestureModel(model.mean, model.scale, model.weights, model.biases, labels=labels, temperature=20.0)
-    path = lambda t: [person(1, (2.0 - 0.4 * float(np.clip((t - 1.5) / 0.5, 0, 1)), 0.0, 1.0))]  # noqa: E731
-    (found,) = run(GestureRecognizer(SETTINGS, other, MOUNT), burst(1.5, 2.0, -2.0), path)
+    (found,) = run(GestureRecognizer(SETTINGS, other, MOUNT), burst(1.5, 2.0, -2.0), lambda t: stepping(t, 0.4))
     assert (found.name, found.known) == ("rotate", True)
 
 

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import PointCloud
+from radar_core import PointCloud, Pose
 from radar_gestures.events import EventConfig, EventDetector
 from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, Share, extract, running_medians, summarise
-from radar_gestures.recognizer import walked
+from radar_gestures.recognizer import EventStage, GestureConfig, walked
+from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
 
 SETTINGS = FeatureConfig()
 BODY = (2.0, 0.0, 0.0)
@@ -153,6 +154,22 @@ def test_a_place_that_is_unknown_walks_nowhere(body):
     """Before or after: 0, which never hides a gesture; the features say themselves what they do not know."""
     with np.errstate(invalid="ignore"):
         assert walked([sample(0, body=body)], [sample(1)]) == walked([sample(0)], [sample(1, body=body)]) == 0.0
+
+
+@pytest.mark.parametrize("start_ns", [0, (1 << 31) - 1, 1 << 62])
+def test_steps_at_any_stamp(start_ns):
+    """The place before an event is looked up 1.2 s earlier: before zero, across 2^31 ns and near 2^62 ns alike."""
+    stage, found = EventStage(GestureConfig(), Pose()), []
+    for k in range(120):
+        stamp = start_ns + k * 20_000_000
+        away, speed = 3.0 - 0.4 * min(max(k - 10, 0) / 25, 1.0), 2.0 if 10 <= k < 35 else 0.0
+        one = np.full(3, 1.0, np.float32)
+        cloud = PointCloud(stamp, k, "room", away * one, 0 * one, 0 * one, away * one, 0 * one, 0 * one, -speed * one, 25 * one)
+        track = Track(1, TrackStatus.CONFIRMED, 1.0, 0.0, 6, np.array([away, 0.0, 0.0]), np.zeros(3), np.full(3, 0.2), np.eye(6))
+        found += stage.process(TrackedCloud(cloud, Tracks(stamp, k, "room", (track,), np.ones(3, np.int32))))
+    (event,) = found
+    assert event.event.start_ns - start_ns == 200_000_000
+    assert event.walked == pytest.approx(0.4, abs=1e-6)
 
 
 def test_walking_across_the_wrap_of_azimuth_is_a_short_way():
