@@ -1,20 +1,24 @@
-"""Segments that hold no gesture: the last one of every recording of mHomeGes and mTransSee, and what they cost a recogniser.
+"""Segments that hold no gesture, in the recordings of mHomeGes and mTransSee, and what they cost a recogniser.
 
 Each person did each gesture some 16 times at each distance, and each such recording was cut into segments. What follows the last gesture
-was cut out and labelled like the rest: the person walks up to the radar to stop it, or has left. They are one segment in 17 or more, and no
-recogniser can name them; `alone` shows it.
+was cut out and labelled like the rest: the person walks up to the radar to stop it, or has left. They are one segment in 17 or more. In
+others, mostly the first or second last of a recording, nobody is there. No recogniser can name either; `alone` shows it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_gestures.classifiers.validation import Mask, Validation, leave_subjects_out
+
+REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states
+FEWEST: Final = 6  # detections of a person in a whole segment; medians are above 60 everywhere
 
 
 def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:
@@ -46,6 +50,25 @@ def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: N
     return marked
 
 
+def nobody_there(path: Path) -> Mask:
+    """Mark the segments with hardly a detection within `REACH` of the distance at which the person is said to stand.
+
+    Parameters
+    ----------
+    path : Path
+        The ``segments.npz`` of a data set.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        In the order of the file.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        xyz, offset, distance = file["xyz_mm"].astype(np.float32) * 1e-3, file["offset"].astype(np.int64), file["distance_m"]
+    near = np.abs(np.linalg.norm(xyz, axis=1) - np.repeat(distance, np.diff(offset))) < REACH
+    return np.asarray(np.diff(np.concatenate([[0], np.cumsum(near)])[offset]) < FEWEST)
+
+
 def accuracy_without(validation: Validation, folds: Sequence[Mask], left_out: Mask) -> float:
     """Give the share of tested samples with the right label, those that a mask over all samples marks left out."""
     right = validation.probabilities.argmax(axis=-1) == validation.label
@@ -75,26 +98,31 @@ def alone(vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArr
 
 
 def figures(
-    vectors: NDArray[np.float32],
-    label: NDArray[np.str_],
-    number: NDArray[np.int64],
-    person: NDArray[np.int64],
-    distance: NDArray[np.float64],
+    vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], closing: Mask, nobody: Mask, others: Mask
 ) -> dict[str, Any]:
-    """Measure what the closing segments hold, beside as many others from near the end of the same recordings.
+    """Measure what segments without a gesture hold, beside others from near the end of the same recordings.
+
+    Parameters
+    ----------
+    vectors, number, person : ndarray
+        As in `alone`.
+    closing, nobody, others : ndarray of bool, shape (n,)
+        The last segments, those with nobody there, and ordinary ones.
 
     Returns
     -------
     dict
-        ``closing_share`` of all segments; ``closing_alone`` and ``others_alone``: see `alone`; ``chance``: one label in so many;
-        ``ceiling``: accuracy on everything of a recogniser that names every other segment rightly and these as `alone` does.
+        ``closing_share``, ``nobody_share``: of all segments, where nobody is there of those that are not the last; ``without_alone``,
+        ``others_alone``: see `alone`; ``chance``: one label in so many; ``ceiling``: accuracy on everything of a recogniser that names
+        every other segment rightly and these as `alone` does.
     """
-    last, other = from_the_end(label, person, distance), from_the_end(label, person, distance, 3)
-    share, accuracy = float(last.mean()), alone(vectors, number, person, last)
+    without = closing | nobody
+    share, accuracy = float(without.mean()), alone(vectors, number, person, without)
     return {
-        "closing_share": share,
-        "closing_alone": accuracy,
-        "others_alone": alone(vectors, number, person, other),
+        "closing_share": float(closing.mean()),
+        "nobody_share": float((nobody & ~closing).mean()),
+        "without_alone": accuracy,
+        "others_alone": alone(vectors, number, person, others & ~nobody),
         "chance": 1.0 / len(np.unique(number)),
         "ceiling": 1.0 - share * (1.0 - accuracy),
     }

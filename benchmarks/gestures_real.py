@@ -18,8 +18,9 @@ import numpy as np
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_clouds import sources
 from benchmarks.gesture_studies import COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
-from benchmarks.gestures_closing import accuracy_without, from_the_end
+from benchmarks.gestures_closing import accuracy_without, from_the_end, nobody_there
 from benchmarks.gestures_closing import figures as closing_figures
+from benchmarks.recordings import folder
 from benchmarks.report import choice, matrix, measure
 from radar_gestures.classifiers.curve_net import CurveNet, save_net
 from radar_gestures.classifiers.curve_training import CurveTraining
@@ -122,7 +123,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     -------
     dict
         Accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
-        none, and ``_closing`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of
+        none, and ``_without`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of
         the second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures
         of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
     """
@@ -154,14 +155,15 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
 def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:
     """Accuracies of one data set by split, over all segments and without those that hold no gesture; ``confusion`` by split."""
     data, result = made.data, {"confusion": {}}
-    closing = from_the_end(data.label, data.person, data.distance)
     if not quick:
-        result[f"{name}_closing"] = closing_figures(made.plain, data.label, data.number, data.person, data.distance)
+        closing, others = (from_the_end(data.label, data.person, data.distance, back) for back in (0, 3))
+        nobody = nobody_there(folder() / name / "segments.npz")
+        result[f"{name}_without"] = closing_figures(made.plain, data.number, data.person, closing, nobody, others)
     for split, short in (("subjects", "held_out"), ("random", "random")):
         parts = made.folds(split, folds)
         found = made.validate(parts, split)
         result[f"{name}_{short}"] = found.accuracy
-        result |= {} if quick else {f"{name}_{short}_gestures": accuracy_without(found, parts, closing)}
+        result |= {} if quick else {f"{name}_{short}_gestures": accuracy_without(found, parts, closing | nobody)}
         result["confusion"][f"{name}_{short}"] = matrix(found)
     return result
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks import gesture_studies as real
 from benchmarks import gestures_shipped
-from benchmarks.gestures_closing import accuracy_without, alone, from_the_end
+from benchmarks.gestures_closing import FEWEST, REACH, accuracy_without, alone, figures, from_the_end, nobody_there
 from benchmarks.gestures_real import model_bytes
 from benchmarks.recordings import folder
 from radar_core import DataError
@@ -104,6 +106,28 @@ def test_segments_alone_tell_what_they_hold() -> None:
     )  # folds of one data set are not independent
     noise[:, :6] += 8 * number[:, None]
     assert alone(noise, number, person, chosen) > 0.97
+
+
+def test_a_segment_in_which_nobody_is_there_is_marked(tmp_path: Path) -> None:
+    """Of four segments with the person at 2 m: enough detections there; one too few; many beyond a wall; none at all."""
+    near, far = [0, 2_000 - int(900 * REACH), 0], [0, 8_000, 0]
+    xyz = np.array([near] * FEWEST + [near] * (FEWEST - 1) + [far] * 50, np.int16)
+    offset = np.array([0, FEWEST, 2 * FEWEST - 1, len(xyz), len(xyz)], np.uint32)
+    np.savez(tmp_path / "segments.npz", xyz_mm=xyz, offset=offset, distance_m=np.full(4, 2.0, np.float32))
+    np.testing.assert_array_equal(nobody_there(tmp_path / "segments.npz"), [False, True, True, True])
+
+
+def test_the_ceiling_is_what_segments_without_a_gesture_leave() -> None:
+    """A fifth of the segments are noise, half of them the last ones: the ceiling is 0.8 and what guessing one in four adds."""
+    rng = np.random.default_rng(4)
+    number, person, place = np.tile(np.arange(4), 150), np.repeat(np.arange(6), 100), np.arange(600) % 10
+    vectors = rng.standard_normal((600, 12)).astype(np.float32)
+    vectors[place > 1, :6] += 8 * number[place > 1, None]
+    found = figures(vectors, number, person, place == 0, place == 1, place == 5)
+    assert found["closing_share"] == found["nobody_share"] == pytest.approx(0.1)
+    assert found["others_alone"] == 1.0
+    assert found["without_alone"] < 0.4  # one in four +- four sigma of 120 draws
+    assert found["ceiling"] == pytest.approx(0.8 + 0.2 * found["without_alone"])
 
 
 @pytest.mark.parametrize("kind", ["mhomeges", "mtranssee"])
