@@ -67,7 +67,7 @@ class Pipeline:
         self._baseband = Baseband(settings.baseband, info)
         self._tracker = PeopleTracker(settings.tracker, info)
         self._recognizer = GestureRecognizer(settings.gestures, load_model(settings.model), info.mount)
-        self._hand = HandTracker(settings.hand)
+        self._hand = HandTracker(settings.hand, info)
 
     @property
     def hand(self) -> HandTracker:

@@ -1,8 +1,7 @@
 """Point clouds to people and hands: clustering, association, estimation, track management."""
 
 from radar_tracking.clustering import dbscan, kmeans
-from radar_tracking.hand import HandTracker
-from radar_tracking.hand_config import HandConfig
+from radar_tracking.hand import HandConfig, HandTracker
 from radar_tracking.people import PeopleTracker
 from radar_tracking.people_config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
 from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus

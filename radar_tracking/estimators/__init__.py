@@ -4,7 +4,8 @@ from radar_tracking.estimators.base import Belief, Estimator, Innovation, Measur
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.estimators.convert import from_polar
 from radar_tracking.estimators.make import make_estimator
-from radar_tracking.estimators.velocity import VelocityMeasurement, snapshot_velocity
+from radar_tracking.estimators.snapshot import Snapshot, SnapshotConfig, SnapshotVelocity
+from radar_tracking.estimators.velocity import VelocityMeasurement
 
 __all__ = [
     "Belief",
@@ -12,9 +13,11 @@ __all__ = [
     "EstimatorConfig",
     "Innovation",
     "Measurement",
+    "Snapshot",
+    "SnapshotConfig",
+    "SnapshotVelocity",
     "VelocityMeasurement",
     "from_polar",
     "join",
     "make_estimator",
-    "snapshot_velocity",
 ]

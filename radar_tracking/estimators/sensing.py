@@ -38,6 +38,8 @@ class Sensed:
         Tracks so near to the sensor that the polar components are replaced by the position.
     log_volume : ndarray of float64, shape (n_tracks,)
         What turns the log density of the components into that per cubic (square) metre, so that all estimators are comparable.
+    axes : ndarray of float64, shape (n_tracks, d, d), or None
+        Rows along which the velocity was measured; None: it was not.
     """
 
     value: Float64Array
@@ -46,6 +48,7 @@ class Sensed:
     origin: Float64Array
     near: Mask
     log_volume: Float64Array
+    axes: Float64Array | None = None
 
 
 class Sensing(Protocol):
@@ -160,8 +163,8 @@ class PolarSensing:
 class VelocitySensing:
     """Positions with velocities, as MMVelEst needs (7.3.1): which of its two filters works is which components were measured.
 
-    Components: position, velocity, range rate. The velocity counts where the measurement is a `VelocityMeasurement` that has one; where it
-    has none but a range rate, that is the velocity's one known component (one row of equation 7.4).
+    Components: position, velocity, range rate. The velocity counts along the axes for which the measurement, a `VelocityMeasurement`, has
+    one; where it has none at all but a range rate, that is the velocity's one known component (one row of equation 7.4).
 
     Parameters
     ----------
@@ -179,27 +182,35 @@ class VelocitySensing:
         value, noise, used = np.zeros((n, m)), np.zeros((n, m, m)), np.zeros((n, m), np.bool_)
         noise[:, range(d, m), range(d, m)] = 1.0
         value[:, :d], noise[:, :d, :d], used[:, :d] = measurement.position, measurement.covariance, True
-        vector: Mask = np.zeros(n, np.bool_)
+        told: Mask = np.zeros((n, d), np.bool_)
+        axes = None
         if isinstance(measurement, VelocityMeasurement):
-            vector = np.logical_not(np.isnan(measurement.velocity).any(axis=-1))
-            value[vector, d : 2 * d], used[vector, d : 2 * d] = measurement.velocity[vector], True
-            noise[vector, d : 2 * d, d : 2 * d] = measurement.velocity_covariance[vector]
-        single = ~vector & ~np.isnan(measurement.rate) & ~_near(measurement, mean, covariance)
+            told, axes = ~np.isnan(measurement.velocity), measurement.velocity_axes
+            used[:, d : 2 * d] = told
+            value[:, d : 2 * d] = np.where(told, measurement.velocity, 0.0)
+            both = told[:, :, None] & told[:, None, :]
+            noise[:, d : 2 * d, d : 2 * d] = np.where(both, measurement.velocity_covariance, np.eye(d))
+        single = ~told.any(axis=1) & ~np.isnan(measurement.rate) & ~_near(measurement, mean, covariance)
         used[:, -1] = single
         value[single, -1], noise[single, -1, -1] = measurement.rate[single], measurement.rate_variance[single]
-        return Sensed(value, noise, used, measurement.origin, np.zeros(n, np.bool_), np.zeros(n))
+        return Sensed(value, noise, used, measurement.origin, np.zeros(n, np.bool_), np.zeros(n), axes)
 
     def expect(self, sensed: Sensed, states: Float64Array) -> Float64Array:
         """Positions, velocities and range rates of states."""
         d = self.dimensions
-        rate = range_rate(states[..., :d] - sensed.origin[:, None, :], states[..., d : 2 * d])
-        return np.concatenate([states[..., : 2 * d], rate[..., None]], axis=-1)
+        velocity = states[..., d : 2 * d]
+        rate = range_rate(states[..., :d] - sensed.origin[:, None, :], velocity)
+        if sensed.axes is not None:
+            velocity = velocity @ np.swapaxes(sensed.axes, -1, -2)
+        return np.concatenate([states[..., :d], velocity, rate[..., None]], axis=-1)
 
     def jacobian(self, sensed: Sensed, mean: Float64Array) -> Float64Array:
         """Pick positions and velocities, and differentiate the range rate."""
         d = self.dimensions
         H = np.zeros((len(mean), 2 * d + 1, mean.shape[-1]))
         H[:, range(2 * d), range(2 * d)] = 1.0
+        if sensed.axes is not None:
+            H[:, d : 2 * d, d : 2 * d] = sensed.axes
         H[:, -1, : 2 * d] = range_rate_jacobian(mean[:, :d] - sensed.origin, mean[:, d : 2 * d])
         return H
 

@@ -32,7 +32,7 @@ class HandNode(StageNode):
         self._people: set[int] = set()
         self._hand = self.create_publisher(HandTrackMsg, "hand", qos.RESULT)
         self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
-        self._info = InfoKeeper(self, lambda info: None)
+        self._info = InfoKeeper(self, self._tracker.seen_from)
         inputs = [
             Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
             Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),

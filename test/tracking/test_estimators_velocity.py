@@ -1,10 +1,10 @@
-"""MMVelEst and the velocity of one snapshot (thesis, 7.3.1): against the textbook, Monte-Carlo runs and the single filter."""
+"""MMVelEst (thesis, 7.3.1): against the textbook and the single filter."""
 
 import numpy as np
 import pytest
 
 from radar_core import DataError
-from radar_tracking.estimators import Belief, EstimatorConfig, VelocityMeasurement, from_polar, make_estimator, snapshot_velocity
+from radar_tracking.estimators import Belief, EstimatorConfig, VelocityMeasurement, from_polar, make_estimator
 
 
 def same(a: Belief, b: Belief, tolerance: float) -> None:
@@ -64,36 +64,29 @@ def test_mm_vel_est_follows_a_fast_hand_better_than_one_filter():
     assert error["mm_vel_est"] < 0.5 * error["linear"]
 
 
-def test_velocity_of_one_snapshot():
-    """Two radars 0.6 m apart, as in the thesis, and a hand at 1.5 m: unbiased, with the covariance it says (4 sigma of 20,000 draws)."""
-    rng = np.random.default_rng(20)
-    place, truth = np.array([1.5, 0.2, 0.0])[:2], np.array([0.7, -1.1])
-    sensors = np.array([[0.0, 0.3], [0.0, -0.3]])[[0, 0, 0, 1, 1]]
-    direction = (place - sensors) / np.linalg.norm(place - sensors, axis=1)[:, None]
-    variance = np.array([0.01, 0.02, 0.01, 0.01, 0.03])
-    exact, covariance = snapshot_velocity(direction, direction @ truth, variance)
-    np.testing.assert_allclose(exact, truth, atol=1e-12)
-    found = np.array(
-        [snapshot_velocity(direction, direction @ truth + rng.normal(0, np.sqrt(variance)), variance)[0] for _ in range(20_000)]
-    )
-    assert (np.abs(found.mean(axis=0) - truth) < 4 * np.sqrt(np.diag(covariance) / 20_000)).all()
-    np.testing.assert_allclose(np.cov(found.T), covariance, rtol=0.06, atol=1e-4)
-
-
-def test_a_velocity_that_nobody_can_see_is_not_estimated():
-    """One radar, few points, too wide an error, or rates not measured: NaN, not a guess."""
-    direction = np.array([[1.0, 0.0], [0.8, 0.6]])
-    rate, variance = np.array([0.5, 0.1]), np.full(2, 0.01)
-    assert np.isfinite(snapshot_velocity(direction, rate, variance)[0]).all()
-    for rates in (
-        (direction[[0, 0]], rate, variance, 1.0),
-        (direction[:1], rate[:1], variance[:1], 1.0),
-        (direction, rate, variance, 0.01),
-        (direction, np.array([0.5, np.nan]), variance, 1.0),
-        (np.empty((0, 2)), np.empty(0), np.empty(0), 1.0),
-    ):
-        velocity, covariance = snapshot_velocity(*rates)
-        assert np.isnan(velocity).all()
-        assert np.isnan(covariance).all()
-    with pytest.raises(DataError, match="rate_variance"):
-        snapshot_velocity(direction, rate, np.zeros(2))
+def test_a_velocity_along_turned_axes_is_the_same_measurement():
+    """Components along any orthonormal axes with the covariance turned with them give the same belief; one component, that of its row."""
+    rng = np.random.default_rng(21)
+    estimator = make_estimator(EstimatorConfig(name="mm_vel_est"), 3)
+    z = from_polar(np.array([2.0]), np.array([0.3]), np.array([0.1]), range_std=0.1, azimuth_std=0.03, elevation_std=0.05)
+    belief = estimator.predict(estimator.start(z, 1.0), 0.1)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    velocity, noise = rng.normal(size=3), np.diag([0.02, 0.05, 0.1])
+    rest = (z.position, z.covariance, z.rate, z.rate_variance, z.origin)
+    plain = VelocityMeasurement(*rest, velocity[None], noise[None])
+    turned = VelocityMeasurement(*rest, (turn @ velocity)[None], (turn @ noise @ turn.T)[None], turn[None])
+    same(estimator.update(belief, turned)[0], estimator.update(belief, plain)[0], 1e-10)
+    part = np.array([[(turn @ velocity)[0], np.nan, np.nan]])
+    variance = np.full((1, 3, 3), np.nan)
+    variance[0, 0, 0] = 0.03
+    updated, innovation = estimator.update(belief, VelocityMeasurement(*rest, part, variance, turn[None]))
+    assert innovation.dof[0] == 4
+    H = np.zeros((4, 6))
+    H[:3, :3], H[3, 3:] = np.eye(3), turn[0]
+    R = np.zeros((4, 4))
+    R[:3, :3], R[3, 3] = z.covariance[0], 0.03
+    P, x = belief.covariance[0, 0], belief.mean[0, 0]
+    gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    np.testing.assert_allclose(updated.mean[0, 0], x + gain @ (np.append(z.position[0], part[0, 0]) - H @ x), atol=1e-11)
+    with pytest.raises(DataError, match="velocity_axes"):
+        VelocityMeasurement(*rest, velocity[None], noise[None], turn)

@@ -6,6 +6,7 @@ from blobs import FRAME_NS, Blobs, Person, make_cloud, standing
 
 from radar_core import ConfigError
 from radar_tracking import HandConfig, HandTrack, HandTracker, PeopleTracker, TrackedCloud
+from radar_tracking.hand import SplitConfig, ValueConfig
 
 SECOND = 50  # clouds
 
@@ -59,7 +60,7 @@ def test_the_hand_is_followed(path):
 def test_the_value_follows_the_hand(axis, direction):
     """A stroke of 0.5 m of a range of 0.8 m: values correlate with the true offset, stay in 0..1, and use at least 0.35 of it."""
     blobs = Blobs([Person(standing(2.4, 0.0), line(0.25, 0.8, direction))])
-    hand = HandTracker(HandConfig(value_axis=axis))
+    hand = HandTracker(HandConfig(value=ValueConfig(axis=axis)))
     hand.start(1, SECOND * FRAME_NS)
     found = [(k, t) for k, t in run(blobs, 8 * SECOND, hand) if k > 2 * SECOND]
     value = np.array([t.value for _, t in found])
@@ -171,7 +172,7 @@ def test_a_body_is_not_a_hand():
 
 def test_knobs_that_contradict_each_other():
     """An empty value range, a gate beyond the reach."""
-    with pytest.raises(ConfigError, match="value_low"):
-        HandConfig(value_low=0.1, value_high=0.1)
+    with pytest.raises(ConfigError, match=r"ValueConfig\.low"):
+        ValueConfig(low=0.1, high=0.1)
     with pytest.raises(ConfigError, match="gate"):
-        HandConfig(gate=1.0, reach=0.5)
+        SplitConfig(gate=1.0, reach=0.5)

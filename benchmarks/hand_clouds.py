@@ -1,0 +1,241 @@
+"""Hands that draw, seen by two radars: scenes, their clouds simulated once and kept, and where the visible hand truly was."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.gesture_clouds import sources
+from radar_core import PointCloud, Pose
+from radar_core.cloud import ARRAY_FIELDS
+from radar_core.config import plain
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.datasets.samples import write_chunk
+from radar_gestures.datasets.workers import work_through
+from radar_sim import Scene, Simulator, Truth
+from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
+from radar_sim.people import Action, Draw, Person, Reach
+from radar_sim.scene import SceneRadar
+
+Float64Array = NDArray[np.float64]
+
+BASELINE: Final = 0.5
+"""From one radar to the other [m]."""
+HEIGHT: Final = 1.2
+"""Of both radars above the floor [m]."""
+STAND: Final = 0.8
+"""How long everybody stands still before the hand begins [s]."""
+DISTANCES: Final = (0.8, 1.2, 1.6, 2.0, 2.5)
+"""Of the hand from the middle between the radars, one for each seed [m]."""
+_OFFSET: Final = 5e-6  # s: the second radar sends that much later, so that their chirps do not meet
+_ARM: Final = 0.5  # m: the hand draws that far in front of the body
+_PALM: Final = 0.12  # m: what is seen within that of the hand's joint is hand; the mesh has nothing else there
+
+
+@dataclass(frozen=True)
+class Script:
+    """What a hand does.
+
+    Attributes
+    ----------
+    name : str
+        Of it.
+    duration : float
+        Of the scene [s].
+    draws : tuple of Draw
+        One after the other; empty: the hand goes to and fro between places and rests there.
+    """
+
+    name: str
+    duration: float
+    draws: tuple[Draw, ...] = ()
+
+    def actions(self, at: tuple[float, float, float]) -> tuple[Action, ...]:
+        """Write the script of somebody whose hand draws around a place in the room [m]."""
+        start = Action(stand=STAND)
+        if self.draws:
+            return (start, *(Action(draw=draw) for draw in self.draws))
+        x, y, z = at
+        places = [(x, y + side, z + up) for side, up in ((0.22, 0.0), (-0.2, 0.1), (0.15, -0.2), (0.15, 0.2), (-0.2, -0.1))]
+        return (start, *(Action(reach=Reach(to=place, hold=0.5)) for place in places))
+
+
+def _drawn(name: str, shape: str, size: float, speed: float, duration: float) -> Script:
+    return Script(name, duration, (Draw(shape=shape, size=size, speed=speed, duration=duration - STAND),))
+
+
+SCRIPTS: Final = (
+    _drawn("slow line", "line_side", 0.25, 0.25, 6.8),
+    _drawn("fast line", "line_side", 0.25, 1.3, 5.8),
+    _drawn("circle", "circle", 0.25, 0.9, 5.8),
+    Script("stop and go", 6.8),
+    _drawn("slider", "line_up", 0.25, 0.4, 7.8),
+)
+"""What is measured."""
+TUNING: Final = (
+    _drawn("eight", "eight", 0.25, 1.0, 5.8),
+    _drawn("slow circle", "circle", 0.2, 0.3, 5.8),
+    _drawn("fast line up", "line_up", 0.25, 1.2, 5.8),
+    _drawn("slow line side", "line_side", 0.2, 0.35, 5.8),
+)
+"""What filters are tuned on."""
+
+
+def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset: float = _OFFSET, noise: float = 15.0) -> Scene:
+    """Put one person before two radars.
+
+    Parameters
+    ----------
+    script : Script
+        What the hand does.
+    seed : int
+        Of everything drawn: stature, build, arm, where the person stands.
+    distance : float
+        Of the hand from the radars [m].
+    body : str
+        As `Person.body`.
+    offset : float
+        How much later the second radar's frames begin [s].
+    noise : float
+        Noise figure of the receivers [dB].
+    """
+    rng = np.random.default_rng([seed, 7])
+    side = float(rng.uniform(-0.15, 0.15))
+    person = Person(
+        height=float(rng.uniform(1.6, 1.9)),
+        sex=("male", "female")[int(rng.integers(2))],
+        build=float(rng.uniform(0.2, 0.8)),
+        arm=("right", "left")[int(rng.integers(2))],
+        body=body,
+        position=(distance + _ARM, side),
+        heading=float(np.pi),
+    )
+    arm = 0.15 if person.arm == "right" else -0.15
+    person = dataclasses.replace(person, script=script.actions((distance, side + arm, 0.62 * person.height)))
+    radars = tuple(
+        SceneRadar(frame_id=f"{name}/radar", mount=Pose(y=y, z=HEIGHT), trigger_offset=late)
+        for name, y, late in (("left", BASELINE / 2, 0.0), ("right", -BASELINE / 2, offset))
+    )
+    effects = Effects(
+        doppler_in_chirp=True, noise=Noise(noise_figure=noise), losses=Losses(level=20.0), coupling=Coupling(level=-60.0),
+        pattern=Pattern(edge=-3.0), occlusion=Occlusion(),
+    )  # fmt: skip
+    return Scene(duration=script.duration, seed=seed, radars=radars, effects=effects, people=(person,))
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """What one radar saw of a scene, and the truth at its clouds.
+
+    Attributes
+    ----------
+    clouds : list of PointCloud
+        In the sensor's frame.
+    centroid : ndarray of float64, shape (n_clouds, 3)
+        Of what the radar sees of the hand, elements weighted by their cross-section [m]; NaN: it sees nothing of it.
+    weight : ndarray of float64, shape (n_clouds,)
+        The sum of those cross-sections [m^2].
+    hand, velocity, body : ndarray of float64, shape (n_clouds, 3)
+        The hand's joint [m], its velocity [m/s], and the body's centre [m].
+    drawing : ndarray of bool, shape (n_clouds,)
+        Whether the hand draws or reaches.
+    """
+
+    clouds: list[PointCloud]
+    centroid: Float64Array
+    weight: Float64Array
+    hand: Float64Array
+    velocity: Float64Array
+    body: Float64Array
+    drawing: NDArray[np.bool_]
+
+
+class HandStore:
+    """Streams of scenes on disk; what is there is not simulated again while the scene, the baseband and our sources stay the same.
+
+    Parameters
+    ----------
+    folder : Path
+        Where files go, in a folder of their own for each state of the sources.
+    baseband : BasebandConfig or None
+        None: all defaults.
+    """
+
+    def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
+        self._folder = folder.absolute() / f"hands_{sources()}"
+        self._baseband = baseband if baseband is not None else BasebandConfig()
+
+    def path(self, made: Scene, radar: int) -> Path:
+        """File of one radar of a scene."""
+        text = json.dumps([plain(made), plain(self._baseband), radar], sort_keys=True)
+        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{radar}.npz"
+
+    def fill(self, scenes: Sequence[Scene], *, n_jobs: int = 1, progress: bool = True) -> None:
+        """Simulate what is not there yet; a stopped run goes on where it stopped."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        pieces = [(made, radar) for made in scenes for radar in range(len(made.radars))]
+        todo = [number for number, piece in enumerate(pieces) if not self.path(*piece).exists()]
+        make = functools.partial(_make, self, pieces)
+        work_through(make, todo, n_total=len(pieces), n_jobs=n_jobs, progress=progress, title="simulating hands")
+
+    def write(self, made: Scene, radar: int) -> None:
+        """Simulate what one radar sees of a scene and keep it."""
+        simulator = Simulator(made, made.radars[radar].frame_id)
+        baseband = Baseband(self._baseband, simulator.info)
+        clouds, truths = [], []
+        for number in range(simulator.n_frames):
+            frame = simulator.process(number)
+            clouds.append(baseband.process(frame.frame))
+            truths.append(frame.truth)
+        write_chunk(self.path(made, radar), _packed(clouds, truths))
+
+    def read(self, made: Scene, radar: int) -> Stream:
+        """Read what one radar saw."""
+        with np.load(self.path(made, radar), allow_pickle=False) as file:
+            columns = {name: file[name] for name in file.files}
+        edge = np.concatenate([[0], np.cumsum(columns["count"])])
+        clouds = [
+            PointCloud(
+                stamp_ns=int(stamp), sequence=k, frame_id=made.radars[radar].frame_id,
+                **{name: columns[name][edge[k] : edge[k + 1]] for name in ARRAY_FIELDS},
+            )
+            for k, stamp in enumerate(columns["stamp_ns"])
+        ]  # fmt: skip
+        return Stream(clouds, *(columns[f"true_{name}"] for name in ("centroid", "weight", "hand", "velocity", "body", "drawing")))
+
+
+def _make(store: HandStore, pieces: Sequence[tuple[Scene, int]], number: int) -> None:
+    store.write(*pieces[number])
+
+
+def visible(truth: Truth) -> tuple[Float64Array, float]:
+    """Centroid of what a radar sees of the acting hand [m], and its cross-section towards the radar [m^2]; NaN and 0: nothing."""
+    away = truth.scatterer_position.astype(np.float64) - truth.hand_position[0]
+    own = (np.linalg.norm(away, axis=1) < _PALM) & (truth.scatterer_owner == 0)
+    weight = truth.scatterer_rcs[own].astype(np.float64)
+    total = float(weight.sum())
+    return (truth.hand_position[0] + weight @ away[own] / total, total) if total > 0 else (np.full(3, np.nan), 0.0)
+
+
+def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
+    seen = [visible(truth) for truth in truths]
+    columns: dict[str, NDArray[Any]] = {
+        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
+        "count": np.array([len(cloud) for cloud in clouds], np.int32),
+        "true_centroid": np.array([place for place, _ in seen]),
+        "true_weight": np.array([weight for _, weight in seen]),
+        "true_hand": np.array([truth.hand_position[0] for truth in truths]),
+        "true_velocity": np.array([truth.hand_velocity[0] for truth in truths]),
+        "true_body": np.array([truth.position[0] for truth in truths]),
+        "true_drawing": np.array([truth.drawing[0] for truth in truths]),
+    }
+    return columns | {name: np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in ARRAY_FIELDS}

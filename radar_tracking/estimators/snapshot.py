@@ -1,0 +1,225 @@
+"""The velocity of a small target from one snapshot of several sensors (thesis, 7.3.1): equations 7.1 to 7.6, with what they leave out.
+
+The thesis solves ``v_r = H v`` for all points alike. Here points count by their errors; points of one rigid body that turns have range
+rates that differ with their place on it; points of one sensor have errors in common, because they lie on the side that it sees; a few may
+be no part of the body at all. What the rates do not tell is not made up: the velocity comes along its own axes, each with its error, and
+the axes that are too uncertain are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError
+from radar_core.config import config, knob
+from radar_core.linalg import symmetrise
+
+Float64Array = NDArray[np.float64]
+
+_LEAST_WEIGHT = 1e-3  # of an outlier: the system stays regular whatever happens
+_ROUNDING = 1e-12  # eigenvalues below this share of the largest are rounding
+_OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlier
+
+
+@config
+class SnapshotConfig:
+    """How the velocity of a hand is estimated from range rates."""
+
+    spread: float = knob(0.12, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
+    common: float = knob(0.05, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common")
+    spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
+    huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
+    iterations: int = knob(4, low=1, high=50, doc="rounds of weighing and solving; 1: no point is an outlier")
+    max_std: float = knob(
+        0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain than this are not given"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SnapshotVelocity:
+    """What one snapshot tells of a velocity.
+
+    Attributes
+    ----------
+    axes : ndarray of float64, shape (d, d)
+        Orthonormal rows in ``room``, the best known first; errors along them are uncorrelated.
+    along : ndarray of float64, shape (d,)
+        Velocity along each [m/s]; NaN: not told.
+    std : ndarray of float64, shape (d,)
+        Standard deviation along each [m/s]; infinite where nothing is known.
+    rank : int
+        Axes along which the velocity is told.
+    condition : float
+        Worst over best of the standard deviations; infinite where one is.
+    weight : ndarray of float64, shape (n_points,)
+        How much each point counted, 0..1; NaN where no rate was measured.
+    """
+
+    axes: Float64Array
+    along: Float64Array
+    std: Float64Array
+    rank: int
+    condition: float
+    weight: Float64Array
+
+    @property
+    def whole(self) -> bool:
+        """Whether the velocity is told in all directions."""
+        return self.rank == len(self.axes)
+
+    @property
+    def velocity(self) -> Float64Array:
+        """Velocity in ``room``, shape (d,) [m/s]; NaN unless it is `whole`."""
+        return np.asarray(self.along @ self.axes)
+
+    @property
+    def covariance(self) -> Float64Array:
+        """Of `velocity`, shape (d, d) [m^2/s^2]; NaN unless it is `whole`."""
+        if not self.whole:
+            return np.full(self.axes.shape, np.nan)
+        return symmetrise((self.axes.T * self.std**2) @ self.axes)
+
+    @property
+    def outliers(self) -> int:
+        """Points that hardly counted."""
+        return int(np.count_nonzero(self.weight < _OUTLIER))
+
+
+class Snapshot:
+    """Estimates the velocity of one target at one moment; holds no state.
+
+    Parameters
+    ----------
+    settings : SnapshotConfig or None
+        Knobs; None: all defaults.
+    """
+
+    def __init__(self, settings: SnapshotConfig | None = None) -> None:
+        self.settings = settings if settings is not None else SnapshotConfig()
+
+    def process(
+        self,
+        direction: Float64Array,
+        rate: Float64Array,
+        rate_std: Float64Array,
+        *,
+        offset: Float64Array | None = None,
+        sensor: NDArray[np.integer] | None = None,
+        amplitude: Float64Array | None = None,
+    ) -> SnapshotVelocity:
+        """Estimate the velocity at the place from which ``offset`` counts, by weighted least squares.
+
+        The model of point i is ``rate = u.v + u.(w x offset) + b + e`` with its direction u, the velocity v, a turn rate w of standard
+        deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b are not
+        estimated but belong to the noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every
+        round (Huber 1964).
+
+        Parameters
+        ----------
+        direction : ndarray of float64, shape (n_points, d)
+            Unit vectors in ``room`` from the sensor that saw each point to the point; d is 2 (floor plane) or 3.
+        rate : ndarray of float64, shape (n_points,)
+            Range rates, receding positive [m/s]; NaN: not measured.
+        rate_std : ndarray of float64, shape (n_points,)
+            Their standard deviations [m/s].
+        offset : ndarray of float64, shape (n_points, d), or None
+            Of each point from the target's centre [m]; None: the target is a point.
+        sensor : ndarray of int, shape (n_points,), or None
+            Which sensor saw each; None: one.
+        amplitude : ndarray of float64, shape (n_points,), or None
+            Relative amplitudes: a strong echo is the mean of much of the hand, its `spread` is less. None: all alike.
+
+        Raises
+        ------
+        DataError
+            When shapes differ, a direction is not finite, or the error of a measured rate is not positive and finite.
+        """
+        n, d = direction.shape
+        known = self._check(direction, rate, rate_std, offset, amplitude)
+        weight = np.full(n, np.nan)
+        if not known.any():
+            return SnapshotVelocity(np.eye(d), np.full(d, np.nan), np.full(d, np.inf), 0, np.inf, weight)
+        U, y = direction[known], rate[known]
+        variance = rate_std[known] ** 2 + self.settings.spread**2 / _relative(amplitude, known)
+        shared = self._shared(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
+        information, vector, weight[known] = self._solve(U, y, variance, shared)
+        return self._told(information, vector, weight)
+
+    def _check(
+        self,
+        direction: Float64Array,
+        rate: Float64Array,
+        rate_std: Float64Array,
+        offset: Float64Array | None,
+        amplitude: Float64Array | None,
+    ) -> NDArray[np.bool_]:
+        n = len(direction)
+        if rate.shape != (n,) or rate_std.shape != (n,) or (offset is not None and offset.shape != direction.shape):
+            shapes = (direction.shape, rate.shape, rate_std.shape, None if offset is None else offset.shape)
+            raise DataError(f"direction, rate, rate_std and offset have shapes {shapes}; give one row of each for every point")
+        known = ~np.isnan(rate)
+        if not (np.isfinite(direction[known]).all() and np.isfinite(rate[known]).all()):
+            raise DataError("direction or rate has an entry that is not finite; NaN in rate is the mark for what was not measured")
+        if not ((rate_std[known] > 0) & np.isfinite(rate_std[known])).all():
+            raise DataError("rate_std has an entry that is not positive and finite; every measured range rate needs an error")
+        if offset is not None and not np.isfinite(offset[known]).all():
+            raise DataError("offset has an entry that is not finite; give the target's own height to points without one")
+        if amplitude is not None and not ((amplitude[known] > 0) & np.isfinite(amplitude[known])).all():
+            raise DataError("amplitude has an entry that is not positive and finite; give 1 where it is not known")
+        return known
+
+    def _shared(self, U: Float64Array, offset: Float64Array | None, sensor: NDArray[np.integer] | None) -> Float64Array:
+        """Covariance of what points have in common, shape (n, n): the turn of the body and the side that a sensor sees."""
+        n, d = U.shape
+        own = np.zeros(n, np.int64) if sensor is None else sensor
+        covariance = self.settings.common**2 * (own[:, None] == own[None, :]).astype(np.float64)
+        if offset is not None and self.settings.spin > 0:
+            flat = d == 2
+            turn = (U[:, 1] * offset[:, 0] - U[:, 0] * offset[:, 1])[:, None] if flat else np.cross(offset, U)
+            covariance += self.settings.spin**2 * (turn @ turn.T)
+        return np.asarray(covariance)
+
+    def _solve(
+        self, U: Float64Array, y: Float64Array, variance: Float64Array, shared: Float64Array
+    ) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Information matrix (d, d) and vector (d,) of the last round, and the points' weights."""
+        weight = np.ones(len(y))
+        std = np.sqrt(variance)
+        for turn in range(self.settings.iterations):
+            R = shared + np.diag(variance / weight)
+            solved = np.linalg.solve(R, np.column_stack([U, y]))
+            information, vector = symmetrise(U.T @ solved[:, :-1]), U.T @ solved[:, -1]
+            if turn + 1 == self.settings.iterations:
+                break
+            velocity = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ vector
+            # what of each residual is the point's own error, and not shared with others
+            own = variance / weight * (solved[:, -1] - solved[:, :-1] @ velocity)
+            new = np.clip(self.settings.huber / np.maximum(np.abs(own) / std, 1e-12), _LEAST_WEIGHT, 1.0)
+            if np.abs(new - weight).max() < 1e-3:
+                break
+            weight = new
+        return information, vector, weight
+
+    def _told(self, information: Float64Array, vector: Float64Array, weight: Float64Array) -> SnapshotVelocity:
+        """Take the information apart into axes, the best known first."""
+        value, axes = np.linalg.eigh(information)
+        value, axes = value[::-1], axes.T[::-1]
+        told = value * self.settings.max_std**2 >= 1.0
+        std = np.full(len(value), np.inf)
+        positive = value > _ROUNDING * max(float(value[0]), 0.0)
+        std[positive] = 1.0 / np.sqrt(value[positive])
+        along = np.full(len(value), np.nan)
+        along[told] = (axes[told] @ vector) / value[told]
+        condition = float(std[-1] / std[0]) if positive.all() else np.inf
+        return SnapshotVelocity(axes, along, std, int(np.count_nonzero(told)), condition, weight)
+
+
+def _relative(amplitude: Float64Array | None, known: NDArray[np.bool_]) -> Float64Array:
+    """Amplitudes over their mean, shape (n_known,)."""
+    if amplitude is None:
+        return np.ones(int(np.count_nonzero(known)))
+    own = amplitude[known] / amplitude[known].max()
+    return np.asarray(np.maximum(own / own.mean(), 1e-3))

@@ -1,0 +1,6 @@
+"""The hand as an analogue input (thesis, 7.3): split from the body, followed with its velocity, mapped to a value."""
+
+from radar_tracking.hand.config import HandConfig, SplitConfig, ValueConfig
+from radar_tracking.hand.tracker import HandTracker
+
+__all__ = ["HandConfig", "HandTracker", "SplitConfig", "ValueConfig"]

@@ -1,0 +1,150 @@
+"""Points of a cloud that may be a person's hand, with what is known of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import PointCloud
+from radar_core.composite import CloudComposite
+from radar_tracking.hand.config import HandConfig
+from radar_tracking.tracks import TrackedCloud
+
+Float64Array = NDArray[np.float64]
+MaskArray = NDArray[np.bool_]
+
+_MAX_POINTS = 500  # a hand has a handful of points; more than this of one person only cost time
+_SHOULDER = 0.2  # m: above the middle of what is seen of the body
+_LEAST = 1e-6  # m: a point at the very place of its sensor has no line of sight
+_FASTEST = 100.0  # m/s: what is faster is no measurement of a hand
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Points that may be the hand; every array has one entry (row) per point.
+
+    Attributes
+    ----------
+    position : ndarray of float64, shape (n, 3)
+        In ``room`` [m]; z may be NaN.
+    direction : ndarray of float64, shape (n, 3)
+        Unit vectors from the sensor that saw each to the point; horizontal where z is NaN.
+    sensor : ndarray of int64, shape (n,)
+        Which sensor saw it: an index into the sources of the cloud.
+    rate, rate_std : ndarray of float64, shape (n,)
+        Range rate, receding positive, and its error [m/s]; NaN: not measured.
+    amplitude : ndarray of float64, shape (n,)
+        Relative to the median of the points, within 10 dB of it.
+    error : ndarray of float64, shape (n, 3)
+        Standard deviations along the line of sight, across it on the floor plane, and up [m].
+    axis : ndarray of float64, shape (n,)
+        Horizontal distance from the body's axis [m].
+    ahead : ndarray of float64, shape (n,)
+        How much nearer to its sensor than the body's axis, on the floor plane [m].
+    owned : ndarray of bool, shape (n,)
+        Whether the point is the person's; otherwise nobody's.
+    """
+
+    position: Float64Array
+    direction: Float64Array
+    sensor: NDArray[np.int64]
+    rate: Float64Array
+    rate_std: Float64Array
+    amplitude: Float64Array
+    error: Float64Array
+    axis: Float64Array
+    ahead: Float64Array
+    owned: MaskArray
+
+    def __len__(self) -> int:
+        return len(self.axis)
+
+    def select(self, index: NDArray[np.generic]) -> Candidates:
+        """Keep the points that a mask or an index array picks."""
+        return Candidates(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    @property
+    def speed(self) -> Float64Array:
+        """Magnitude of the range rate, shape (n,) [m/s]; infinite where none was measured, for only what is slow for sure is body."""
+        return np.where(np.isnan(self.rate), np.inf, np.abs(self.rate))
+
+
+def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: Float64Array, config: HandConfig) -> Candidates:
+    """Pick the points that may be the hand: the person's own and nobody's, within reach.
+
+    Parameters
+    ----------
+    tracked : TrackedCloud
+        In ``room``.
+    parent : int
+        Id of the person's track.
+    body : ndarray of float64, shape (3,)
+        Where the person is [m].
+    origin : ndarray of float64, shape (3,)
+        Where the sensor stands, for clouds that do not say it themselves [m].
+    config : HandConfig
+        Knobs.
+    """
+    cloud, owner = tracked.cloud, tracked.tracks.point_track_id
+    position = cloud.position.astype(np.float64)
+    axis = np.hypot(position[:, 0] - body[0], position[:, 1] - body[1])
+    usable = ((owner == parent) | (owner == -1)) & (axis <= config.split.reach)  # NaN compares False
+    index = np.flatnonzero(usable)[:_MAX_POINTS]
+    position, owned = position[index], owner[index] == parent
+    origins, sensor = _sensors(cloud, origin)
+    sensor = sensor[index]
+    away = np.nan_to_num(position) - origins[sensor]
+    away[np.isnan(position[:, 2]), 2] = 0.0
+    far = np.maximum(np.linalg.norm(away, axis=1), _LEAST)
+    distance = _known(cloud.range[index], far)
+    ahead = np.linalg.norm(body[:2] - origins[:, :2], axis=1)[sensor] - np.hypot(away[:, 0], away[:, 1])
+    rate = cloud.radial_speed[index].astype(np.float64)
+    rate[~(np.abs(rate) <= _FASTEST)] = np.nan
+    error = np.stack(
+        [_known(cloud.range_std[index], 0.0), _angle(cloud.azimuth_std, index, config), _angle(cloud.elevation_std, index, config)]
+    )
+    error[1:] *= distance
+    return Candidates(
+        position, away / far[:, None], sensor, rate, np.clip(_known(cloud.radial_speed_std[index], config.rate_std), 1e-3, 10.0),
+        _amplitude(cloud.snr[index].astype(np.float64)), error.T, axis[index], ahead, owned,
+    )  # fmt: skip
+
+
+def outward(position: Float64Array, body: Float64Array, hand: Float64Array) -> Float64Array:
+    """How far out along the arm points are, shape (n,) [m], counted from the shoulder.
+
+    Parameters
+    ----------
+    position : ndarray of float64, shape (n, 3)
+        Points [m]; those without z are taken to be as high as the hand.
+    body, hand : ndarray of float64, shape (3,)
+        Where they are [m]; the shoulder is above the middle of the body.
+    """
+    shoulder = body + np.array([0.0, 0.0, _SHOULDER])
+    arm = hand - shoulder
+    away = np.where(np.isnan(position), hand, position) - shoulder
+    return np.asarray(away @ arm / max(float(np.linalg.norm(arm)), 1e-3))
+
+
+def _sensors(cloud: PointCloud, origin: Float64Array) -> tuple[Float64Array, NDArray[np.int64]]:
+    """Places of the sensors, shape (n_sensors, 3), and which of them saw each point, shape (n_points,)."""
+    if isinstance(cloud, CloudComposite) and cloud.sources:
+        return np.stack([source.mount.origin for source in cloud.sources]), cloud.sensor.astype(np.int64)
+    return origin.reshape(1, 3), np.zeros(len(cloud), np.int64)
+
+
+def _known(value: NDArray[np.float32], other: Float64Array | float) -> Float64Array:
+    """Values that are finite, and ``other`` for the rest."""
+    return np.asarray(np.where(np.isfinite(value), value, other), np.float64)
+
+
+def _angle(std: NDArray[np.float32], index: NDArray[np.int64], config: HandConfig) -> Float64Array:
+    return np.clip(_known(std[index], config.angle_std), 0.0, 1.0)
+
+
+def _amplitude(snr: Float64Array) -> Float64Array:
+    known = np.isfinite(snr)
+    level = float(np.median(snr[known])) if known.any() else 0.0
+    return np.asarray(10 ** (np.clip(np.where(known, snr, level) - level, -10.0, 10.0) / 20))
