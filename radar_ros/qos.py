@@ -44,7 +44,9 @@ def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfi
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
     if name in ("radar/info", "tf_static"):
         return LATCHED
-    if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
+    if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status") or name.startswith(
+        ("camera/color", "camera/aligned")
+    ):
         return sensor(reliable=reliable, depth=depth)
     return RESULT
 
