@@ -16,6 +16,7 @@ Float64Array = NDArray[np.float64]
 
 _MAD = 1.4826  # standard deviation over median absolute deviation, for a normal distribution
 _MEDIAN = math.pi / 2  # variance of a median over that of a mean, for a normal distribution
+_CHANCE = 4.7  # by noise alone a spread squared of n pixels exceeds its mean by more than this / sqrt(n) in 2 % of the cases
 _WITHIN = 6.0  # standard deviations of the noise that a surface is at least thick
 _MILLIMETRE = 1e-3
 
@@ -139,7 +140,8 @@ class DepthReader:
         noise = self.config.noise(middle)
         spread = _MAD * float(np.median(np.abs(surface - middle)))
         independent = max(1.0, len(surface) / max(self.config.correlation, 1.0) ** 2)
-        variance = noise * noise * min(_MEDIAN / independent, 1.0) + max(spread * spread - noise * noise, 0.0)
+        by_noise = noise * noise * (1.0 + _CHANCE / math.sqrt(independent))
+        variance = noise * noise * min(_MEDIAN / independent, 1.0) + max(spread * spread - by_noise, 0.0)
         return math.sqrt(variance)
 
 

@@ -145,9 +145,13 @@ class SyntheticCamera:
         if self.config.jitter:
             pixel = camera.project(centre) + rng.normal(0.0, self.config.jitter, 2)
             centre = camera.unproject(pixel, centre[2])
-        if np.isfinite(centre).all():
+        radius = float(self._radii[i])
+        if np.isfinite(centre).all() and centre[2] > 2 * radius:
             shade = 255.0 * np.array(colorsys.hsv_to_rgb(self.config.hues[i] / 360.0, 0.9, 0.95))
-            draw_ball(self._rays, centre, float(self._radii[i]), shade, colour, depth)
+            u, v = camera.project(centre)
+            reach = 3.0 * radius / (centre[2] - radius) * max(camera.fx, camera.fy)  # more than the outline at 60 degrees beside the view
+            rows, columns = (slice(max(int(a - reach), 0), max(int(a + reach) + 2, 0)) for a in (v, u))
+            draw_ball(self._rays[rows, columns], centre, radius, shade, colour[rows, columns], depth[rows, columns])
 
     @cached_property
     def _rays(self) -> Float64Array:
