@@ -158,7 +158,7 @@ def _open_task(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, Call
     )
     try:
         landmarker = vision.PoseLandmarker.create_from_options(options)
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, OSError) as error:
         raise ConfigError(f"mediapipe.model_file {path} cannot be used by mediapipe {mediapipe.__version__}: {error}") from None
     count = 0
 

@@ -18,6 +18,7 @@ from radar_tracking.camera.residual import PARTS, Residual, ResidualConfig
 Float64Array = NDArray[np.float64]
 
 _SECOND = 1e-9
+_BASE = 0.2  # s: a hand's direction changes little in this time
 _LATENCY = PARTS.index("latency")
 
 
@@ -29,8 +30,8 @@ class Series:
     ----------
     time : ndarray of float64, shape (n,)
         Since the first stamp of all tracks [s].
-    position, reference, velocity, residual : ndarray of float64, shape (n, 3)
-        Of the track, of the reference, its velocity, and the difference of both places [m], [m/s].
+    position, reference, residual : ndarray of float64, shape (n, 3)
+        Of the track, of the reference, and the difference of both [m].
     track_covariance, covariance, common : ndarray of float64, shape (n, 3, 3)
         Of the track, of the reference, and what of the latter is the same at all times [m^2].
     part_std : ndarray of float64, shape (n, 6)
@@ -40,7 +41,6 @@ class Series:
     time: Float64Array
     position: Float64Array
     reference: Float64Array
-    velocity: Float64Array
     residual: Float64Array
     track_covariance: Float64Array
     covariance: Float64Array
@@ -62,7 +62,6 @@ def _series(items: Sequence[Residual], start: int) -> Series:
         time=np.array([(item.sample.stamp_ns - start) * _SECOND for item in items]),
         position=np.array([item.sample.position for item in items]),
         reference=np.array([item.reference for item in items]),
-        velocity=np.array([item.velocity for item in items]),
         residual=np.array([item.residual for item in items]),
         track_covariance=np.array([item.sample.covariance for item in items]),
         covariance=np.array([item.covariance for item in items]),
@@ -160,7 +159,16 @@ def _nees(series: Series) -> float | None:
 
 
 def _lag(series: Series) -> float | None:
-    """Least-squares delay of the track: one that is late by t has the residual ``-t v``, beside a constant."""
-    speed = series.velocity - series.velocity.mean(0)
+    """Least-squares delay of the track: one that is late by t has the residual ``-t v``, beside a constant.
+
+    The velocity is taken over `_BASE`: over two images the reference's noise would make it much too large, and the delay too small.
+    """
+    time = series.time
+    inner = np.flatnonzero((time >= time[0] + _BASE / 2) & (time <= time[-1] - _BASE / 2))
+    if len(inner) < 2:
+        return None
+    ahead, behind = (np.stack([np.interp(time[inner] + s, time, x) for x in series.reference.T], -1) for s in (_BASE / 2, -_BASE / 2))
+    speed = (ahead - behind) / _BASE
+    speed -= speed.mean(0)
     power = float((speed**2).sum())
-    return -float((speed * series.residual).sum()) / power if power > 1e-6 * len(speed) else None
+    return -float((speed * series.residual[inner]).sum()) / power if power > 1e-6 * len(inner) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -107,8 +108,8 @@ class Residual:
     ----------
     sample : TrackSample
         The track.
-    reference, velocity : ndarray of float64, shape (3,)
-        Of the reference, interpolated to the track's stamp [m], [m/s].
+    reference : ndarray of float64, shape (3,)
+        Place of the reference, interpolated to the track's stamp [m].
     residual : ndarray of float64, shape (3,)
         Track less reference [m].
     covariance, common : ndarray of float64, shape (3, 3)
@@ -119,7 +120,6 @@ class Residual:
 
     sample: TrackSample
     reference: Float64Array
-    velocity: Float64Array
     residual: Float64Array
     covariance: Float64Array
     common: Float64Array
@@ -193,6 +193,8 @@ class HandResiduals:
         if not self._references:
             return ()
         newest = self._references[-1].stamp_ns
+        if not any(sample.stamp_ns <= newest for sample in self._waiting):
+            return ()
         stamps = [reference.stamp_ns for reference in self._references]
         found = []
         left: deque[TrackSample] = deque()
@@ -200,7 +202,7 @@ class HandResiduals:
             if sample.stamp_ns > newest:
                 left.append(sample)
                 continue
-            after = int(np.searchsorted(stamps, sample.stamp_ns))
+            after = bisect.bisect_left(stamps, sample.stamp_ns)
             made = self._at(sample, after) if stamps[0] <= sample.stamp_ns else None
             if made is None:
                 self.unmatched += 1
@@ -229,7 +231,6 @@ class HandResiduals:
         return Residual(
             sample=sample,
             reference=reference,
-            velocity=(second.position - first.position) / gap if gap_ns else np.zeros(3),
             residual=sample.position - reference,
             covariance=symmetrise(fresh + common + np.eye(3) * bend**2 / 3),
             common=symmetrise(common),
