@@ -48,13 +48,7 @@ TYPES: Mapping[str, str] = {
 }
 """Type of every topic that recordings may hold."""
 
-_ON_REQUEST = (
-    "radar/points2",
-    "gestures/maps",
-    "camera/color/image_raw",
-    "camera/aligned_depth_to_color/image_raw",
-    "camera/color/camera_info",
-)
+_ON_REQUEST = ("radar/points2", "gestures/maps", "camera/color/image_raw", "camera/aligned_depth_to_color/image_raw")
 RECORDED = tuple(topic for topic in TYPES if topic not in _ON_REQUEST)
 """What is recorded unless something else is asked for. Left out is what says nothing that radar/points and tracks do not say, and the
 images of a camera: tens of megabytes a second, of people's faces."""

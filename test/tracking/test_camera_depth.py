@@ -73,8 +73,8 @@ def test_labels_keep_others_out():
 def test_standard_deviation_is_that_of_the_error(correlation, holes):
     """Noise of the model's size on a plane that faces the camera: errors over standard deviations have variance 1.
 
-    600 independent windows: the 99.9 % band of their mean square is 0.82 to 1.2. Correlated noise is made of blocks of 3 x 3 pixels; how many
-    of these lie in a window is a matter of where it lies (4 to 9), so that the band is wider on the side of too large a deviation.
+    600 independent windows: the 99.9 % band of their mean square is 0.82 to 1.2. Correlated noise is made of blocks of 3 x 3 pixels; how
+    many of these lie in a window is a matter of where it lies (4 to 9), so that the band is wider on the side of too large a deviation.
     """
     rng = np.random.default_rng(3)
     settings = DepthConfig(noise_floor=0.001, noise_growth=0.0025, correlation=correlation)

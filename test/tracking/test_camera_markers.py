@@ -48,7 +48,7 @@ def test_fingers_before_a_ball():
     image = disc(picture(), 80.0, 60.0, 10.0)
     image[:, 81:] = 150
     found = MarkerFinder().process(image)
-    rows, columns = np.nonzero(found.label)
+    columns = np.nonzero(found.label)[1]
     assert np.hypot(*(found.pixel[0] - (80.0, 60.0))) < 1.0
     assert 80.0 - columns.mean() > 3.0
     assert 0.35 < found.confidence[0] < 0.65

@@ -43,16 +43,18 @@ def person():
 
 @pytest.mark.parametrize("video", [False, True])
 def test_finds_a_rendered_person(open_pose, video):
-    """Six pictures of a mesh with skin and clothes: a person in each, joints within 25 px (10 cm), in the median within 12 px.
+    """Six pictures of a mesh with skin and clothes: a person in each, joints within 40 px (16 cm), in the median within 12 px.
 
-    Measured with 0.10.21: median 7 px. What MediaPipe calls a shoulder or a hand is not quite what the skeleton does.
+    Measured with 0.10.21: median 7 px, at most 24 px. What MediaPipe calls a shoulder or a hand is not quite what the skeleton does.
     """
     made, pose, error = person(), open_pose(video=video), []
     for k in range(6):
         found = pose.process(made.process(0.5 + 0.4 * k, k).colour)
         true = made.joints(0.5 + 0.4 * k)
         assert found.confidence.min() > 0.5
-        error.append([np.hypot(*(p - CameraModel().project(MOUNT.from_room(true[name])))) for name, p in zip(found.names, found.pixel, strict=True)])
+        error.append(
+            [np.hypot(*(p - CameraModel().project(MOUNT.from_room(true[name])))) for name, p in zip(found.names, found.pixel, strict=True)]
+        )
     assert np.median(error) < 12.0
     assert np.max(error) < 40.0
 
@@ -65,7 +67,7 @@ def test_nobody_is_nobody(open_pose):
 
 
 def test_joints_in_the_room(open_pose):
-    """The whole chain with MediaPipe: hands and wrists within 15 cm in the median 6 cm, of the joints that the budget allows."""
+    """The whole chain with MediaPipe: arms and shoulders in the room, in the median within 6 cm."""
     made = person()
     truth = CameraTruth(CameraModel(), CameraTruthConfig(mount=MOUNT), open_pose(video=False))
     away = []
@@ -95,10 +97,10 @@ def test_without_mediapipe_the_user_is_told(monkeypatch):
 def test_without_a_model_nothing_is_downloaded(monkeypatch, tmp_path):
     """A version without a model: the message asks for a file; a file that is not there, or is no model, is named."""
     pytest.importorskip("mediapipe", reason="MediaPipe is not installed")
-    with pytest.raises(ConfigError, match="nowhere.task is not there"):
+    with pytest.raises(ConfigError, match=r"nowhere\.task is not there"):
         MediapipePose(MediapipeConfig(model_file=str(tmp_path / "nowhere.task")))
     (tmp_path / "empty.task").write_bytes(b"nothing")
-    with pytest.raises(ConfigError, match="empty.task cannot be used by mediapipe"):
+    with pytest.raises(ConfigError, match=r"empty\.task cannot be used by mediapipe"):
         MediapipePose(MediapipeConfig(model_file=str(tmp_path / "empty.task")))
     monkeypatch.setattr(mediapipe_pose, "_MODEL", mediapipe_pose.Path("modules", "no_such_model.tflite"))
     with pytest.raises(ConfigError, match="carries no model, and nothing is downloaded; name a pose_landmarker"):

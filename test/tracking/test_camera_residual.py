@@ -90,7 +90,11 @@ def session(rng, radar=0.03, fresh=0.01, common=0.02, seconds=30.0, lag=0.0, bia
     Returns the series, and the true rms of the radar's errors.
     """
     covariance = np.eye(3) * (fresh**2 + common**2)
-    given = {"covariance": covariance, "common": np.eye(3) * common**2, "part_std": np.array([fresh * math.sqrt(3), 0, 0, 0, common * math.sqrt(3)])}
+    given = {
+        "covariance": covariance,
+        "common": np.eye(3) * common**2,
+        "part_std": np.array([fresh * math.sqrt(3), 0, 0, 0, common * math.sqrt(3)]),
+    }
     offset = rng.normal(0.0, common, 3)
 
     def hand(t):

@@ -102,8 +102,8 @@ def test_each_error_is_in_the_budget(part, dof):
     """Acceptance: one kind of error in the images at a time; its part of the budget has its size, and the others are small.
 
     The mean square of the error over that of the budget is 1 but for 40 draws: 99.9 % band of 40 dof (the least number of directions in
-    which it acts). The circle's fit to whole pixels adds 0.3 px (1.7 mm) of its own, which is taken off. What is left of the others is depth:
-    the ball is round, so that its depths differ within the window.
+    which it acts). The circle's fit to whole pixels adds 0.3 px (1.7 mm) of its own, which is taken off. What is left of the others is
+    depth: the ball is round, so that its depths differ within the window.
     """
     rng = np.random.default_rng(PARTS.index(part))
     square, said = [], []
@@ -220,7 +220,7 @@ def test_contradictions_are_refused():
     truth.process(frame(5))
     with pytest.raises(DataError, match=r"images are \(2, 2\) .* camera's info says \(240, 320\)"):
         truth.process(RgbdFrame(20, 0, np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2), np.uint16)))
-    with pytest.raises(DataError, match="align_depth.enable"):
+    with pytest.raises(DataError, match=r"align_depth\.enable"):
         RgbdFrame(0, 0, np.zeros((2, 2, 3), np.uint8), np.zeros((4, 4), np.uint16))
     with pytest.raises(DataError, match="colour is float64"):
         RgbdFrame(0, 0, np.zeros((2, 2, 3)), np.zeros((2, 2), np.uint16))
