@@ -23,6 +23,7 @@ _STEPS = 50  # of Newton's method; 5 suffice for usual lenses
 _CONVERGED = 1e-10  # in units of the focal length: 1e-7 pixels
 _FOLD = 0.02  # the lens folds back where a step outwards moves the image by less than this share of the step
 _WIDEST = 4.0  # tangent of the largest angle looked at, 76 degrees: no lens of these models is meant for more
+_FARTHEST = 1e12  # the same without a lens: its square is still a number
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # rows: our x, y, z in optical axes
 
 
@@ -107,7 +108,7 @@ class CameraModel:
     def _limit(self) -> float:
         """Largest distance from the axis, in units of the focal length, up to which the lens does not fold back."""
         if not any(self._k):
-            return math.inf
+            return _FARTHEST
         r = np.linspace(0.0, _WIDEST, 4001)
         radial, slope = self._radial(r * r)
         bad = np.flatnonzero(~((radial + 2 * r * r * slope > _FOLD) & (radial > _FOLD)))
