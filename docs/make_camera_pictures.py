@@ -51,7 +51,7 @@ def draw_frame(scene: Scene, out: Path, time: float = 4.2) -> None:
     made, truth = make(scene)
     frame = made.process(time)
     found = truth.process(frame)
-    fig, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2))
+    fig, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
     left.imshow(frame.colour)
     left.plot(*found.pixel[0], "x", color="black", ms=10, mew=2)
     true = made.joints(time)[JOINT]
@@ -90,7 +90,6 @@ def draw_residual(scene: Scene, out: Path, seconds: float) -> None:
 
 def save(fig: Any, path: Path) -> None:
     """Write without date or version, so that the same picture is the same file."""
-    fig.tight_layout()
     fig.savefig(path, dpi=80, metadata={"Software": None})
     plt.close(fig)
 
