@@ -39,12 +39,19 @@ TYPES: Mapping[str, str] = {
     "tf_static": "tf2_msgs/msg/TFMessage",
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "tracks/markers": "visualization_msgs/msg/MarkerArray",
+    "camera/joints": "handwave/msg/JointTruth",
+    "hand/residual": "handwave/msg/HandResidual",
     "radar/points2": "sensor_msgs/msg/PointCloud2",
+    "camera/color/image_raw": "sensor_msgs/msg/Image",
+    "camera/aligned_depth_to_color/image_raw": "sensor_msgs/msg/Image",
+    "camera/color/camera_info": "sensor_msgs/msg/CameraInfo",
 }
 """Type of every topic that recordings may hold."""
 
-RECORDED = tuple(topic for topic in TYPES if topic not in ("radar/points2", "gestures/maps"))
-"""What is recorded unless something else is asked for; the two left out say nothing that radar/points and tracks do not say."""
+_ON_REQUEST = ("radar/points2", "gestures/maps", "camera/color/image_raw", "camera/aligned_depth_to_color/image_raw")
+RECORDED = tuple(topic for topic in TYPES if topic not in _ON_REQUEST)
+"""What is recorded unless something else is asked for. Left out is what says nothing that radar/points and tracks do not say, and the
+images of a camera: tens of megabytes a second, of people's faces."""
 
 
 @cache

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import dataset_commands, scene_commands, training_commands
+from radar_ros import camera_commands, dataset_commands, scene_commands, training_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -79,7 +79,7 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[str, typer.Argument(help="live, demo, two_radars, replay or stages (see docs/graph.md)")] = "live",
+    variant: Annotated[str, typer.Argument(help="live, demo, two_radars, replay, stages or camera (see docs/graph.md)")] = "live",
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
@@ -375,6 +375,7 @@ def turntable(
 _COMMANDS = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
+app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")
 
 

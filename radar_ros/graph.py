@@ -52,8 +52,10 @@ NODES: Mapping[str, NodeSpec] = {
         NodeSpec("tracking", "radar_tracking.nodes.tracking"),
         NodeSpec("gestures", "radar_gestures.nodes.gesture"),
         NodeSpec("hand", "radar_tracking.nodes.hand"),
+        NodeSpec("camera", "radar_tracking.nodes.camera"),
         NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
         NodeSpec("evaluation", "radar_gestures.nodes.evaluation"),
+        NodeSpec("hand_evaluation", "radar_tracking.nodes.hand_evaluation"),
         NodeSpec("recorder", "radar_ros.nodes.recorder"),
     )
 }
@@ -89,6 +91,7 @@ VARIANTS: Mapping[str, Variant] = {
     "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
     "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
     "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
+    "camera": Variant("a camera as the reference of the hand, beside a graph that runs", ("camera", "hand_evaluation")),
     "stages": Variant("the bare stages, for lockstep and measurements", STAGES),
     "two_radars": Variant(
         "two radars (or simulated radars) in left/ and right/, fused to people, gestures and a hand",

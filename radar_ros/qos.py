@@ -40,10 +40,16 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 """What a late joiner must get too: radar/info, /tf_static."""
 
 
+CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
+"""Images of an RGB-D camera and what describes them: streams, as the camera's driver offers them."""
+
+
 def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfile:
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
     if name in ("radar/info", "tf_static"):
         return LATCHED
+    if name in CAMERA_STREAMS:  # other people's drivers: many offer best effort only, and a reader that asks for more gets nothing
+        return sensor(depth=depth)
     if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
         return sensor(reliable=reliable, depth=depth)
     return RESULT

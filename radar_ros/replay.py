@@ -58,7 +58,7 @@ class Player:
         """Return the publisher of a topic, by its name within the namespace."""
         if topic not in self._publishers:
             name = "/tf_static" if topic == "tf_static" else topic
-            streams = ("radar/frame", "radar/points")
+            streams = ("radar/frame", "radar/points", *qos.CAMERA_STREAMS)
             profile = qos.stream_out() if topic in streams else qos.for_topic(topic)
             self._publishers[topic] = self.node.create_publisher(qos.message_class(TYPES[topic]), name, profile)
         return self._publishers[topic]

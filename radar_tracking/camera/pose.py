@@ -1,0 +1,79 @@
+"""Joints of a person in a colour image: what pose estimators agree on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError
+from radar_core.checks import require_shape
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Joints in an image.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of n joints, e.g. ``right_hand``; sides are the person's own.
+    pixel : ndarray of float64, shape (n, 2) = (u, v)
+        The centre of the first pixel is (0, 0); NaN: not found.
+    confidence : ndarray of float64, shape (n,)
+        0 (not found) to 1.
+    pixel_std : ndarray of float64, shape (n,)
+        Standard deviation of u and of v [px].
+    label : ndarray of uint8, shape (height, width), or None
+        k + 1 where the image shows what joint k was found by, so that depth is read there only; None: the estimator does not know.
+    """
+
+    names: tuple[str, ...]
+    pixel: Float64Array
+    confidence: Float64Array
+    pixel_std: Float64Array
+    label: NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        require_shape("Keypoints.pixel", self.pixel, (n, 2))
+        require_shape("Keypoints.confidence", self.confidence, (n,))
+        require_shape("Keypoints.pixel_std", self.pixel_std, (n,))
+        if not (np.isfinite(self.pixel_std).all() and (self.pixel_std >= 0).all()):
+            raise DataError(f"Keypoints.pixel_std is {self.pixel_std}; a pose estimator must give 0 or more for every joint")
+
+
+class PoseEstimator(Protocol):
+    """Something that finds joints in colour images; users may give their own to `CameraTruth`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the joints, in the order of what it finds.
+    """
+
+    names: tuple[str, ...]
+
+    def process(self, image: NDArray[np.uint8]) -> Keypoints:
+        """Find the joints of an image of red, green, blue, shape (height, width, 3).
+
+        Raises
+        ------
+        DataError
+            When the image is none.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of models and threads."""
+        ...
+
+
+def require_image(image: NDArray[np.uint8]) -> None:
+    """Raise `DataError` unless ``image`` is one of red, green, blue, uint8 of shape (height, width, 3)."""
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        raise DataError(f"image is {image.dtype} of shape {image.shape}, expected uint8 of (height, width, 3) = red, green, blue")
