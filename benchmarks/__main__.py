@@ -7,37 +7,26 @@ import importlib
 import inspect
 import json
 import os
-import pkgutil
+import re
 import sys
 from pathlib import Path
 
 for _pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"):  # before numpy loads: second threads only fight at these sizes
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
-PARTS = {
-    "__main__",
-    "report",
-    "plot",
-    "document",
-    "dsp_accuracy",
-    "dsp_frames",
-    "propagation",
-    "synthesis",
-    "clustering_parts",
-    "scenarios",
-}
-PARTS |= {"stone_soup", "recordings", "tracking_score", "tracking_suite", "tracking_choices", "tracking_hand"}
-PARTS |= {"gesture_causes", "gesture_clouds", "gesture_studies"}
-"""Modules here that are no benchmark by themselves."""
+_RUN = re.compile(r"^(def run\(|run = )", re.MULTILINE)
+
+
+def names() -> list[str]:
+    """Name the modules here that are benchmarks by themselves: those that have a function ``run``."""
+    folder = Path(__file__).parent
+    return sorted(path.stem for path in folder.glob("*.py") if _RUN.search(path.read_text(encoding="utf-8")))
 
 
 def main() -> int:
     """Parse the command line, run the benchmark, print JSON or a table."""
-    import benchmarks
-
-    names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name not in PARTS)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure Handwave: figures, and accuracy beside time.")
-    parser.add_argument("name", choices=names, help="what to measure")
+    parser.add_argument("name", choices=names(), help="what to measure")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--quick", action="store_true", help="small data, few repetitions: checks that it runs, not for quoting")
     parser.add_argument("--plot", type=Path, metavar="PNG", help="also draw accuracy against time")
@@ -50,7 +39,7 @@ def main() -> int:
     for name in chosen:
         if name not in inspect.signature(run).parameters:
             parser.error(f"{options.name} knows no --{name}: leave it out")
-    result = run(quick=options.quick, **chosen)
+    result = {"choices": []} | run(quick=options.quick, **chosen)
     if options.plot:
         from benchmarks.plot import draw
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 from joblib import Memory
+from numpy.typing import NDArray
 
 from benchmarks.gesture_clouds import sources
 from benchmarks.report import choice, matrix, measure_together
@@ -23,7 +24,7 @@ from radar_gestures.classifiers.cnn import CnnConfig, CnnModel, export
 from radar_gestures.classifiers.cnn_training import cnn_judge, train_cnn
 from radar_gestures.classifiers.model import GestureModel, save_model
 from radar_gestures.classifiers.training import TrainingConfig, fit, train_on, validate
-from radar_gestures.classifiers.validation import Validation, cross_validate, leave_subjects_out, random_split
+from radar_gestures.classifiers.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_gestures.datasets.readings import Cubes, collect, cubes
 from radar_gestures.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_gestures.datasets.synthesis import synthesise
@@ -73,7 +74,7 @@ class Readings:
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
         self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
-        self._validate_cnn = memory.cache(_validate_cnn)
+        self._judge_cnn = memory.cache(_judge_cnn)
         self._place, self._n_jobs = place, n_jobs
         self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
 
@@ -86,8 +87,13 @@ class Readings:
         return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
 
     def validate_cnn(self, settings: CnnConfig) -> Validation:
-        """Judge the convolutional network on people left out: the better part of an hour."""
-        return self._validate_cnn(sources(("radar_gestures/classifiers",)), self.cubes(), settings)
+        """Judge the convolutional network on people left out: the better part of an hour, kept fold by fold."""
+        given, code = self.cubes(), sources(("radar_gestures/classifiers",))
+
+        def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+            return self._judge_cnn(code, given, settings, known, test)
+
+        return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
 
 
 _Key = tuple[str, str, int]  # what is read depends on: our sources, what the samples are, and how many
@@ -101,9 +107,8 @@ def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
     return cubes(place, GestureConfig(), n_jobs=n_jobs)
 
 
-def _validate_cnn(classifiers: str, given: Cubes, settings: CnnConfig) -> Validation:
-    judge = cnn_judge(given.cube, given.label, settings)
-    return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
+def _judge_cnn(code: str, given: Cubes, settings: CnnConfig, known: Mask, test: Mask) -> NDArray[np.float64]:
+    return cnn_judge(given.cube, given.label, settings)(known, test)
 
 
 def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
