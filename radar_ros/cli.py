@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import dataset_commands, scene_commands, training_commands
+from radar_ros import calibration_commands, dataset_commands, scene_commands, training_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -372,7 +372,8 @@ def turntable(
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
-_COMMANDS = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate, training_commands.train, training_commands.evaluate)
+_SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
+_COMMANDS = (*_SCENES, training_commands.train, training_commands.evaluate, calibration_commands.calibrate_pair)
 for command in _COMMANDS:
     app.command()(command)
 app.add_typer(dataset_commands.app, name="dataset")

@@ -37,12 +37,12 @@ def results_in(*, newest: bool) -> QoSProfile:
 
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""What a late joiner must get too: radar/info, /tf_static."""
+"""What a late joiner must get too: radar/info, radar/pose, /tf_static."""
 
 
 def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfile:
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
-    if name in ("radar/info", "tf_static"):
+    if name in ("radar/info", "radar/pose", "tf_static"):
         return LATCHED
     if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
         return sensor(reliable=reliable, depth=depth)
