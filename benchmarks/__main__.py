@@ -27,7 +27,7 @@ PARTS = {
     "scenarios",
 }
 PARTS |= {"stone_soup", "recordings", "tracking_score", "tracking_suite", "tracking_choices", "tracking_hand"}
-PARTS |= {"gesture_causes", "gesture_clouds", "gesture_studies"}
+PARTS |= {"gesture_causes", "gesture_clouds", "gesture_studies", "pair_clouds"}
 """Modules here that are no benchmark by themselves."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -53,6 +54,11 @@ class MountCalibration:
         result[np.ix_(index, index)] = self.covariance
         return result
 
+    def _written(self) -> dict[str, Any]:
+        """Say everything, so that nobody has to know defaults to read the file."""
+        mount = {name: getattr(self.mount, name) for name in ("x", "y", "z", "yaw", "tilt")}
+        return {"version": self.version, **plain(self), "mount": mount, "covariance": plain(self.covariance)}
+
     def save(self, path: str | Path) -> None:
         """Write a YAML file.
 
@@ -67,7 +73,7 @@ class MountCalibration:
             f"# standard deviations: x {x * 1e3:.1f} mm, y {y * 1e3:.1f} mm, yaw {math.degrees(yaw):.3f} degrees\n"
         )
         try:
-            Path(path).write_text(head + yaml.safe_dump({"version": _VERSION, **plain(self)}, sort_keys=False), encoding="utf-8")
+            Path(path).write_text(head + yaml.safe_dump(self._written(), sort_keys=False), encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"{path}: cannot be written ({error.strerror or error}); choose another place with --out") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -155,33 +156,37 @@ class Listener:
         return take
 
     def listen(self, duration: float, progress: Progress = lambda share: None) -> tuple[Walker, Walker]:
-        """Listen for so long [s], from when both radars have told what they are.
+        """Listen for so long [s], from when both radars have told what they are, or until Ctrl-C: what was heard until then counts.
 
         Raises
         ------
         DataError
             When one is silent, or its clouds cannot be used.
         """
-        end = time.monotonic() + _WAIT
-        while len(self._radars) < 2 and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.1)
+        with contextlib.suppress(KeyboardInterrupt):
+            self._spin(duration, progress)
         silent = [name for name in self._names if name not in self._radars]
         if silent:
             raise DataError(
                 f"no radar/info from {' and '.join(silent)} within {_WAIT:g} s; start the graph (handwave up two_radars), or choose its "
                 "domain with --domain and its radars with --radars"
             )
-        start = time.monotonic()
-        while (passed := time.monotonic() - start) < duration:
-            progress(passed / duration)
-            self._executor.spin_once(timeout_sec=0.1)
         if self.refused:
             raise DataError(f"{len(self.refused)} messages could not be used, the first: {self.refused[0]}")
         first, second = (self._radars[name].walker for name in self._names)
         for name, walker in zip(self._names, (first, second), strict=True):
             if walker.clouds == 0:
-                raise DataError(f"no clouds from {name}/radar/points within {duration:g} s; is its baseband running?")
+                raise DataError(f"no clouds from {name}/radar/points; is its baseband running?")
         return first, second
+
+    def _spin(self, duration: float, progress: Progress) -> None:
+        end = time.monotonic() + _WAIT
+        while len(self._radars) < 2 and time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.1)
+        start = time.monotonic()
+        while len(self._radars) == 2 and (passed := time.monotonic() - start) < duration:
+            progress(passed / duration)
+            self._executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -216,7 +221,7 @@ def draw(result: PairCalibration, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 5), layout="constrained")
+    figure = Figure(figsize=(12, 7), layout="constrained")
     FigureCanvasAgg(figure)
     first, second, found = result.first.position, result.second.position, result.alignment
     good = found.weight >= 0.5
@@ -224,7 +229,8 @@ def draw(result: PairCalibration, path: Path) -> None:
     for axes, (title, moved) in zip(figure.subplots(1, 2), pictures, strict=True):
         axes.plot(first[:, 1], first[:, 0], ".", markersize=3, label=result.mount.reference)
         axes.plot(moved[:, 1], moved[:, 0], ".", markersize=3, label=result.mount.radar)
-        axes.set(title=title, xlabel="y [m]", ylabel="x [m]", aspect="equal")
+        axes.set(title=title, xlabel="y [m]", ylabel="x [m]")
+        axes.set_aspect("equal", adjustable="datalim")
         axes.invert_xaxis()  # as seen from above, the radar's left on the left
     wrong = found.apply(second[found.used[~good]])
     axes.plot(wrong[:, 1], wrong[:, 0], "x", color="0.5", markersize=3, label="not used")

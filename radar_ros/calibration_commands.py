@@ -18,7 +18,7 @@ def calibrate_pair(
     out: Annotated[Path, typer.Option("--out", "-o", help="file for the second radar's mount (.yaml)")],
     bag: Annotated[Path | None, typer.Argument(help="recording of both radars; left out: listen to the running graph")] = None,
     radars: Annotated[str, typer.Option(help="namespaces: the radar whose mount is taken as it is, the one to calibrate")] = "left,right",
-    duration: Annotated[float, typer.Option(help="running graph: seconds to listen", min=2.0, max=3600.0)] = 60.0,
+    duration: Annotated[float, typer.Option(help="running graph: seconds to listen; Ctrl-C ends it sooner", min=2.0, max=3600.0)] = 60.0,
     config: Annotated[
         Path | None, typer.Option("--config", "-c", help="YAML with knobs of radar_tracking.alignment.pair.PairConfig")
     ] = None,

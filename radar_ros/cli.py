@@ -373,9 +373,10 @@ def turntable(
 
 
 _SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
-_COMMANDS = (*_SCENES, training_commands.train, training_commands.evaluate, calibration_commands.calibrate_pair)
+_COMMANDS = (*_SCENES, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
+app.command("calibrate-pair")(calibration_commands.calibrate_pair)
 app.add_typer(dataset_commands.app, name="dataset")
 
 
