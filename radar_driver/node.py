@@ -9,15 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Pose as PoseMsg
 from geometry_msgs.msg import Quaternion as QuaternionMsg
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import Truth as TruthMsg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from tf2_msgs.msg import TFMessage
 
-from radar_core import ConfigError, HandwaveError, RadarFrame
+from radar_core import ConfigError, HandwaveError, RadarFrame, RadarInfo
+from radar_core.mounting import MountCalibration, load_mount
 from radar_driver.messages import BagSource
 from radar_driver.sources import FrameSource, SimSource
 from radar_ros import qos
@@ -40,6 +42,9 @@ class DriverNode(StageMixin, LifecycleNode):
         self._source_kind = str(declare(self, "source", "sim", "where frames come from: sim or bag"))
         self._scene = str(declare(self, "scene", "demo", "source sim: scene file, or one of ours by name"))
         self._bag = str(declare(self, "bag", "", "source bag: folder of the recording"))
+        self._calibration = str(
+            declare(self, "calibration", "", "file of handwave calibrate-pair with this radar's mount; empty: as the source says")
+        )
         self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}"))
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
         self._speed = float(declare(self, "rate", 1.0, "pace relative to the radar's own", low=0.01, high=100.0))
@@ -50,6 +55,7 @@ class DriverNode(StageMixin, LifecycleNode):
         if self._source_kind not in ("sim", "bag"):
             raise ConfigError(f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim or bag")
         self._source: FrameSource | None = None
+        self._measured: MountCalibration | None = None
         self._timer: Any = None
         self._again: Any = None
         self._failure = ""
@@ -57,6 +63,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
         self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
         self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        self._pose = self.create_publisher(PoseWithCovarianceStamped, "radar/pose", qos.LATCHED) if self._calibration else None
         if autostart:
             self._autostart()
 
@@ -76,7 +83,13 @@ class DriverNode(StageMixin, LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         space = self.get_namespace().strip("/") + "/"
         name = self._source.info.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
-        self._info = replace(self._source.info, frame_id=f"{space}{name}".lstrip("/"))
+        try:
+            self._info = self._mounted(replace(self._source.info, frame_id=f"{space}{name}".lstrip("/")))
+        except HandwaveError as error:
+            self._failure = str(error)
+            self.get_logger().error(self._failure)
+            self._power_down()
+            return TransitionCallbackReturn.FAILURE
         self._position = 0  # in the source
         self._count = 0  # frames made or skipped since power-up: the sequence
         self._announce()
@@ -130,6 +143,18 @@ class DriverNode(StageMixin, LifecycleNode):
             self._source.close()
             self._source = None
 
+    def _mounted(self, info: RadarInfo) -> RadarInfo:
+        """Put the measured mount into a radar's description; a file about another radar changes nothing, so all drivers may get it."""
+        self._measured = None
+        if not self._calibration:
+            return info
+        measured = load_mount(self._calibration)
+        if not measured.names(info.frame_id):
+            self.get_logger().info(f"{self._calibration} is about {measured.radar}; {info.frame_id} stays where its source says")
+            return info
+        self._measured = measured
+        return replace(info, mount=measured.mount)
+
     def _announce(self) -> None:
         info = self._info
         now = self.get_clock().now().nanoseconds
@@ -140,6 +165,10 @@ class DriverNode(StageMixin, LifecycleNode):
             translation=Vector3(x=info.mount.x, y=info.mount.y, z=info.mount.z), rotation=QuaternionMsg(x=x, y=y, z=z, w=w)
         )
         self._tf.publish(TFMessage(transforms=[transform]))
+        if self._pose is not None and self._measured is not None:
+            place = PoseMsg(position=Point(x=info.mount.x, y=info.mount.y, z=info.mount.z), orientation=transform.transform.rotation)
+            pose = PoseWithCovariance(pose=place, covariance=self._measured.pose_covariance.ravel())
+            self._pose.publish(PoseWithCovarianceStamped(header=header(now, "room"), pose=pose))
 
     def _tick(self) -> None:
         """Twice per frame: publish the frame whose acquisition has ended, or else make the next one while nothing else is to do."""

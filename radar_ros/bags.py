@@ -25,6 +25,7 @@ from radar_ros.interrupts import unbroken
 
 TYPES: Mapping[str, str] = {
     "radar/info": "handwave/msg/RadarInfo",
+    "radar/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
     "radar/frame": "handwave/msg/RadarFrame",
     "radar/points": "handwave/msg/PointCloud",
     "tracks": "handwave/msg/TrackArray",

@@ -37,7 +37,7 @@ def results_in(*, newest: bool) -> QoSProfile:
 
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""What a late joiner must get too: radar/info, /tf_static."""
+"""What a late joiner must get too: radar/info, radar/pose, /tf_static."""
 
 
 CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
@@ -46,7 +46,7 @@ CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image
 
 def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfile:
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
-    if name in ("radar/info", "tf_static"):
+    if name in ("radar/info", "radar/pose", "tf_static"):
         return LATCHED
     if name in CAMERA_STREAMS:  # other people's drivers: many offer best effort only, and a reader that asks for more gets nothing
         return sensor(depth=depth)

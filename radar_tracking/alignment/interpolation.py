@@ -44,21 +44,23 @@ def slopes(track: Trajectory, window: float) -> Slopes:
     track : Trajectory
         With n samples.
     window : float
-        How far from a sample others may be [s]; its neighbours always count.
+        How far from a sample others may be [s]; where there are none, its neighbours count.
     """
     n, d = track.position.shape
     time = (track.stamp_ns - track.stamp_ns[:1]) / _SECOND
     sums = np.zeros((n, 3))  # of 1, t, t^2
     place, product = np.zeros((n, d)), np.zeros((n, d))  # of x and t x, both relative to the sample
     sums[:, 0] = 1.0
+    apart = np.diff(time, prepend=-np.inf, append=np.inf)
+    lonely = (apart[:-1] > window) & (apart[1:] > window)  # whose neighbours count however far they are
     for lag in range(1, min(n - 1, _MOST) + 1):
         step = time[lag:] - time[:-lag]
-        near = (step <= window) | (lag == 1)
-        if not near.any():
+        far = step > window
+        if lag > 1 and far.all():
             break
-        low = np.flatnonzero(near)
-        t, x = step[low], track.position[low + lag] - track.position[low]
-        for own, sign in ((low, 1.0), (low + lag, -1.0)):
+        for first, sign in ((0, 1.0), (lag, -1.0)):
+            low = np.flatnonzero(~far | (lonely[first : first + len(step)] & (lag == 1)))
+            own, t, x = low + first, step[low], track.position[low + lag] - track.position[low]
             sums[own] += np.stack([np.ones(len(t)), sign * t, t * t], axis=1)
             place[own] += sign * x
             product[own] += t[:, None] * x

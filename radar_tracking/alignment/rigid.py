@@ -268,7 +268,10 @@ def noise_information(turning: Float64Array, covariance: Float64Array, own: Floa
     -------
     ndarray of float64, shape (p, p)
     """
-    weighted = np.linalg.solve(covariance[None], turning[:, None] @ own[None])
+    try:
+        weighted = np.linalg.solve(covariance[None], turning[:, None] @ own[None])
+    except np.linalg.LinAlgError:
+        raise DataError("a covariance of the samples is not positive definite; give every sample an error") from None
     return np.asarray(np.einsum("kij,lnij->kl", turning, weighted))
 
 

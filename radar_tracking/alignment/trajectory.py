@@ -14,9 +14,10 @@ from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_tracking.alignment import rigid
 from radar_tracking.alignment.correlation import groups_of, integrated_time
-from radar_tracking.alignment.interpolation import nearest, sight_lines, since, slopes
-from radar_tracking.alignment.rigid import check_points, noise_information, parameter_names, rigid_jacobian
-from radar_tracking.alignment.solver import LOSSES, Linear, NotObservableError, Solution, SolverSettings, correlated_covariance, solve
+from radar_tracking.alignment.interpolation import nearest, since, slopes
+from radar_tracking.alignment.joint import Fit, State
+from radar_tracking.alignment.rigid import check_points, parameter_names
+from radar_tracking.alignment.solver import LOSSES, NotObservableError, Solution, SolverSettings, correlated_covariance
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -24,7 +25,6 @@ IndexArray = NDArray[np.int64]
 _SECOND = 1e9  # ns
 _SPAN = 10.0  # correlation times that a movement has to last
 _COARSE = 0.02  # s: steps of the search for the clocks' offset
-_MORE = ("offset", "depth", "depth_difference")
 
 
 @config
@@ -50,6 +50,7 @@ class TrajectoryConfig:
     depth_difference_std: float = knob(
         0.0, unit="m", low=0.0, high=10.0, doc="and one sensor's this much farther before it than the other's"
     )
+    depth: str = knob("considered", choices=("considered", "estimated"), doc="both only make the result less sure, or are estimated")
     loss: str = knob("tukey", choices=LOSSES, doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
     cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
     correlation_time: float = knob(
@@ -208,13 +209,6 @@ class TrajectoryAlignment:
         return np.asarray(points @ self.rotation.T + self.translation)
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    rotation: Float64Array
-    translation: Float64Array
-    more: Float64Array  # offset [s], depth, depth difference [m]
-
-
 def align_trajectories(first: Trajectory, second: Trajectory, settings: TrajectoryConfig | None = None) -> TrajectoryAlignment:
     """Find where the second sensor stands to the first one, from one movement that both saw.
 
@@ -246,8 +240,8 @@ def align_trajectories(first: Trajectory, second: Trajectory, settings: Trajecto
     if second.position.shape[1] != d:
         raise DataError(f"the first trajectory has {d} dimensions, the second {second.position.shape[1]}; leave out z, or give it in both")
     rotation, translation, offset = _begin(first, second, settings)
-    state = _State(rotation, translation, np.array([offset, 0.0, 0.0]))
-    fit = _Fit(first, second, settings)
+    state = State(rotation, translation, np.array([offset, 0.0, 0.0]))
+    fit = Fit(first, second, settings)
     for _ in range(3):  # which samples have partners depends, at the edges of gaps, on the offset
         fit.choose(float(state.more[0]))
         solution = fit.solve(state)
@@ -288,81 +282,7 @@ def _begin(first: Trajectory, second: Trajectory, settings: TrajectoryConfig) ->
     return best[1:]
 
 
-class _Fit:
-    """The least squares problem of two trajectories."""
-
-    def __init__(self, first: Trajectory, second: Trajectory, settings: TrajectoryConfig) -> None:
-        self.first, self.second, self.settings = first, second, settings
-        d = first.position.shape[1]
-        self.pose = parameter_names(d, settings.freedom)
-        wanted = (settings.clock, settings.depth_std > 0, settings.depth_difference_std > 0)
-        self.more = np.flatnonzero(wanted)  # which of `_MORE` are estimated
-        self.names = (*self.pose, *(_MORE[k] for k in self.more))
-        stds = np.array([math.inf, settings.depth_std, settings.depth_difference_std])
-        self.prior = np.concatenate([np.full(len(self.pose), math.inf), stds[self.more]])
-        self.slopes = slopes(first, settings.window)
-
-    def choose(self, offset: float) -> None:
-        """Choose the samples that have partners at an offset [s]."""
-        self.index, self.partner = nearest(self.first, self.second.stamp_ns, offset, self.settings.max_gap)
-        if len(self.index) < self.settings.min_samples:
-            raise DataError(f"only {len(self.index)} samples have a partner, {self.settings.min_samples} are needed; measure for longer")
-
-    def seen(self, state: _State) -> Float64Array:
-        """Where the first sensor saw it at the second one's samples, shape (n, d) [m]."""
-        later = since(self.first, self.second, self.index, self.partner, float(state.more[0]))
-        return np.asarray(self.first.position[self.partner] + self.slopes.velocity[self.partner] * later[:, None])
-
-    def solve(self, state: _State) -> Solution[_State]:
-        """Solve from a start."""
-        known = np.zeros(len(self.names))
-
-        def prior(at: _State) -> Float64Array:
-            known[len(self.pose) :] = -at.more[self.more]
-            return known
-
-        return solve(state, self.names, self.linearise, self._move, self.prior, prior, self.settings.solver, _advice)
-
-    def linearise(self, state: _State) -> Linear:
-        """Residuals in the first sensor's frame, and how they change."""
-        _, depth, difference = state.more.tolist()
-        a, b = self.seen(state), self.second.position[self.index]
-        sight_a, sight_b = sight_lines(a), sight_lines(b)
-        turned = (b + (depth + 0.5 * difference) * sight_b) @ state.rotation.T
-        jacobian, turning = rigid_jacobian(turned, self.pose)
-        along_b = sight_b @ state.rotation.T
-        columns = np.stack([-self.slopes.velocity[self.partner], along_b - sight_a, 0.5 * (along_b + sight_a)], axis=-1)
-        own = state.rotation @ self.second.covariance[self.index] @ state.rotation.T
-        covariance = own + self.first.covariance[self.partner]
-        p, k = len(self.names), len(self.pose)
-        noise = np.zeros((p, p))
-        noise[:k, :k] = noise_information(turning, covariance, own)
-        if self.settings.clock:
-            noise[k, k] = np.trace(np.linalg.solve(covariance, self.slopes.covariance[self.partner]), axis1=1, axis2=2).sum()
-        residual = a + (depth - 0.5 * difference) * sight_a - turned - state.translation
-        return Linear(residual, np.concatenate([jacobian, columns[..., self.more]], axis=-1), covariance, noise)
-
-    def _move(self, state: _State, step: Float64Array) -> _State:
-        rotation, translation = rigid.moved((state.rotation, state.translation), step[: len(self.pose)])
-        more = state.more.copy()
-        more[self.more] += step[len(self.pose) :]
-        limit = 2.0 * self.settings.max_offset + _COARSE
-        more[0] = min(max(more[0], -limit), limit)
-        return _State(rotation, translation, more)
-
-
-def _advice(names: Sequence[str]) -> str:
-    """Say what to do about parameters that cannot be told."""
-    if "offset" in names:
-        return (
-            "a straight walk at one speed looks the same with clocks apart: walk in several directions, or take the clocks as synchronised"
-        )
-    if "depth" in names or "depth_difference" in names:
-        return "walk across the lines of sight too, not only towards the sensors, or take the depth as known"
-    return rigid.advice(names)
-
-
-def _result(fit: _Fit, solution: Solution[_State]) -> TrajectoryAlignment:
+def _result(fit: Fit, solution: Solution[State]) -> TrajectoryAlignment:
     settings, index = fit.settings, fit.index
     stamp = fit.second.stamp_ns[index]
     time = integrated_time(stamp, solution.whitened, solution.weight)
@@ -374,7 +294,7 @@ def _result(fit: _Fit, solution: Solution[_State]) -> TrajectoryAlignment:
     group, longest = groups_of(stamp, apart)
     state = solution.state
     step = float(np.median(np.diff(stamp))) / _SECOND
-    covariance = correlated_covariance(solution, group, longest, apart / step)
+    covariance = correlated_covariance(solution, group, longest, apart / step) + fit.considered(solution)
     return TrajectoryAlignment(
         state.rotation,
         state.translation,

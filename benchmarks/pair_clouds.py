@@ -1,0 +1,160 @@
+"""One person who walks before several radars: scenes drawn from a seed, simulated once through the real baseband, clouds kept on disk."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.gesture_clouds import fitted, sources
+from benchmarks.scenarios import person, walk
+from radar_core import DataError, PointCloud, Pose
+from radar_core.config import plain
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.datasets.samples import write_chunk
+from radar_gestures.datasets.workers import work_through
+from radar_sim import Scene, Simulator
+from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
+from radar_sim.people import Action
+from radar_sim.scene import Fidelity, SceneRadar
+
+SECONDS: Final = 60.0
+FRAME: Final = 0.04  # s: half of the default rate; a person walks 4 cm meanwhile, and simulating costs half
+APART: Final = {"left": 0.0, "near": 0.3, "middle": 0.6, "wide": 1.6}
+"""Radars of every scene, and how far each stands from the left one [m]."""
+_POINT: Final = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std", "elevation_std")
+
+
+def scene(seed: int, seconds: float = SECONDS) -> Scene:
+    """Draw a person who walks to and fro between random places, and four radars on one wall, as `APART` says, turned inwards by chance."""
+    rng = np.random.default_rng([seed, 73])
+
+    def place() -> tuple[float, float]:
+        x = rng.uniform(1.3, 4.6)
+        return float(x), float(rng.uniform(-1.0, 1.0) * (0.35 + 0.3 * x))
+
+    def more() -> Sequence[Action]:
+        nonlocal last
+        goal = place()
+        while math.dist(goal, last) < 1.0:
+            goal = place()
+        last = goal
+        return (walk(*goal, rng.uniform(0.6, 1.3)),)
+
+    start = last = place()
+    walker = person(rng, 1, start, ())
+    radars = []
+    for name, apart in APART.items():
+        yaw = rng.normal(0.0, 0.05) + {"left": -0.2, "near": -0.1, "middle": 0.0, "wide": 0.25}[name]
+        x = rng.uniform(-0.1, 0.1)
+        info = SceneRadar(frame_id=f"{name}/radar", mount=Pose(x=x, y=0.8 - apart, z=1.2, yaw=yaw))
+        radars.append(replace(info, waveform=replace(info.waveform, frame_interval=FRAME)))
+    return Scene(
+        duration=seconds,
+        seed=seed,
+        radars=tuple(radars),
+        people=(fitted(walker, seconds, seed, more, (0.0, 0.0)),),
+        effects=Effects(
+            doppler_in_chirp=True,
+            noise=Noise(noise_figure=15.0),
+            losses=Losses(level=20.0),
+            coupling=Coupling(level=-60.0),
+            pattern=Pattern(edge=-3.0),
+            occlusion=Occlusion(),
+        ),
+        fidelity=Fidelity(model="separable"),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """What one radar saw of a scene.
+
+    Attributes
+    ----------
+    radar : SceneRadar
+        Which, with its true mount.
+    clouds : tuple of PointCloud
+        In the frame of the sensor, in order of time.
+    truth : ndarray of float64, shape (n_clouds, 3)
+        Where the centre of the body was at their stamps, in ``room`` [m].
+    """
+
+    radar: SceneRadar
+    clouds: tuple[PointCloud, ...]
+    truth: NDArray[np.float64]
+
+
+class PairStore:
+    """Clouds of scenes on disk, one file for each radar; what is there is not simulated again while scene and sources stay the same.
+
+    Parameters
+    ----------
+    folder : Path
+        Where files go, in a folder of their own for each state of the sources.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.absolute() / f"pairs_{sources()}"
+
+    def path(self, drawn: Scene, radar: int) -> Path:
+        """File of one radar of a scene."""
+        text = json.dumps([plain(drawn), radar], sort_keys=True)
+        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
+
+    def fill(self, scenes: Iterable[Scene], *, progress: bool = True) -> None:
+        """Simulate what is not there yet; a stopped run goes on where it stopped."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        pieces = [(drawn, radar) for drawn in scenes for radar in range(len(drawn.radars))]
+        todo = [number for number, piece in enumerate(pieces) if not self.path(*piece).exists()]
+        make = functools.partial(_make, self, pieces)
+        work_through(make, todo, n_total=len(pieces), progress=progress, title="simulating walkers")
+
+    def write(self, drawn: Scene, radar: int) -> None:
+        """Simulate what one radar sees, and keep it."""
+        simulator = Simulator(drawn, drawn.radars[radar].frame_id)
+        baseband = Baseband(BasebandConfig(), simulator.info)
+        clouds, truth = [], []
+        for number in range(simulator.n_frames):
+            made = simulator.process(number)
+            clouds.append(baseband.process(made.frame))
+            truth.append(made.truth.position[0])
+        columns: dict[str, NDArray[Any]] = {f"point_{name}": np.concatenate([getattr(c, name) for c in clouds]) for name in _POINT}
+        columns["stamp_ns"] = np.array([cloud.stamp_ns for cloud in clouds], np.int64)
+        columns["count"] = np.array([len(cloud) for cloud in clouds], np.int32)
+        write_chunk(self.path(drawn, radar), columns | {"truth": np.array(truth)})
+
+    def read(self, drawn: Scene, name: str) -> Stream:
+        """Read what a radar saw.
+
+        Raises
+        ------
+        DataError
+            When the file is missing or cannot be read.
+        """
+        number = next(i for i, radar in enumerate(drawn.radars) if radar.namespace == name)
+        path = self.path(drawn, number)
+        try:
+            with np.load(path, allow_pickle=False) as content:
+                columns = {key: content[key] for key in content.files}
+        except (OSError, ValueError, zipfile.BadZipFile) as error:
+            raise DataError(f"{path}: cannot be read ({error}); delete it and fill the store again") from None
+        edge = np.concatenate([[0], np.cumsum(columns["count"])])
+        clouds = []
+        for k, stamp in enumerate(columns["stamp_ns"].tolist()):
+            own: dict[str, Any] = {key: columns[f"point_{key}"][edge[k] : edge[k + 1]] for key in _POINT}
+            clouds.append(PointCloud(stamp_ns=stamp, sequence=k, frame_id=drawn.radars[number].frame_id, **own))
+        return Stream(drawn.radars[number], tuple(clouds), columns["truth"])
+
+
+def _make(store: PairStore, pieces: Sequence[tuple[Scene, int]], number: int) -> None:
+    store.write(*pieces[number])
