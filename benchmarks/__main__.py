@@ -14,21 +14,13 @@ from pathlib import Path
 for _pool in ("OMP", "OPENBLAS", "MKL", "NUMBA"):  # before numpy loads: second threads only fight at these sizes
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
-PARTS = {
-    "__main__",
-    "report",
-    "plot",
-    "document",
-    "dsp_accuracy",
-    "dsp_frames",
-    "propagation",
-    "synthesis",
-    "clustering_parts",
-    "scenarios",
-}
-PARTS |= {"stone_soup", "recordings", "tracking_score", "tracking_suite", "tracking_choices", "tracking_hand"}
-PARTS |= {"gesture_causes", "gesture_clouds", "gesture_studies", "pair_clouds"}
-"""Modules here that are no benchmark by themselves."""
+_RUN = re.compile(r"^(def run\(|run = )", re.MULTILINE)
+
+
+def names() -> list[str]:
+    """Name the modules here that are benchmarks by themselves: those that have a function ``run``."""
+    folder = Path(__file__).parent
+    return sorted(path.stem for path in folder.glob("*.py") if _RUN.search(path.read_text(encoding="utf-8")))
 
 
 def main() -> int:

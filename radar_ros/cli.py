@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import calibration_commands, dataset_commands, scene_commands, training_commands
+from radar_ros import calibration_commands, camera_commands, dataset_commands, scene_commands, training_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -377,6 +377,7 @@ _COMMANDS = (*_SCENES, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)
+app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")
 
 

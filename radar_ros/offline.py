@@ -17,6 +17,7 @@ from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, local, read, require_topics
 from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_ros.interrupts import unbroken
 from radar_sim import SimulatedFrame, Simulator, load_scene
 from radar_sim.messages import truth_to_msg
 from radar_tracking.messages import hand_to_msg, tracks_to_msg
@@ -165,7 +166,8 @@ def simulate(radars: Sequence[Simulator], out: Path) -> Iterator[SimulatedFrame]
         for radar, space in zip(radars, spaces, strict=True):
             writer.write(f"{space}/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(radar.info, 0)))
         for stamp, i, sequence in order:
-            simulated = radars[i].process(sequence)
+            with unbroken():  # a signal in the middle of a foreign function is no KeyboardInterrupt any more
+                simulated = radars[i].process(sequence)
             writer.write(f"{spaces[i]}/radar/frame", TYPES["radar/frame"], stamp, serialize_message(frame_to_msg(simulated.frame)))
             writer.write(f"{spaces[i]}/truth", TYPES["truth"], simulated.truth.stamp_ns, serialize_message(truth_to_msg(simulated.truth)))
             if sequence % _FLUSH == 0:
