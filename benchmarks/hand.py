@@ -1,0 +1,241 @@
+"""Following a hand with two radars, and with one: slow and fast, against the centroid of what is seen of it (thesis, 7.3 and 7.4.2)."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.hand_clouds import DISTANCES, SCRIPTS, TUNING, HandStore, scene
+from benchmarks.hand_runs import (
+    Followed,
+    Tracked,
+    counts,
+    fast,
+    follow,
+    lateral_std,
+    percentile,
+    residual,
+    rms,
+    settling,
+    track,
+)  # fmt: skip
+from benchmarks.report import choice
+from radar_sim import Scene
+from radar_tracking import HandConfig
+
+FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")
+"""Estimators that are compared; all take the same points."""
+GRID: Final = {"process_noise": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0), "position_std": (0.02, 0.04, 0.08)}
+"""What is searched for every one of them."""
+CLOCKS: Final = (0.0, 1.0, 5.0, 20.0)
+"""How much the second radar's clock is ahead [ms]."""
+SURE: Final = 0.4
+"""The fast parts that are judged: the snapshot's velocity across is known to this [m/s]."""
+_TUNING_SEEDS: Final = ((11, 1.0), (12, 1.4), (13, 2.2))
+
+Runs = Sequence[tuple[Tracked, Followed]]
+
+
+def scenes(quick: bool) -> list[Scene]:
+    """Scenes that are measured, seed by seed."""
+    chosen = SCRIPTS[1:2] if quick else SCRIPTS
+    body = "ellipsoids" if quick else "mesh"
+    return [scene(script, seed, far, body) for seed, far in enumerate(DISTANCES[: 1 if quick else None], 1) for script in chosen]
+
+
+def tuning_scenes(quick: bool) -> list[Scene]:
+    """Scenes that filters are tuned on: other scripts, other people, other distances."""
+    chosen, body = (TUNING[:1], "ellipsoids") if quick else (TUNING, "mesh")
+    return [scene(script, seed, far, body) for seed, far in _TUNING_SEEDS[: 1 if quick else None] for script in chosen]
+
+
+def settings(name: str, process_noise: float, position_std: float) -> HandConfig:
+    """Give the defaults another estimator."""
+    default = HandConfig()
+    estimator = dataclasses.replace(default.estimator, name=name, process_noise=process_noise)
+    return dataclasses.replace(default, estimator=estimator, position_std=position_std)
+
+
+def tune(tracked: Sequence[Tracked], names: Sequence[str], quick: bool) -> dict[str, HandConfig]:
+    """Search each estimator's noise for the smallest error (rms) on the tuning scenes."""
+    grid = list(itertools.product(*GRID.values()))[:: 6 if quick else 1]
+    found = {}
+    for name in names:
+        error = [rms(residual(t, follow(t, settings(name, *noise)))[counts(t)] for t in tracked) for noise in grid]
+        found[name] = settings(name, *grid[int(np.argmin(error))])
+    return found
+
+
+def runs(tracked: Sequence[Tracked], config: HandConfig) -> Runs:
+    """Follow the hand through every scene."""
+    return [(one, follow(one, config)) for one in tracked]
+
+
+def errors(found: Runs, masks: Sequence[Any], axes: int = 3) -> list[Any]:
+    """Residuals where masks say so, scene by scene [m]."""
+    return [residual(t, f, axes)[mask] for (t, f), mask in zip(found, masks, strict=True)]
+
+
+def figures_of(found: Runs, sure: Sequence[Any], slow: Sequence[bool]) -> dict[str, float]:
+    """Errors of one estimator.
+
+    Parameters
+    ----------
+    found : sequence of (Tracked, Followed)
+        Every scene.
+    sure : sequence of ndarray of bool
+        Clouds of fast parts in which the snapshot tells the velocity across.
+    slow : sequence of bool
+        Which of the scenes are slow lines.
+    """
+    every, quickly = [counts(t) for t, _ in found], [fast(t) for t, _ in found]
+    lines = [run for run, own in zip(found, slow, strict=True) if own]
+    turns = [value for run in found for value in settling(*run)]
+    return {
+        "rmse_slow_m": rms(errors(lines, [counts(t) for t, _ in lines])),
+        "rmse_m": rms(errors(found, every)),
+        "rmse_floor_m": rms(errors(found, every, 2)),
+        "p95_fast_m": percentile(errors(found, sure)),
+        "p95_fast_everywhere_m": percentile(errors(found, quickly)),
+        "settle_s": float(np.mean(turns)) if turns else float("nan"),
+        "settle_p95_s": float(np.percentile(turns, 95)) if turns else float("nan"),
+        "active": float(np.mean(np.concatenate([np.isfinite(f.value)[mask] for (_, f), mask in zip(found, every, strict=True)]))),
+    }
+
+
+def knobs() -> dict[str, HandConfig]:
+    """Every knob of the measurement and the split that is measured; each differs from the default, which stands first, in one thing."""
+    default = HandConfig()
+    made = {"default": default}
+    own: Mapping[str, Sequence[Any]] = {"hand_length": (0.04, 0.16), "extent": (0.04, 0.16), "angle_std": (0.06,), "rest_speed": (0.1,)}
+    for knob, values in own.items():
+        made |= {f"{knob}={value}": dataclasses.replace(default, **{knob: value}) for value in values}
+    parts: Mapping[str, Mapping[str, Sequence[Any]]] = {
+        "snapshot": {"spin": (0.0, 5.0), "iterations": (1,), "spread": (0.06, 0.24), "common": (0.0, 0.1), "max_std": (0.3, 1.2)},
+        "split": {
+            "gate": (0.25, 0.6),
+            "gate_sigmas": (3.0, 6.0),
+            "torso_depth": (0.1, 0.3),
+            "inward": (0.1, 0.9),
+            "hand_radius": (0.15, 0.3),
+        },
+    }
+    for part, several in parts.items():
+        for knob, values in several.items():
+            for value in values:
+                changed = dataclasses.replace(getattr(default, part), **{knob: value})
+                made[f"{part}.{knob}={value}"] = dataclasses.replace(default, **{part: changed})
+    return made
+
+
+def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracked]) -> list[dict[str, Any]]:
+    """Error over all scenes beside the time of one cloud; the first configuration is the reference."""
+    made, reference = [], None
+    for name, config in configs.items():
+        found = runs(tracked, config)
+        times = [value for _, f in found for value in f.times_ms]
+        error = rms(errors(found, [counts(t) for t, _ in found]))
+        made.append(choice(stage, name, accuracy=("rms error", error, "m"), times_ms=times, reference_ms=reference))
+        reference = reference or times
+    return made
+
+
+def slider(found: Runs) -> dict[str, float]:
+    """How well the control value follows the sliders.
+
+    Returns
+    -------
+    dict
+        ``value_rmse``: rms error over the span of 0.5 m, each scene's mean offset removed; ``value_rest_jump``: largest step from one cloud
+        to the next while the hand rests.
+    """
+    wrong, steps = [], []
+    for tracked, followed in found:
+        own = counts(tracked) & np.isfinite(followed.value)
+        config = HandConfig().value
+        truth = (tracked.hand[own, 2]) / (config.high - config.low)
+        off = followed.value[own] - truth
+        wrong.append((off - off.mean()) * (config.high - config.low) / 0.5)
+        rests = np.linalg.norm(tracked.velocity[own], axis=1) < 0.05
+        step = np.abs(np.diff(followed.value[own]))
+        steps.append(step[rests[1:] & rests[:-1]])
+    return {"value_rmse": rms(wrong), "value_rest_jump": float(np.max(np.concatenate(steps), initial=0.0))}
+
+
+def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
+    """Simulate what is missing, tune, and measure."""
+    store, made, other = HandStore(folder), scenes(quick), tuning_scenes(quick)
+    store.fill([*made, *other], n_jobs=n_jobs, progress=not quick)
+    both = [track(store, one) for one in made]
+    alone = [track(store, one, single=True) for one in made]
+    names = ("linear", "mm_vel_est") if quick else FILTERS
+    tuned = tune([track(store, one) for one in other], names, quick)
+    found = {name: runs(both, config) for name, config in tuned.items()}
+    scripts = [script.name for script in (SCRIPTS[1:2] if quick else SCRIPTS)]
+    slow = [scripts[k % len(scripts)] == "slow line" for k in range(len(made))]
+    sure = [fast(t) & (lateral_std(t, f) <= SURE) for t, f in found["mm_vel_est"]]
+    by_filter = {name: figures_of(one, sure, slow) for name, one in found.items()}
+    single = figures_of(runs(alone, tuned["mm_vel_est"]), sure, slow)
+    best, plain = by_filter["mm_vel_est"], by_filter["linear"]
+    result = {
+        "rmse_slow_m": best["rmse_slow_m"],
+        "p95_fast_mmvelest_m": best["p95_fast_m"],
+        "p95_fast_ratio": best["p95_fast_m"] / plain["p95_fast_m"],
+        "settle_s": best["settle_s"],
+        "fast_clouds": int(sum(mask.sum() for mask in sure)),
+        "by_filter": by_filter,
+        "tuned": {name: {"process_noise": c.estimator.process_noise, "position_std": c.position_std} for name, c in tuned.items()},
+        "single_radar": single,
+        "by_script": {
+            name: rms(errors(found["mm_vel_est"][k :: len(scripts)], [counts(t) for t in both[k :: len(scripts)]]))
+            for k, name in enumerate(scripts)
+        },
+    }
+    if not quick:
+        result |= slider([run for k, run in enumerate(found["mm_vel_est"]) if scripts[k % len(scripts)] == "slider"])
+        result["by_clock_ms"] = by_clock(store, [one for k, one in enumerate(made) if scripts[k % len(scripts)] in ("fast line", "circle")])
+    chosen = {"linear": tuned["linear"], **{name: tuned[name] for name in names if name != "linear"}}
+    return {
+        **result,
+        "choices": rows("hand estimator", chosen, both) + rows("hand", knobs() if not quick else {"default": HandConfig()}, both),
+    }
+
+
+def by_clock(store: HandStore, made: Sequence[Scene]) -> dict[str, float]:
+    """Error (rms) in scenes with fast hands over the offset between the radars' clocks [ms]."""
+    found = {}
+    for offset in CLOCKS:
+        tracked = [track(store, one, clock_ns=round(offset * 1e6)) for one in made]
+        found[f"{offset:g}"] = rms(errors(runs(tracked, HandConfig()), [counts(t) for t in tracked]))
+    return found
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Follow hands.
+
+    Parameters
+    ----------
+    quick : bool
+        One scene and one to tune on, bodies of ellipsoids: to see that it runs.
+    keep : Path or None
+        Folder for the simulated clouds; None: they are thrown away.
+
+    Returns
+    -------
+    dict
+        ``rmse_slow_m`` (slow lines), ``p95_fast_mmvelest_m`` and ``p95_fast_ratio`` (to the single Kalman filter; fast parts in which the
+        snapshot tells the velocity across to `SURE`), ``settle_s`` after a reversal; the same and more for every estimator, each tuned
+        by the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``; ``choices``.
+    """
+    n_jobs = 1 if quick else os.cpu_count() or 1
+    if keep is not None:
+        return measure(keep, quick, n_jobs)
+    with tempfile.TemporaryDirectory() as folder:
+        return measure(Path(folder), quick, n_jobs)
