@@ -45,6 +45,11 @@ class Errors:
         """Error of the place on the floor, shape (n,) [m]."""
         return np.asarray(np.hypot(self.error[:, 0], self.error[:, 1]))
 
+    def select(self, mask: Sequence[bool]) -> Errors:
+        """Keep some rows."""
+        rows = np.flatnonzero(mask)
+        return Errors(self.error[rows], self.std[rows], self.nees[rows], tuple(self.times_ms[k] for k in rows))
+
     @property
     def honest(self) -> NDArray[np.bool_]:
         """Which calibrations are within three of their standard deviations in everything, shape (n,)."""
@@ -80,25 +85,41 @@ def error_of(result: PairCalibration, truth: Float64Array, offset: float) -> tup
     return error, np.sqrt(np.diagonal(covariance)), float(error @ np.linalg.solve(covariance, error)) / len(error)
 
 
-def collect(store: PairStore, seeds: Sequence[int], settings: PairConfig, seconds: float) -> dict[str, Errors]:
-    """Calibrate every pair of every seed."""
-    rows: dict[str, list[tuple[Float64Array, Float64Array, float, float]]] = {name: [] for name in PAIRS}
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What two radars saw of one walk, and what is true: x, y [m], yaw [rad] of the second in the first one's frame, clock offset [s]."""
+
+    pair: str
+    first: Walker
+    second: Walker
+    truth: Float64Array
+    offset: float
+
+
+def cases(store: PairStore, seeds: Sequence[int], settings: PairConfig, seconds: float) -> list[Case]:
+    """Follow the person of every seed with every radar."""
+    found = []
     for seed in seeds:
         drawn = scene(seed, seconds)
         left = store.read(drawn, "left")
         first = walker(left, settings)
         for name in PAIRS:
             stream, behind = store.read(drawn, name), lag(seed, name)
-            second = walker(stream, settings, behind)
-            start = time.perf_counter_ns()
-            result = calibrate_pair(first, second, settings)
-            spent = (time.perf_counter_ns() - start) * 1e-6
-            rows[name].append((*error_of(result, true_pose(left.radar.mount, stream.radar.mount), behind * 1e-9), spent))
-    found = {}
-    for name, own in rows.items():
-        error, std, nees, spent = zip(*own, strict=True)
-        found[name] = Errors(np.array(error), np.array(std), np.array(nees), tuple(spent))
+            truth = true_pose(left.radar.mount, stream.radar.mount)
+            found.append(Case(name, first, walker(stream, settings, behind), truth, behind * 1e-9))
     return found
+
+
+def calibrated(every: Sequence[Case], settings: PairConfig) -> Errors:
+    """Calibrate each pair."""
+    rows = []
+    for case in every:
+        start = time.perf_counter_ns()
+        result = calibrate_pair(case.first, case.second, settings)
+        spent = (time.perf_counter_ns() - start) * 1e-6
+        rows.append((*error_of(result, case.truth, case.offset), spent))
+    error, std, nees, times = zip(*rows, strict=True)
+    return Errors(np.array(error), np.array(std), np.array(nees), tuple(times))
 
 
 def figures(found: Errors, label: str) -> dict[str, Any]:
@@ -116,14 +137,6 @@ def figures(found: Errors, label: str) -> dict[str, Any]:
     }
 
 
-def together(found: Sequence[Errors]) -> Errors:
-    """Put pairs into one table."""
-    times = tuple(t for one in found for t in one.times_ms)
-    return Errors(
-        np.concatenate([f.error for f in found]), np.concatenate([f.std for f in found]), np.concatenate([f.nees for f in found]), times
-    )
-
-
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure; with ``keep``, clouds stay there and are not simulated again."""
     if keep is None:
@@ -133,20 +146,20 @@ def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     store = PairStore(keep)
     store.fill([scene(seed, seconds) for seed in seeds])
     settings = PairConfig()
-    chosen = collect(store, seeds, settings, seconds)
-    result: dict[str, Any] = {"seeds": len(seeds), "seconds": seconds, "frame_interval_s": FRAME}
-    result |= figures(together(list(chosen.values())), "all")
-    for name, found in chosen.items():
-        result |= figures(found, f"apart_{APART[name]:g}_m")
+    every = cases(store, seeds, settings, seconds)
+    chosen = calibrated(every, settings)
+    result: dict[str, Any] = {"seeds": len(seeds), "seconds": seconds, "frame_interval_s": FRAME} | figures(chosen, "all")
+    for name in PAIRS:
+        result |= figures(chosen.select([case.pair == name for case in every]), f"apart_{APART[name]:g}_m")
     result["choices"] = []
-    reference = None
     for label, other in variants(settings).items():
-        found = chosen if other == settings else collect(store, seeds, other, seconds)
-        every = together(list(found.values()))
-        rms = float(np.sqrt((every.distance**2).mean()) * 1e3)
-        row = choice("calibrate_pair", label, accuracy=("position_error", rms, "mm"), times_ms=list(every.times_ms), reference_ms=reference)
-        reference = reference or list(every.times_ms)
-        result["choices"].append(row)
+        found = chosen if other == settings else calibrated(every, other)
+        rms = float(np.sqrt((found.distance**2).mean()) * 1e3)
+        times = list(found.times_ms)
+        reference = list(chosen.times_ms) if result["choices"] else None
+        result["choices"].append(
+            choice("calibrate_pair", label, accuracy=("position_error", rms, "mm"), times_ms=times, reference_ms=reference)
+        )
     return result
 
 

@@ -95,30 +95,36 @@ class Walker:
             self._places.append(self._centre(level.position[own].astype(np.float64)))
 
     def _centre(self, points: Float64Array) -> Float64Array:
-        """Range on the floor [m], azimuth [rad] and height [m] of a body from its points, shape (n, 3) [m]."""
+        """Mean range on the floor [m], azimuth [rad] and height [m] of a person's points, shape (n, 3) [m]."""
         # All points count alike: strong ones belong to whatever part of the body happens to face the radar.
         distance, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
-        return np.array([distance.mean() + self._settings.surface, azimuth.mean(), points[:, 2].mean()])
+        return np.array([distance.mean(), azimuth.mean(), points[:, 2].mean()])
 
     @property
     def height(self) -> float:
         """Median height of the person's points [m]; NaN: nobody was seen."""
         return float(np.median([place[2] for place in self._places])) if self._places else math.nan
 
-    def trajectory(self) -> Trajectory:
-        """Give what was collected, on the floor plane.
+    def trajectory(self, settings: PairConfig | None = None) -> Trajectory:
+        """Give the places of the body's centre, on the floor plane.
+
+        Parameters
+        ----------
+        settings : PairConfig or None
+            How deep the centre lies, and how sure it is; None: those that the person was followed with.
 
         Raises
         ------
         DataError
             When nobody was seen, or mostly more than one person.
         """
-        name, settings = self.info.frame_id, self._settings
+        name, settings = self.info.frame_id, settings or self._settings
         if self.company > settings.most_company * max(self.clouds, 1):
             raise DataError(f"{name} sees more than one person in {self.company} of {self.clouds} clouds; let one person walk alone")
         if not self._stamps:
             raise DataError(f"{name} sees nobody in {self.clouds} clouds; walk where both radars can see you, 1 to 5 m in front of them")
         distance, azimuth, _ = np.array(self._places).T
+        distance = distance + settings.surface
         along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         variance = settings.cross_std**2 + (settings.azimuth_std * distance) ** 2
@@ -190,7 +196,7 @@ def calibrate_pair(first: Walker, second: Walker, settings: PairConfig | None = 
     first, second : Walker
         That have taken in all clouds.
     settings : PairConfig or None
-        Knobs.
+        Knobs; those of the tracker were used already.
 
     Returns
     -------
@@ -204,7 +210,7 @@ def calibrate_pair(first: Walker, second: Walker, settings: PairConfig | None = 
         When the walk does not tell the pose.
     """
     settings = settings or PairConfig()
-    a, b = first.trajectory(), second.trajectory()
+    a, b = first.trajectory(settings), second.trajectory(settings)
     found = align_trajectories(a, b, settings.alignment)
     base, given = first.info.mount, second.info.mount
     c, s = math.cos(base.yaw), math.sin(base.yaw)
