@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -144,7 +145,7 @@ def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
             return run(quick, Path(folder))
     seeds, seconds = (range(2), 12.0) if quick else (range(SEEDS), SECONDS)
     store = PairStore(keep)
-    store.fill([scene(seed, seconds) for seed in seeds])
+    store.fill([scene(seed, seconds) for seed in seeds], progress=sys.stdout.isatty())  # --json prints one object and nothing else
     settings = PairConfig()
     every = cases(store, seeds, settings, seconds)
     chosen = calibrated(every, settings)
