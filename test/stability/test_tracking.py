@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from radar_core import DataError, PointCloud
-from radar_core.linalg import SingularError
 from radar_tracking import FilterConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
 from radar_tracking.clustering import cluster, dbscan, thin
-from radar_tracking.kalman import mahalanobis2, predict, update
 
 
 def cloud_of(points: np.ndarray, stamp_ns: int, speed: float = 0.5, snr: float = 15.0) -> PointCloud:
@@ -176,39 +174,6 @@ def test_behind_the_radar():
         assert [t.id for t in tracks.tracks] == [1]
         assert k < 25 or np.hypot(*(tracks.tracks[0].position - body)[:2]) < 0.25
     assert angle > 2 * np.pi
-
-
-def many_steps(n: int) -> None:
-    """Random steps and measurements of very different quality; healthy all the way."""
-    rng = np.random.default_rng(6)
-    mean, covariance = np.zeros(6), np.diag([1.0] * 6)
-    steps, stds = rng.choice([0.0, 1e-4, 0.02, 1.0], n), 10 ** rng.uniform(-4, 2, (n, 3))
-    for k in range(n):
-        mean, covariance = predict(mean, covariance, float(steps[k]), 1.0)
-        mean, covariance = update(mean, covariance, np.zeros(3), np.diag(stds[k] ** 2))
-        if k % 997 == 0:
-            assert healthy(covariance), k
-    assert healthy(covariance)
-    assert np.isfinite(mean).all()
-
-
-def test_a_hundred_thousand_filter_steps():
-    """Measurements from 0.1 mm to 100 m, steps from nothing to a second."""
-    many_steps(100_000)
-
-
-@pytest.mark.slow
-def test_a_million_filter_steps():
-    """Ten times as many."""
-    many_steps(1_000_000)
-
-
-def test_a_singular_innovation_is_refused():
-    """No covariance at all: an error, not a NaN."""
-    with pytest.raises(SingularError):
-        update(np.zeros(6), np.zeros((6, 6)), np.zeros(3), np.zeros((3, 3)))
-    with pytest.raises(SingularError):
-        mahalanobis2(np.zeros((1, 2)), np.zeros((1, 2, 2)), np.ones((3, 2)), np.zeros((2, 2)))
 
 
 def test_float32_points_cluster_like_float64():

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import DataError
-from radar_tracking import kalman
 from radar_tracking.estimators import Belief, Estimator, EstimatorConfig, Measurement, from_polar, make_estimator
 from radar_tracking.estimators.kernels import _correct, _predict
 from radar_tracking.estimators.multiple import reweigh
@@ -230,10 +229,3 @@ def test_a_range_of_zero():
     z = from_polar(0.0, 0.3, 0.1, range_std=0.1, azimuth_std=0.02, elevation_std=0.02)
     np.testing.assert_allclose(z.position, 0.0, atol=1e-15)
     assert np.linalg.eigvalsh(z.covariance).min() > 0
-
-
-def test_the_small_filter_keeps_its_core():
-    """`radar_tracking.kalman` on a stack of no states."""
-    mean, covariance = kalman.predict(np.empty((0, 6)), np.empty((0, 6, 6)), 0.1, 1.0)
-    assert mean.shape == (0, 6)
-    assert covariance.shape == (0, 6, 6)

@@ -8,7 +8,6 @@ from scipy.linalg import expm
 
 from radar_core import ConfigError, DataError
 from radar_core.config import describe, load
-from radar_tracking import kalman
 from radar_tracking.estimators import (
     Belief,
     EstimatorConfig,
@@ -122,8 +121,19 @@ def test_extended_and_unscented_filters_agree_where_the_sensor_is_linear_enough(
     same(a, b, 1e-9)
 
 
+def textbook(mean, covariance, dt, density, place, noise):
+    """Predict and update one state by the formulas of section 6.1 as they stand, with an inverse; returns both pairs."""
+    F, Q, H = np.eye(6), np.zeros((6, 6)), np.eye(3, 6)
+    F[:3, 3:] = dt * np.eye(3)
+    Q[:3, :3], Q[3:, 3:] = np.diag(density) * dt**3 / 3, np.diag(density) * dt
+    Q[:3, 3:] = Q[3:, :3] = np.diag(density) * dt**2 / 2
+    mean, covariance = F @ mean, F @ covariance @ F.T + Q
+    gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + noise)
+    return (mean, covariance), (mean + gain @ (place - H @ mean), (np.eye(6) - gain @ H) @ covariance)
+
+
 def test_the_linear_estimator_is_the_kalman_filter():
-    """Prediction and update are those of `radar_tracking.kalman`, which its own tests hold to the textbook."""
+    """Prediction and update are those of the textbook; Joseph's form and solving change rounding only."""
     rng = np.random.default_rng(13)
     estimator = make_estimator(EstimatorConfig(process_noise=2.0, height_noise=0.5))
     z = measurements(rng, 6, 3)
@@ -133,14 +143,15 @@ def test_the_linear_estimator_is_the_kalman_filter():
     for _ in range(20):
         z = later(z, rng)
         belief, innovation = estimator.update(estimator.predict(belief, 0.05), z)
-        mean, covariance = kalman.predict(mean, covariance, 0.05, np.array([2.0, 2.0, 1.0]))
+        steps = [textbook(mean[i], covariance[i], 0.05, (2.0, 2.0, 1.0), z.position[i], z.covariance[i]) for i in range(6)]
+        mean, covariance = (np.stack([predicted[part] for predicted, _ in steps]) for part in (0, 1))
         S = covariance[:, :3, :3] + z.covariance
         y = z.position - mean[:, :3]
         nis = (y * np.linalg.solve(S, y[..., None])[..., 0]).sum(axis=1)
         np.testing.assert_allclose(innovation.nis, nis, rtol=1e-9)
         density = -0.5 * (nis + np.linalg.slogdet(2 * np.pi * S)[1])
         np.testing.assert_allclose(innovation.log_likelihood, density, rtol=1e-9)
-        mean, covariance = kalman.update(mean, covariance, z.position, z.covariance)
+        mean, covariance = (np.stack([updated[part] for _, updated in steps]) for part in (0, 1))
     same(belief, Belief(mean[:, None], covariance[:, None], np.ones((6, 1))), 1e-9)
     assert np.array_equal(innovation.dof, np.full(6, 3))
 
