@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import functools
-import hashlib
-import json
 import math
 import time
-import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -18,12 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError, PointCloud
+from benchmarks.stores import Columns, Store, pack, unpack
+from radar_core import PointCloud
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.datasets.samples import write_chunk
-from radar_gestures.datasets.workers import work_through
 from radar_gestures.evaluation.scoring import nearest_person
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer, TrackEvent
 from radar_sim import Scene, Simulator, Truth
@@ -33,8 +28,6 @@ from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
 PIECE: Final = 60.0
 """Scene time in one file [s]."""
-PACKAGES: Final = ("radar_core", "radar_dsp", "radar_sim")
-"""What clouds depend on."""
 _POINT: Final = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std", "elevation_std")
 _WHO: Final = ("gesture", "gesture_index", "walking", "drawing", "gesture_start_ns", "gesture_end_ns")
 _MOTION: Final = ("position", "velocity", "hand_position", "hand_velocity", "other_hand_position", "other_hand_velocity")
@@ -48,93 +41,51 @@ class Moment:
     truth: Truth
 
 
-def code_of(text: str) -> str:
-    """Strip comments, docstrings and layout from a module: they change nothing that is simulated."""
-    tree = ast.parse(text)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
-            node.body = node.body[1:]
-    return ast.unparse(tree)
-
-
-@functools.cache
-def sources(packages: tuple[str, ...] = PACKAGES) -> str:
-    """Digest of the code of all modules on which clouds, or what else is made by some packages, depend."""
-    root = Path(__file__).resolve().parent.parent
-    found = hashlib.sha256()
-    for path in sorted(path for package in packages for path in (root / package).rglob("*.py")):
-        found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
-    return found.hexdigest()[:16]
-
-
-class Store:
-    """Clouds of scenes on disk; what is there is not simulated again while scene, baseband and our sources stay the same.
+class StreamStore(Store):
+    """Streams on disk, a minute in a file.
 
     Parameters
     ----------
     folder : Path
-        Where files go, in a folder of their own for each state of the sources.
+        Where files go.
     baseband : BasebandConfig or None
         None: all defaults.
     """
 
     def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
-        self._folder = folder.absolute() / f"clouds_{sources()}"
-        self._baseband = baseband if baseband is not None else BasebandConfig()
-
-    def path(self, scene: Scene, piece: int) -> Path:
-        """File of one piece of a scene."""
-        text = json.dumps([plain(scene), plain(self._baseband), PIECE], sort_keys=True)
-        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{piece:03d}.npz"
+        settings = baseband if baseband is not None else BasebandConfig()
+        super().__init__(folder, "clouds", functools.partial(_simulate, settings), [plain(settings), PIECE])
 
     def fill(self, scenes: Iterable[Scene], *, n_jobs: int = 1, progress: bool = True) -> float:
-        """Simulate what is not there yet; a stopped run goes on where it stopped.
+        """Simulate what is not there yet.
 
         Returns
         -------
         float
             Seconds that it took per simulated minute of scene; NaN when nothing was left to do.
         """
-        self._folder.mkdir(parents=True, exist_ok=True)
-        pieces = [(scene, piece) for scene in scenes for piece in range(math.ceil(scene.duration / PIECE))]
-        todo = [number for number, (scene, piece) in enumerate(pieces) if not self.path(scene, piece).exists()]
         start = time.monotonic()
-        make = functools.partial(_make, self, pieces)
-        work_through(make, todo, n_total=len(pieces), n_jobs=n_jobs, progress=progress, title="simulating streams")
-        made = sum(min(PIECE, pieces[number][0].duration - pieces[number][1] * PIECE) for number in todo) / 60.0
+        pieces = [(scene, piece) for scene in scenes for piece in range(math.ceil(scene.duration / PIECE))]
+        made = (
+            sum(min(PIECE, scene.duration - piece * PIECE) for scene, piece in self.make(pieces, n_jobs=n_jobs, progress=progress)) / 60.0
+        )
         return (time.monotonic() - start) / made if made else math.nan
 
-    def write(self, scene: Scene, piece: int) -> None:
-        """Simulate one piece of a scene and keep it."""
-        simulator = Simulator(scene)
-        baseband, mount = Baseband(self._baseband, simulator.info), simulator.info.mount
-        clouds, truths = [], []
-        for number in _frames(simulator, piece):
-            made = simulator.process(number)
-            clouds.append(baseband.process(made.frame).to_room(mount))
-            truths.append(made.truth)
-        write_chunk(self.path(scene, piece), _packed(clouds, truths))
-
     def moments(self, scene: Scene) -> Iterator[Moment]:
-        """Read a scene's clouds and truth, in order of time.
-
-        Raises
-        ------
-        DataError
-            When a piece is missing or cannot be read.
-        """
+        """Read a scene's clouds and truth, in order of time."""
         for piece in range(math.ceil(scene.duration / PIECE)):
-            path = self.path(scene, piece)
-            try:
-                with np.load(path, allow_pickle=False) as content:
-                    columns = {name: content[name] for name in content.files}
-            except (OSError, ValueError, zipfile.BadZipFile) as error:
-                raise DataError(f"{path}: cannot be read ({error}); delete it and fill the store again") from None
-            yield from _unpacked(columns)
+            yield from _unpacked(self.columns(scene, piece))
 
 
-def _make(store: Store, pieces: Sequence[tuple[Scene, int]], number: int) -> None:
-    store.write(*pieces[number])
+def _simulate(baseband: BasebandConfig, scene: Scene, piece: int) -> dict[str, NDArray[Any]]:
+    simulator = Simulator(scene)
+    stage, mount = Baseband(baseband, simulator.info), simulator.info.mount
+    clouds, truths = [], []
+    for number in _frames(simulator, piece):
+        made = simulator.process(number)
+        clouds.append(stage.process(made.frame).to_room(mount))
+        truths.append(made.truth)
+    return _packed(clouds, truths)
 
 
 def _frames(simulator: Simulator, piece: int) -> range:
@@ -146,26 +97,18 @@ def _frames(simulator: Simulator, piece: int) -> range:
 
 
 def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
-    """Columns of a file: points of all clouds one after the other, truth as (n_frames, n_people, ...)."""
-    columns: dict[str, NDArray[Any]] = {
-        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
-        "sequence": np.array([cloud.sequence for cloud in clouds], np.int64),
-        "count": np.array([len(cloud) for cloud in clouds], np.int32),
-        "person_id": truths[0].person_id,
-    }
-    columns |= {f"point_{name}": np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in _POINT}
+    """Columns of a file: clouds, and truth as (n_frames, n_people, ...)."""
+    columns = pack(clouds, _POINT) | {"person_id": truths[0].person_id}
     columns |= {name: np.stack([getattr(truth, name) for truth in truths]) for name in _WHO}
     return columns | {name: np.stack([getattr(truth, name) for truth in truths]).astype(np.float32) for name in _MOTION}
 
 
-def _unpacked(columns: Mapping[str, NDArray[Any]]) -> Iterator[Moment]:
-    edge = np.concatenate([[0], np.cumsum(columns["count"])])
+def _unpacked(columns: Columns) -> Iterator[Moment]:
     motion = {name: columns[name].astype(np.float64) for name in _MOTION}
-    for k, (stamp, sequence) in enumerate(zip(columns["stamp_ns"].tolist(), columns["sequence"].tolist(), strict=True)):
-        own: dict[str, Any] = {name: columns[f"point_{name}"][edge[k] : edge[k + 1]] for name in _POINT}
-        cloud = PointCloud(stamp_ns=stamp, sequence=sequence, frame_id="room", **own)
-        who = {name: columns[name][k] for name in _WHO} | {name: motion[name][k] for name in _MOTION}
-        yield Moment(cloud, Truth(stamp_ns=stamp, sequence=sequence, frame_id="room", person_id=columns["person_id"], **who))
+    for k, cloud in enumerate(unpack(columns, "room")):
+        own: dict[str, Any] = {name: columns[name][k] for name in _WHO} | {name: motion[name][k] for name in _MOTION}
+        truth = Truth(stamp_ns=cloud.stamp_ns, sequence=cloud.sequence, frame_id="room", person_id=columns["person_id"], **own)
+        yield Moment(cloud, truth)
 
 
 def fitted(person: Person, duration: float, seed: int, more: Callable[[], Sequence[Action]], mount: tuple[float, float]) -> Person:
@@ -243,13 +186,13 @@ class Run:
 
 
 def follow(
-    store: Store, scene: Scene, model: GestureModel, settings: GestureConfig | None = None, tracker: TrackerConfig | None = None
+    store: StreamStore, scene: Scene, model: GestureModel, settings: GestureConfig | None = None, tracker: TrackerConfig | None = None
 ) -> Run:
     """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
     Parameters
     ----------
-    store : Store
+    store : StreamStore
         That holds the scene.
     scene : Scene
         Which.

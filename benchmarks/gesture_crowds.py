@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks import gesture_rules
 from benchmarks.gesture_causes import RANDOM, Judged, Outcome, Surplus, judge
-from benchmarks.gesture_clouds import Store, follow
+from benchmarks.gesture_clouds import StreamStore, follow
 from benchmarks.gesture_streams import NAMED, Random, body, effects, stroke
 from benchmarks.report import choice
 from radar_core import GESTURES, RadarInfo
@@ -206,7 +206,7 @@ def measure(
     plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True, baseband: BasebandConfig = PEOPLE
 ) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all scenes, and count."""
-    store = Store(keep, baseband)
+    store = StreamStore(keep, baseband)
     scenes = {(crowd, seed): crowd_scene(crowd, seed, plan.rounds) for crowd in CROWDS for seed in range(plan.seeds)}
     store.fill(scenes.values(), n_jobs=n_jobs, progress=progress)
     counts = dict.fromkeys(CROWDS, Counts())

@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.gesture_clouds import code_of, sources
 from benchmarks.gesture_studies import GATES
+from benchmarks.stores import code_of, sources
 from radar_core import AntennaArray, PointCloud, Pose, RadarInfo, Waveform
 from radar_core.config import config, knob, plain
 from radar_core.waveform import SPEED_OF_LIGHT

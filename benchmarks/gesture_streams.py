@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks import gesture_rules
 from benchmarks.gesture_causes import RANDOM, Judged, Outcome, judge
-from benchmarks.gesture_clouds import Store, fitted, follow
+from benchmarks.gesture_clouds import StreamStore, fitted, follow
 from benchmarks.report import choice
 from radar_core import GESTURES, RadarInfo
 from radar_gestures.classifiers.model import load_model
@@ -346,7 +346,7 @@ def idle_figures(judged: Mapping[str, Sequence[Judged]]) -> dict[str, Any]:
 
 def measure(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all streams, and count."""
-    store, drawn = Store(keep), scenes(plan)
+    store, drawn = StreamStore(keep), scenes(plan)
     pace = store.fill([scene for own in drawn.values() for scene in own], n_jobs=n_jobs, progress=progress)
     judged: dict[str, list[Judged]] = {}
     times: list[float] = []

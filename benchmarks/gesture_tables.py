@@ -15,8 +15,8 @@ import numpy as np
 from joblib import Memory
 from numpy.typing import NDArray
 
-from benchmarks.gesture_clouds import sources
 from benchmarks.report import choice, matrix, measure_together
+from benchmarks.stores import sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig

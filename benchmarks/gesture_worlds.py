@@ -19,7 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.gesture_clouds import sources
+from benchmarks.stores import sources
 from radar_core import GESTURES
 from radar_core.config import plain
 from radar_gestures.classifiers.perceptron import GestureModel

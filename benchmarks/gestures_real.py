@@ -16,12 +16,12 @@ import joblib
 import numpy as np
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
-from benchmarks.gesture_clouds import sources
 from benchmarks.gesture_studies import COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.gestures_closing import accuracy_without, from_the_end, nobody_there
 from benchmarks.gestures_closing import figures as closing_figures
 from benchmarks.recordings import folder
 from benchmarks.report import choice, matrix, measure
+from benchmarks.stores import sources
 from radar_gestures.classifiers.curve_net import CurveNet, save_net
 from radar_gestures.classifiers.curve_training import CurveTraining
 from radar_gestures.classifiers.model import GestureModel, save_model

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +11,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_clouds import sources
+from benchmarks.stores import Store, pack, unpack
 from radar_core import PointCloud, Pose
-from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.datasets.samples import write_chunk
-from radar_gestures.datasets.workers import work_through
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
 from radar_sim.people import Action, Draw, Person, Reach
@@ -159,62 +153,38 @@ class Stream:
     drawing: NDArray[np.bool_]
 
 
-class HandStore:
-    """Streams of scenes on disk; what is there is not simulated again while the scene, the baseband and our sources stay the same.
+class HandStore(Store):
+    """Streams of scenes on disk, one file for each radar.
 
     Parameters
     ----------
     folder : Path
-        Where files go, in a folder of their own for each state of the sources.
-    baseband : BasebandConfig or None
-        None: all defaults.
+        Where files go.
     """
 
-    def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
-        self._folder = folder.absolute() / f"hands_{sources()}"
-        self._baseband = baseband if baseband is not None else BasebandConfig()
-
-    def path(self, made: Scene, radar: int) -> Path:
-        """File of one radar of a scene."""
-        text = json.dumps([plain(made), plain(self._baseband), radar], sort_keys=True)
-        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{radar}.npz"
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, "hands", _simulate, [plain(BasebandConfig())])
 
     def fill(self, scenes: Sequence[Scene], *, n_jobs: int = 1, progress: bool = True) -> None:
-        """Simulate what is not there yet; a stopped run goes on where it stopped."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        pieces = [(made, radar) for made in scenes for radar in range(len(made.radars))]
-        todo = [number for number, piece in enumerate(pieces) if not self.path(*piece).exists()]
-        make = functools.partial(_make, self, pieces)
-        work_through(make, todo, n_total=len(pieces), n_jobs=n_jobs, progress=progress, title="simulating hands")
-
-    def write(self, made: Scene, radar: int) -> None:
-        """Simulate what one radar sees of a scene and keep it."""
-        simulator = Simulator(made, made.radars[radar].frame_id)
-        baseband = Baseband(self._baseband, simulator.info)
-        clouds, truths = [], []
-        for number in range(simulator.n_frames):
-            frame = simulator.process(number)
-            clouds.append(baseband.process(frame.frame))
-            truths.append(frame.truth)
-        write_chunk(self.path(made, radar), _packed(clouds, truths))
+        """Simulate what is not there yet."""
+        self.make([(made, radar) for made in scenes for radar in range(len(made.radars))], n_jobs=n_jobs, progress=progress)
 
     def read(self, made: Scene, radar: int) -> Stream:
         """Read what one radar saw."""
-        with np.load(self.path(made, radar), allow_pickle=False) as file:
-            columns = {name: file[name] for name in file.files}
-        edge = np.concatenate([[0], np.cumsum(columns["count"])])
-        clouds = [
-            PointCloud(
-                stamp_ns=int(stamp), sequence=k, frame_id=made.radars[radar].frame_id,
-                **{name: columns[name][edge[k] : edge[k + 1]] for name in ARRAY_FIELDS},
-            )
-            for k, stamp in enumerate(columns["stamp_ns"])
-        ]  # fmt: skip
-        return Stream(clouds, *(columns[f"true_{name}"] for name in ("centroid", "weight", "hand", "velocity", "body", "drawing")))
+        columns = self.columns(made, radar)
+        truth = (columns[f"true_{name}"] for name in ("centroid", "weight", "hand", "velocity", "body", "drawing"))
+        return Stream(unpack(columns, made.radars[radar].frame_id), *truth)
 
 
-def _make(store: HandStore, pieces: Sequence[tuple[Scene, int]], number: int) -> None:
-    store.write(*pieces[number])
+def _simulate(made: Scene, radar: int) -> dict[str, NDArray[Any]]:
+    simulator = Simulator(made, made.radars[radar].frame_id)
+    baseband = Baseband(BasebandConfig(), simulator.info)
+    clouds, truths = [], []
+    for number in range(simulator.n_frames):
+        frame = simulator.process(number)
+        clouds.append(baseband.process(frame.frame))
+        truths.append(frame.truth)
+    return _packed(clouds, truths)
 
 
 def visible(truth: Truth) -> tuple[Float64Array, float]:
@@ -228,9 +198,7 @@ def visible(truth: Truth) -> tuple[Float64Array, float]:
 
 def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
     seen = [visible(truth) for truth in truths]
-    columns: dict[str, NDArray[Any]] = {
-        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
-        "count": np.array([len(cloud) for cloud in clouds], np.int32),
+    return pack(clouds) | {
         "true_centroid": np.array([place for place, _ in seen]),
         "true_weight": np.array([weight for _, weight in seen]),
         "true_hand": np.array([truth.hand_position[0] for truth in truths]),
@@ -238,4 +206,3 @@ def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, 
         "true_body": np.array([truth.position[0] for truth in truths]),
         "true_drawing": np.array([truth.drawing[0] for truth in truths]),
     }
-    return columns | {name: np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in ARRAY_FIELDS}

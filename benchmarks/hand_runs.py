@@ -26,6 +26,8 @@ SETTLED: Final = STAND + 0.6
 """From then on errors count [s]."""
 FAST: Final = 0.6
 """A hand faster than this is in a fast part [m/s]."""
+SLOP: Final = 0.02
+"""Clouds whose stamps are farther apart than this are not put together, as by the fusion node [s]."""
 _LOST: Final = 1.0  # m: error where there is no hand track although there is a hand
 _AFTER: Final = 0.3  # s: how long after a reversal one looks
 
@@ -82,7 +84,7 @@ class Followed:
     times_ms: list[float]
 
 
-def track(store: HandStore, scene: Scene, *, single: bool = False, clock_ns: int = 0) -> Tracked:
+def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene | None = None, clock_ns: int = 0) -> Tracked:
     """Fuse the clouds of a scene and track the person.
 
     Parameters
@@ -93,10 +95,12 @@ def track(store: HandStore, scene: Scene, *, single: bool = False, clock_ns: int
         Which.
     single : bool
         Only the first radar.
+    second : Scene or None
+        What the second radar saw, where it is not the same scene: one in which it measures at other times.
     clock_ns : int
-        How much the second radar's clock is ahead [ns]: clouds are paired by what the clocks say.
+        How much the second radar's clock is ahead [ns]: clouds are paired by what the clocks say; those without a partner are left out.
     """
-    streams = [store.read(scene, number) for number in range(len(scene.radars))]
+    streams = [store.read(second if second is not None and number else scene, number) for number in range(len(scene.radars))]
     n = min(len(stream.clouds) for stream in streams)  # the same for one radar, so that both can be compared cloud by cloud
     streams = streams[:1] if single else streams
     infos = [radar.info for radar in scene.radars[: len(streams)]]
@@ -106,14 +110,16 @@ def track(store: HandStore, scene: Scene, *, single: bool = False, clock_ns: int
     with np.errstate(invalid="ignore"):
         hand = np.where(total > 0, (weight * seen).sum(axis=0) / total, streams[0].hand[:n])
     info = infos[0] if single else fused_info(infos)
-    people, clouds = PeopleTracker(TrackerConfig(), info), []
-    first = streams[0].clouds[:n]
-    stamps = np.array([cloud.stamp_ns for cloud in first])
-    for cloud in first:
+    people, clouds, kept = PeopleTracker(TrackerConfig(), info), [], []
+    for number, cloud in enumerate(streams[0].clouds[:n]):
         parts = [cloud, *(_nearest(stream.clouds, cloud.stamp_ns, clock_ns) for stream in streams[1:])]
-        fused = cloud.to_room(infos[0].mount) if single else merge(parts, [info.mount for info in infos])
+        if abs(parts[-1].stamp_ns - cloud.stamp_ns) > SLOP * 1e9:
+            continue
+        fused = cloud.to_room(infos[0].mount) if single else merge(parts, [info.mount for info in infos], SLOP)
         clouds.append(TrackedCloud(fused, people.process(fused)))
-    return Tracked(clouds, info, stamps * 1e-9, hand, streams[0].hand[:n], streams[0].velocity[:n])
+        kept.append(number)
+    seconds = np.array([cloud.cloud.stamp_ns for cloud in clouds]) * 1e-9
+    return Tracked(clouds, info, seconds, hand[kept], streams[0].hand[kept], streams[0].velocity[kept])
 
 
 def follow(tracked: Tracked, config: HandConfig | None = None) -> Followed:

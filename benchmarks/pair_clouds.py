@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import json
 import math
-import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,13 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_clouds import fitted, sources
+from benchmarks.gesture_clouds import fitted
 from benchmarks.scenarios import person, walk
-from radar_core import DataError, PointCloud, Pose
-from radar_core.config import plain
+from benchmarks.stores import Store, pack, unpack
+from radar_core import PointCloud, Pose
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.datasets.samples import write_chunk
-from radar_gestures.datasets.workers import work_through
 from radar_sim import Scene, Simulator
 from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
 from radar_sim.people import Action
@@ -31,7 +25,6 @@ SECONDS: Final = 60.0
 FRAME: Final = 0.04  # s: half of the default rate; a person walks 4 cm meanwhile, and simulating costs half
 APART: Final = {"left": 0.0, "near": 0.3, "middle": 0.6, "wide": 1.6}
 """Radars of every scene, and how far each stands from the left one [m]."""
-_POINT: Final = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std", "elevation_std")
 
 
 def scene(seed: int, seconds: float = SECONDS) -> Scene:
@@ -94,67 +87,35 @@ class Stream:
     truth: NDArray[np.float64]
 
 
-class PairStore:
-    """Clouds of scenes on disk, one file for each radar; what is there is not simulated again while scene and sources stay the same.
+class PairStore(Store):
+    """Clouds of scenes on disk, one file for each radar.
 
     Parameters
     ----------
     folder : Path
-        Where files go, in a folder of their own for each state of the sources.
+        Where files go.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder.absolute() / f"pairs_{sources()}"
-
-    def path(self, drawn: Scene, radar: int) -> Path:
-        """File of one radar of a scene."""
-        text = json.dumps([plain(drawn), radar], sort_keys=True)
-        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
+        super().__init__(folder, "pairs", _simulate)
 
     def fill(self, scenes: Iterable[Scene], *, progress: bool = True) -> None:
-        """Simulate what is not there yet; a stopped run goes on where it stopped."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        pieces = [(drawn, radar) for drawn in scenes for radar in range(len(drawn.radars))]
-        todo = [number for number, piece in enumerate(pieces) if not self.path(*piece).exists()]
-        make = functools.partial(_make, self, pieces)
-        work_through(make, todo, n_total=len(pieces), progress=progress, title="simulating walkers")
-
-    def write(self, drawn: Scene, radar: int) -> None:
-        """Simulate what one radar sees, and keep it."""
-        simulator = Simulator(drawn, drawn.radars[radar].frame_id)
-        baseband = Baseband(BasebandConfig(), simulator.info)
-        clouds, truth = [], []
-        for number in range(simulator.n_frames):
-            made = simulator.process(number)
-            clouds.append(baseband.process(made.frame))
-            truth.append(made.truth.position[0])
-        columns: dict[str, NDArray[Any]] = {f"point_{name}": np.concatenate([getattr(c, name) for c in clouds]) for name in _POINT}
-        columns["stamp_ns"] = np.array([cloud.stamp_ns for cloud in clouds], np.int64)
-        columns["count"] = np.array([len(cloud) for cloud in clouds], np.int32)
-        write_chunk(self.path(drawn, radar), columns | {"truth": np.array(truth)})
+        """Simulate what is not there yet."""
+        self.make([(drawn, radar) for drawn in scenes for radar in range(len(drawn.radars))], progress=progress)
 
     def read(self, drawn: Scene, name: str) -> Stream:
-        """Read what a radar saw.
-
-        Raises
-        ------
-        DataError
-            When the file is missing or cannot be read.
-        """
+        """Read what a radar saw."""
         number = next(i for i, radar in enumerate(drawn.radars) if radar.namespace == name)
-        path = self.path(drawn, number)
-        try:
-            with np.load(path, allow_pickle=False) as content:
-                columns = {key: content[key] for key in content.files}
-        except (OSError, ValueError, zipfile.BadZipFile) as error:
-            raise DataError(f"{path}: cannot be read ({error}); delete it and fill the store again") from None
-        edge = np.concatenate([[0], np.cumsum(columns["count"])])
-        clouds = []
-        for k, stamp in enumerate(columns["stamp_ns"].tolist()):
-            own: dict[str, Any] = {key: columns[f"point_{key}"][edge[k] : edge[k + 1]] for key in _POINT}
-            clouds.append(PointCloud(stamp_ns=stamp, sequence=k, frame_id=drawn.radars[number].frame_id, **own))
-        return Stream(drawn.radars[number], tuple(clouds), columns["truth"])
+        columns = self.columns(drawn, number)
+        return Stream(drawn.radars[number], tuple(unpack(columns, drawn.radars[number].frame_id)), columns["truth"])
 
 
-def _make(store: PairStore, pieces: Sequence[tuple[Scene, int]], number: int) -> None:
-    store.write(*pieces[number])
+def _simulate(drawn: Scene, radar: int) -> dict[str, NDArray[Any]]:
+    simulator = Simulator(drawn, drawn.radars[radar].frame_id)
+    baseband = Baseband(BasebandConfig(), simulator.info)
+    clouds, truth = [], []
+    for number in range(simulator.n_frames):
+        made = simulator.process(number)
+        clouds.append(baseband.process(made.frame))
+        truth.append(made.truth.position[0])
+    return pack(clouds) | {"truth": np.array(truth)}

@@ -20,7 +20,7 @@ from radar_tracking.tracks import HandTrack, Track, TrackedCloud, TrackStatus
 Float64Array = NDArray[np.float64]
 
 _NANOSECOND = 1e-9
-_STANDING = 2.0  # s: time in which the body follows 63 % of the way to the track
+_STANDING = (2.0, 2.0, 30.0)  # s: time in which the body follows 63 % of the way to the track; its height does not change
 _LEASH = 0.4  # m: no farther behind
 _LATELY = 0.3  # s: time constant of the place where the hand was lately
 
@@ -214,11 +214,11 @@ class HandTracker:
 
     def _stand(self, place: Float64Array, dt: float) -> None:
         """Move the body after the person's track, slowly while that is near: an arm that draws pulls the track to and fro."""
-        self._body = self._body + (place - self._body) * (1.0 - math.exp(-dt / _STANDING))
-        away = place - self._body
-        distance = float(np.hypot(away[0], away[1]))
+        self._body = self._body + (place - self._body) * (1.0 - np.exp(-dt / np.array(_STANDING)))
+        away = place[:2] - self._body[:2]
+        distance = float(np.hypot(*away))
         if distance > _LEASH:
-            self._body = place - away * (_LEASH / distance)
+            self._body[:2] = place[:2] - away * (_LEASH / distance)
 
     def _predict(self, dt: float, unseen: bool) -> None:
         """Move the hand on; one that is not seen slows down, and one that rested stays where it is, as sure as before."""

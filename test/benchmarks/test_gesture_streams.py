@@ -12,9 +12,10 @@ import pytest
 
 from benchmarks import gesture_crowds, gesture_rules, gesture_streams
 from benchmarks.gesture_causes import Judged, Outcome, Surplus, judge, why_random
-from benchmarks.gesture_clouds import Found, Run, Store, code_of, fitted, follow
+from benchmarks.gesture_clouds import Found, Run, StreamStore, fitted, follow
 from benchmarks.gesture_crowds import CROWDS, TOGETHER, Counts, Crowd, count, crowd_scene, is_crossed
 from benchmarks.gesture_streams import IDLE, Plan, gesture_figures, gesture_stream, idle_figures, idle_stream, rejection, scene_of, unknown
+from benchmarks.stores import code_of
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import GestureModel, load_model
@@ -126,7 +127,7 @@ def small_scene():
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory):
     """A store with the small scene."""
-    store, scene = Store(tmp_path_factory.mktemp("clouds")), small_scene()
+    store, scene = StreamStore(tmp_path_factory.mktemp("clouds")), small_scene()
     assert store.fill([scene], progress=False) > 0
     return store, scene
 

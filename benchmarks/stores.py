@@ -1,0 +1,125 @@
+"""What was simulated for a benchmark, on disk: clouds and truths as columns, one file for each part of a scene."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError, PointCloud
+from radar_core.cloud import ARRAY_FIELDS
+from radar_core.config import plain
+from radar_gestures.datasets.samples import write_chunk
+from radar_gestures.datasets.workers import work_through
+from radar_sim import Scene
+
+Columns = Mapping[str, NDArray[Any]]
+
+PACKAGES: Final = ("radar_core", "radar_dsp", "radar_sim")
+"""What clouds depend on."""
+
+
+def code_of(text: str) -> str:
+    """Strip comments, docstrings and layout from a module: they change nothing that is simulated."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False) is not None:
+            node.body = node.body[1:]
+    return ast.unparse(tree)
+
+
+@functools.cache
+def sources(packages: tuple[str, ...] = PACKAGES) -> str:
+    """Digest of the code of all modules on which clouds, or what else is made by some packages, depend."""
+    root = Path(__file__).resolve().parent.parent
+    found = hashlib.sha256()
+    for path in sorted(path for package in packages for path in (root / package).rglob("*.py")):
+        found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
+    return found.hexdigest()[:16]
+
+
+class Store:
+    """Parts of scenes on disk; what is there is not simulated again while the scene, the settings and our sources stay the same.
+
+    Parameters
+    ----------
+    folder : Path
+        Where files go, in a folder of their own for each state of the sources.
+    name : str
+        What that folder's name begins with.
+    simulate : callable
+        Makes the columns of a scene's part of some number; a function of a module, so that it can be sent to other processes.
+    settings : sequence
+        What else decides about the columns, plain values.
+    """
+
+    def __init__(self, folder: Path, name: str, simulate: Callable[[Scene, int], Columns], settings: Sequence[Any] = ()) -> None:
+        self._folder = folder.absolute() / f"{name}_{sources()}"
+        self._name, self._simulate, self._settings = name, simulate, list(settings)
+
+    def path(self, scene: Scene, part: int) -> Path:
+        """File of a part of a scene."""
+        text = json.dumps([plain(scene), *self._settings], sort_keys=True)
+        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{part:03d}.npz"
+
+    def make(self, parts: Sequence[tuple[Scene, int]], *, n_jobs: int = 1, progress: bool = True) -> list[tuple[Scene, int]]:
+        """Simulate what is not there yet, and say what that was; a stopped run goes on where it stopped."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        todo = [number for number, part in enumerate(parts) if not self.path(*part).exists()]
+        work_through(
+            functools.partial(_write, self, parts), todo, n_total=len(parts), n_jobs=n_jobs, progress=progress,
+            title=f"simulating {self._name}",
+        )  # fmt: skip
+        return [parts[number] for number in todo]
+
+    def write(self, scene: Scene, part: int) -> None:
+        """Simulate a part and keep it."""
+        write_chunk(self.path(scene, part), self._simulate(scene, part))
+
+    def columns(self, scene: Scene, part: int) -> dict[str, NDArray[Any]]:
+        """Read what was simulated.
+
+        Raises
+        ------
+        DataError
+            When the part is missing or cannot be read.
+        """
+        path = self.path(scene, part)
+        try:
+            with np.load(path, allow_pickle=False) as content:
+                return {name: content[name] for name in content.files}
+        except (OSError, ValueError, zipfile.BadZipFile) as error:
+            raise DataError(f"{path}: cannot be read ({error}); delete it and fill the store again") from None
+
+
+def _write(store: Store, parts: Sequence[tuple[Scene, int]], number: int) -> None:
+    store.write(*parts[number])
+
+
+def pack(clouds: Sequence[PointCloud], names: Sequence[str] = ARRAY_FIELDS) -> dict[str, NDArray[Any]]:
+    """Columns of clouds: some of their points' values, one cloud after the other, their stamps, numbers and lengths."""
+    return {
+        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
+        "sequence": np.array([cloud.sequence for cloud in clouds], np.int64),
+        "count": np.array([len(cloud) for cloud in clouds], np.int32),
+        **{f"point_{name}": np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in names},
+    }
+
+
+def unpack(columns: Columns, frame_id: str) -> list[PointCloud]:
+    """Clouds of `pack`'s columns, in a frame; what was not kept is NaN."""
+    edge = np.concatenate([[0], np.cumsum(columns["count"])])
+    kept = [name for name in ARRAY_FIELDS if f"point_{name}" in columns]
+    clouds = []
+    for k, (stamp, sequence) in enumerate(zip(columns["stamp_ns"].tolist(), columns["sequence"].tolist(), strict=True)):
+        own: dict[str, Any] = {name: columns[f"point_{name}"][edge[k] : edge[k + 1]] for name in kept}
+        clouds.append(PointCloud(stamp_ns=stamp, sequence=sequence, frame_id=frame_id, **own))
+    return clouds
