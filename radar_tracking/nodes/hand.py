@@ -71,8 +71,9 @@ class HandNode(StageNode):
         self._wish = (self._due_ns(), True)
 
     def _stop(self) -> None:
-        # with its stamp: an end at once could overtake a start that has not taken effect yet
-        self._tracker.stop(self._stamp_ns)
+        # with its stamp: an end at once could overtake a start that has not taken effect yet; once: without clouds nothing takes effect
+        if self._wish != (self._due_ns(), False):
+            self._tracker.stop(self._stamp_ns)
         self._wish = (self._due_ns(), False)
 
     def _due_ns(self) -> int:

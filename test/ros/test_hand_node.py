@@ -163,6 +163,19 @@ def test_the_last_wish_counts(stage):
     assert stage.node._tracker.active
 
 
+def test_commands_do_not_pile_up_without_clouds(stage):
+    """An application that repeats itself while the radar is off: one of each waits, in order."""
+    stage.send(0)
+    for wish in (True, False):
+        for _ in range(50):
+            stage.tell(wish)
+    assert len(stage.node._tracker._pending) == 2
+    for k in range(1, 10):
+        stage.send(k)
+    assert stage.hands == []
+    assert stage.node._tracker._pending == []
+
+
 def test_nobody_to_follow_is_said(stage):
     """Only a tentative track, or nobody: one line, and a later true works."""
     stage.tell(True)
