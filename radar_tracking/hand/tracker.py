@@ -279,6 +279,7 @@ class HandTracker:
         """Make the result."""
         assert self._parent is not None
         mean, covariance = self._kinematics()
+        told = None if self._measured is None else self._measured.snapshot
         return HandTrack(
             stamp_ns=tracked.cloud.stamp_ns,
             sequence=tracked.cloud.sequence,
@@ -291,6 +292,9 @@ class HandTracker:
             velocity=mean[3:].copy(),
             covariance=covariance,
             value=self._value.process(mean[:3], self._body),
+            velocity_rank=0 if told is None else told.rank,
+            velocity_condition=math.inf if told is None else told.condition,
+            outliers=0 if told is None else told.outliers,
         )
 
 
