@@ -16,6 +16,7 @@ from benchmarks.hand_clouds import DISTANCES, SCRIPTS, TUNING, HandStore, scene
 from benchmarks.hand_runs import (
     Followed,
     Tracked,
+    consistency,
     counts,
     fast,
     follow,
@@ -194,6 +195,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
         "fast_clouds": int(sum(mask.sum() for mask in sure)),
         "by_filter": by_filter,
         "tuned": {name: {"process_noise": c.estimator.process_noise, "position_std": c.position_std} for name, c in tuned.items()},
+        "nees": consistency(found["mm_vel_est"]),
         "single_radar": single,
         "by_script": {
             name: rms(errors(found["mm_vel_est"][k :: len(scripts)], [counts(t) for t in both[k :: len(scripts)]]))

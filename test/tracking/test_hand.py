@@ -153,7 +153,7 @@ def test_a_lost_hand_coasts_and_ends():
 
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
 def test_a_hand_that_was_hidden_is_found_again(side):
-    """Either hand, hidden for 0.3 s while it moves at up to 1 m/s (by then up to 0.3 m from where it was lost): 0.15 m again 0.3 s later."""
+    """Either hand, hidden for 0.3 s at up to 1 m/s (by then up to 0.3 m from where it was lost): within 0.15 m again 0.3 s later."""
     path = circle(0.2, 1.0)
     blobs, people, hand = Blobs([Person(standing(2.4, 0.0), lambda t: path(t) * [1, side, 1])]), PeopleTracker(), HandTracker()
     hand.start(None, SECOND * FRAME_NS)
