@@ -24,6 +24,7 @@ def test_equal_errors_give_the_pseudo_inverse():
     rng = np.random.default_rng(1)
     direction = seen(np.array([1.5, 0.2]), np.array([0, 0, 0, 1, 1]))
     direction += 0.02 * rng.normal(size=direction.shape)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
     rate = rng.normal(size=5)
     found = Snapshot(POINT).process(direction, rate, np.full(5, 0.3))
     np.testing.assert_allclose(found.velocity, np.linalg.pinv(direction) @ rate, rtol=1e-10)
