@@ -42,8 +42,6 @@ class Hand:
         Which radar saw each.
     rate, rate_std, amplitude : ndarray of float64, shape (n,)
         Range rate, its error [m/s], relative amplitude.
-    distance : ndarray of float64, shape (n,)
-        From the sensor [m].
     velocity : ndarray of float64, shape (3,)
         Of the middle of the hand [m/s].
     """
@@ -54,7 +52,6 @@ class Hand:
     rate: Float64Array
     rate_std: Float64Array
     amplitude: Float64Array
-    distance: Float64Array
     velocity: Float64Array
 
 
@@ -132,11 +129,11 @@ def draw(
         direction = direction + angle_std * (across(direction) * rng.normal(size=(n, 2, 1))).sum(axis=1)
         direction /= np.linalg.norm(direction, axis=1)[:, None]
         offset = sensors[sensor] + distance[:, None] * direction - place
-    return Hand(direction, offset, sensor, rate, rate_std, amplitude, distance, velocity)
+    return Hand(direction, offset, sensor, rate, rate_std, amplitude, velocity)
 
 
 def errors(rate_std: Float64Array, amplitude: Float64Array, settings: SnapshotConfig) -> Float64Array:
-    """Standard deviations of what each point has alone, shape (n,) [m/s]."""
+    """Give the standard deviations of what each point has alone, shape (n,) [m/s]."""
     return np.sqrt(rate_std**2 + settings.spread**2 * amplitude.mean() / amplitude)
 
 
@@ -147,34 +144,26 @@ def across(direction: Float64Array) -> Float64Array:
     return np.stack([level, np.cross(direction, level)], axis=1)
 
 
-def bound(hand: Hand, settings: SnapshotConfig, angle_std: float = 0.0) -> Float64Array:
+def bound(hand: Hand, settings: SnapshotConfig) -> Float64Array:
     """Cramer-Rao bound on the velocity, shape (3, 3) [m^2/s^2].
 
-    All unknowns stand in one Gaussian model: the velocity, of which nothing is known before, the turn rate, an error of each radar, and,
-    if directions have errors, two angles of each point; the last three are known before to their standard deviations. It is the block of
-    the velocity in the inverse of the Fisher information of all, a bound on the mean over those that are drawn (Van Trees 1968, 2.4.3).
-    Directions act on the rates by the velocity across them; that the turn acts on them too is of second order and left out.
+    All unknowns stand in one Gaussian model: the velocity, of which nothing is known before, the turn rate, and an error of each radar; the
+    last two are known before to their standard deviations. It is the block of the velocity in the inverse of the Fisher information of
+    all, a bound on the mean over those that are drawn (Van Trees 1968, 2.4.3).
 
     Parameters
     ----------
     hand : Hand
-        Which points there are, and the true velocity.
+        Which points there are.
     settings : SnapshotConfig
-        Its `spread`, `common` and `spin` are the truth.
-    angle_std : float
-        Of the measured directions, across and up [rad].
+        Its `spread`, `common` and `spin` are the truth, and not zero.
     """
-    n, n_sensors = len(hand.rate), int(hand.sensor.max()) + 1
+    n_sensors = int(hand.sensor.max()) + 1
     # d rate / d turn: u . (w x o) = w . (o x u)
-    parts = [hand.direction, np.cross(hand.offset, hand.direction), np.eye(n_sensors)[hand.sensor]]
-    prior = [np.zeros(3), np.full(3, settings.spin**-2.0), np.full(n_sensors, settings.common**-2.0)]
-    if angle_std > 0:
-        slopes = across(hand.direction) @ hand.velocity
-        parts += [np.diag(slopes[:, 0]), np.diag(slopes[:, 1])]
-        prior.append(np.full(2 * n, angle_std**-2.0))
-    slope = np.hstack(parts)
+    slope = np.hstack([hand.direction, np.cross(hand.offset, hand.direction), np.eye(n_sensors)[hand.sensor]])
+    prior = np.concatenate([np.zeros(3), np.full(3, settings.spin**-2.0), np.full(n_sensors, settings.common**-2.0)])
     own = errors(hand.rate_std, hand.amplitude, settings)
-    information = slope.T @ (slope / own[:, None] ** 2) + np.diag(np.concatenate(prior))
+    information = slope.T @ (slope / own[:, None] ** 2) + np.diag(prior)
     return np.asarray(np.linalg.solve(information, np.eye(len(information), 3))[:3])
 
 

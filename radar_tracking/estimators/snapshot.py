@@ -19,8 +19,9 @@ from radar_core.linalg import symmetrise
 
 Float64Array = NDArray[np.float64]
 
-_LEAST_WEIGHT = 1e-6  # of an outlier: the system stays regular whatever happens
+_LEAST_WEIGHT = 1e-12  # of an outlier: the system stays regular whatever happens
 _ROUNDING = 1e-10  # singular values below this share of the largest are rounding
+_SETTLED = 0.01  # weights that change by less than this share change no more
 _REDUNDANT = 1e-9  # a point that alone tells what it tells cannot be tested
 _UNIT = 1e-3  # how far the length of a unit vector may be from 1
 _OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlier
@@ -57,7 +58,7 @@ class SnapshotVelocity:
     condition : float
         Worst over best of the standard deviations; infinite where one is.
     weight : ndarray of float64, shape (n_points,)
-        How much each point counted, 0..1; NaN where no rate was measured.
+        How much each point counted, 0..1: the variance that it has alone over that with which it counted; NaN where no rate was measured.
     """
 
     axes: Float64Array
@@ -115,14 +116,15 @@ class Snapshot:
         """Estimate the velocity at the place from which ``offset`` counts, by weighted least squares.
 
         The model of point i is ``rate = u.v + u.(w x offset) + b + e`` with its direction u, the velocity v, a turn rate w of standard
-        deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b are not
-        estimated but belong to the noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every
-        round (Huber 1964).
+        deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b belong to the
+        noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every round (Huber 1964), by how
+        far the point is from what the others foretell of it (deletion residuals: Belsley, Kuh and Welsch 1980, section 2.1).
 
         Parameters
         ----------
         direction : ndarray of float64, shape (n_points, d)
-            Unit vectors in ``room`` from the sensor that saw each point to the point; d is 2 (floor plane) or 3.
+            Unit vectors in ``room`` from the sensor that saw each point to the point; d is 2 (floor plane) or 3. A row of zeros has no
+            line of sight, and its rate tells nothing.
         rate : ndarray of float64, shape (n_points,)
             Range rates, receding positive [m/s]; NaN: not measured.
         rate_std : ndarray of float64, shape (n_points,)
@@ -137,11 +139,11 @@ class Snapshot:
         Raises
         ------
         DataError
-            When shapes differ, a direction is not finite, or the error of a measured rate is not positive and finite.
+            When shapes differ, a direction is neither a unit vector nor zero, or the error of a measured rate is not positive and finite.
         """
         direction, rate, rate_std = (np.asarray(given, np.float64) for given in (direction, rate, rate_std))
         n, d = direction.shape
-        known = self._check(direction, rate, rate_std, offset, amplitude)
+        known = self._check(direction, rate, rate_std, offset, sensor, amplitude)
         weight = np.full(n, np.nan)
         if not known.any():
             return SnapshotVelocity(np.eye(d), np.full(d, np.nan), np.full(d, np.inf), 0, np.inf, weight)
@@ -158,17 +160,21 @@ class Snapshot:
         rate: Float64Array,
         rate_std: Float64Array,
         offset: Float64Array | None,
+        sensor: NDArray[np.integer] | None,
         amplitude: Float64Array | None,
     ) -> NDArray[np.bool_]:
+        """Tell which points have a rate and a line of sight, shape (n,)."""
         n = len(direction)
-        if rate.shape != (n,) or rate_std.shape != (n,) or (offset is not None and offset.shape != direction.shape):
-            shapes = (direction.shape, rate.shape, rate_std.shape, None if offset is None else offset.shape)
-            raise DataError(f"direction, rate, rate_std and offset have shapes {shapes}; give one row of each for every point")
+        wrong = offset is not None and offset.shape != direction.shape
+        if wrong or any(given is not None and given.shape != (n,) for given in (rate, rate_std, sensor, amplitude)):
+            shapes = [None if given is None else given.shape for given in (direction, rate, rate_std, offset, sensor, amplitude)]
+            raise DataError(f"direction, rate, rate_std, offset, sensor, amplitude have shapes {shapes}; give one row for every point")
         known = ~np.isnan(rate)
-        length = np.linalg.norm(direction, axis=1)
         if not (np.isfinite(direction[known]).all() and np.isfinite(rate[known]).all()):
             raise DataError("direction or rate has an entry that is not finite; NaN in rate is the mark for what was not measured")
-        known &= length > 0.5  # a point at the very place of its sensor
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(direction, axis=1)
+        known &= ~(length < 0.5)  # a point at the very place of its sensor
         if (np.abs(length[known] - 1.0) > _UNIT).any():
             raise DataError("direction has a row that is no unit vector; give zeros where there is no line of sight")
         if not ((rate_std[known] > 0) & np.isfinite(rate_std[known])).all():
@@ -180,7 +186,7 @@ class Snapshot:
         return known
 
     def _nuisance(self, U: Float64Array, offset: Float64Array | None, sensor: NDArray[np.integer] | None) -> Float64Array:
-        """What turn and sides add to the rates, shape (n, n_nuisances), each column for one standard deviation."""
+        """Lay out what turn and sides add to the rates, shape (n, n_nuisances), each column for one standard deviation [m/s]."""
         columns = []
         if offset is not None and self.settings.spin > 0:
             flat = U.shape[1] == 2
@@ -205,7 +211,7 @@ class Snapshot:
                 break
             residual = (rows[:, -1] - left @ part)[: len(y)]
             new = self._weigh(residual, 1.0 - shared - (left[: len(y)] ** 2).sum(axis=1), weight)
-            if np.abs(new - weight).max() < 1e-3:
+            if (np.abs(new - weight) < _SETTLED * weight).all():
                 break
             weight = new
         known = value > _ROUNDING * value[0]
