@@ -51,6 +51,8 @@ class PostureModel:
         Error of the outputs, root mean square over parts of the training set that were left out [m].
     spread : ndarray of float32, shape (3,)
         Standard deviation of the hands themselves in the training set [m].
+    bounds : ndarray of float32, shape (2, 3)
+        Lowest and highest place of a hand in the training set [m]. Beyond it nothing is known, and the answer stays within.
     figures : mapping
         What training measured.
 
@@ -65,6 +67,7 @@ class PostureModel:
     biases: tuple[NDArray[np.float32], ...]
     std: NDArray[np.float32]
     spread: NDArray[np.float32]
+    bounds: NDArray[np.float32]
     figures: Mapping[str, Any] = field(default_factory=dict)
     _layers: tuple[tuple[Float64Array, Float64Array], ...] = field(init=False, repr=False)
 
@@ -83,6 +86,9 @@ class PostureModel:
             object.__setattr__(self, name, _checked(name, getattr(self, name), (3,)))
             if not (getattr(self, name) > 0).all():
                 raise ConfigError(f"posture model: {name} has entries that are not positive; {_ADVICE}")
+        object.__setattr__(self, "bounds", _checked("bounds", self.bounds, (2, 3)))
+        if not (self.bounds[0] <= self.bounds[1]).all():
+            raise ConfigError(f"posture model: the lower bounds are not below the upper ones; {_ADVICE}")
         doubles = tuple((w.astype(np.float64), b.astype(np.float64)) for w, b in zip(weights, biases, strict=True))
         object.__setattr__(self, "_layers", doubles)
 
@@ -116,7 +122,7 @@ class PostureModel:
             raise DataError(f"features has non-finite values, or some beyond {_LIMIT:g}; leave such a cloud out")
         for number, (weight, bias) in enumerate(self._layers):
             x = (x if number == 0 else np.maximum(x, 0.0)) @ weight + bias
-        return np.asarray(x)
+        return np.clip(x, *self.bounds.astype(np.float64))
 
 
 def save_postures(model: PostureModel, path: str | Path) -> None:
@@ -125,15 +131,18 @@ def save_postures(model: PostureModel, path: str | Path) -> None:
     Raises
     ------
     DataError
-        When the file cannot be written.
+        When the file cannot be written, or is larger than what a reader takes.
     """
     path = Path(path)
+    if 4 * model.n_parameters > _MOST_BYTES // 2:
+        raise DataError(f"{path}: the model has {model.n_parameters} parameters, more than any reader takes; train one with fewer neurons")
     about = {"features": plain(model.features), "n_layers": len(model.weights), "figures": dict(model.figures)}
     arrays: dict[str, NDArray[Any]] = {
         "format": np.array(FORMAT, np.int64),
         "about": np.frombuffer(json.dumps(about, sort_keys=True).encode(), np.uint8),
         "std": model.std,
         "spread": model.spread,
+        "bounds": model.bounds,
     }
     for number, (weight, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
         arrays |= {f"weights_{number}": weight, f"bias_{number}": bias}
@@ -183,6 +192,7 @@ def _read(archive: zipfile.ZipFile) -> PostureModel:
         tuple(found[f"bias_{number}"] for number in layers),
         found["std"],
         found["spread"],
+        found["bounds"],
         about["figures"],
     )
 

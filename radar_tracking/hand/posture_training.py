@@ -21,7 +21,9 @@ Float64Array = NDArray[np.float64]
 Layers = list[tuple[Float64Array, Float64Array]]
 
 _FLIP: Final = np.array([1.0, -1.0, 1.0])  # (away, left, up) in a mirror
+_LEAST_STD: Final = 1e-3  # m
 _NEAR: Final = 1.5  # m: a track farther than this from the middle of the hands is somebody else's
+_LEAST_VARIANCE: Final = 1e-3  # of a component, features have 1: whitening less would only blow up what is new
 _LEAST: Final = 100  # clouds: fewer teach nothing
 
 
@@ -179,23 +181,32 @@ def train_postures(
 
 def fit_postures(samples: PostureSamples, settings: PostureTrainingConfig, progress: Callable[[str], None] | None = None) -> PostureModel:
     """Train on samples that were made before; see `train_postures`. The parts left out are judged by one member, a little too badly."""
-    wrong = np.full((len(samples), 3), np.nan)
-    plain = wrong.copy()
-    part = _parts(samples, settings)
+    from threadpoolctl import threadpool_limits
+
+    tell = progress if progress is not None else str  # which does nothing
+    with threadpool_limits(1):  # so small that threads only fight, and with another number of them rounding differs
+        wrong, plain = _left_out(samples, settings, tell)
+        tell("everything")
+        weights, biases = zip(*_fit(samples.features, samples.hand, settings, settings.members), strict=True)
+    return PostureModel(
+        settings.features, weights, biases,
+        std=np.maximum(np.sqrt((wrong**2).mean(axis=0)), _LEAST_STD),
+        spread=np.maximum(samples.hand.std(axis=0), _LEAST_STD),
+        bounds=np.stack([samples.hand.min(axis=0), samples.hand.max(axis=0)]),
+        figures={"samples": len(samples), "error_m": _rms(wrong), "mean_place_error_m": _rms(plain), "seed": settings.seed},
+    )  # fmt: skip
+
+
+def _left_out(samples: PostureSamples, settings: PostureTrainingConfig, tell: Callable[[str], object]) -> tuple[Float64Array, Float64Array]:
+    """Leave out one part after the other: errors of the perceptron and of the mean place there, both of shape (n, 3) [m]."""
+    wrong, plain, part = np.empty((len(samples), 3)), np.empty((len(samples), 3)), _parts(samples, settings)
     for fold in range(int(part.max()) + 1):
-        if progress is not None:
-            progress(f"part {fold + 1} of {part.max() + 1} left out")
+        tell(f"part {fold + 1} of {part.max() + 1} left out")
         out = part == fold
         layers = _fit(samples.features[~out], samples.hand[~out], settings, 1)
         wrong[out] = _forward(layers, samples.features[out]) - samples.hand[out]
         plain[out] = samples.hand[~out].mean(axis=0) - samples.hand[out]
-    if progress is not None:
-        progress("everything")
-    weights, biases = zip(*_fit(samples.features, samples.hand, settings, settings.members), strict=True)
-    figures = {"samples": len(samples), "error_m": _rms(wrong), "mean_place_error_m": _rms(plain), "seed": settings.seed}
-    return PostureModel(
-        settings.features, weights, biases, np.sqrt((wrong**2).mean(axis=0)), np.maximum(samples.hand.std(axis=0), 1e-3), figures
-    )
+    return wrong, plain
 
 
 def _parts(samples: PostureSamples, settings: PostureTrainingConfig) -> NDArray[np.int64]:
@@ -208,14 +219,14 @@ def _parts(samples: PostureSamples, settings: PostureTrainingConfig) -> NDArray[
 
 def _fit(features: Float64Array, hand: Float64Array, settings: PostureTrainingConfig, members: int) -> Layers:
     """Fit perceptrons on whitened principal components; the linear steps before and after them become part of the first and last layer."""
-    from sklearn.decomposition import PCA
-
     middle, scale = features.mean(axis=0), features.std(axis=0)
     scale[scale < 1e-9] = 1.0  # cells that are always empty
-    n = min(settings.components, *features.shape)
-    pca = PCA(n, svd_solver="covariance_eigh").fit((features - middle) / scale)
-    root = np.sqrt(np.maximum(pca.explained_variance_, 1e-9))
-    project = pca.components_.T / scale[:, None] / root
+    standard = (features - middle) / scale
+    variance, components = (array[..., : -settings.components - 1 : -1] for array in np.linalg.eigh(standard.T @ standard / len(hand)))
+    own = variance > _LEAST_VARIANCE
+    if not own.any():
+        raise DataError("the recordings' clouds are all alike: nothing can be learned from them")
+    project = components[:, own] / scale[:, None] / np.sqrt(variance[own])
     mean, size = hand.mean(axis=0), np.maximum(hand.std(axis=0), 1e-6)
     x, y = (features - middle) @ project, (hand - mean) / size
     layers = _mean([_perceptron(x, y, settings, settings.seed + number) for number in range(members)])
