@@ -146,9 +146,9 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         **{f"velocity_{name}": value for name, value in every.items()},
         "room": by,
         "maps": maps(found, baselines, xs, ys),
-        "outliers": spoiled(2 * n if quick else 2000),
-        "directions": askew(2 * n if quick else 2000),
-        "choices": rows(50 if quick else 500),
+        "outliers": spoiled(40 if quick else 2000),
+        "directions": askew(40 if quick else 2000),
+        "choices": rows(20 if quick else 500),
     }
     if quick and keep is None:
         return figure

@@ -38,6 +38,8 @@ class Judged:
         What the snapshot says of the error [m/s].
     speed, distance : ndarray of float64, shape (n,)
         Of the hand [m/s], and from the middle between the radars [m].
+    alone : ndarray of bool, shape (n,)
+        Whether there was one point only, which nothing can test.
     """
 
     error: Float64Array
@@ -45,6 +47,7 @@ class Judged:
     std: Float64Array
     speed: Float64Array
     distance: Float64Array
+    alone: NDArray[np.bool_]
 
     def select(self, mask: NDArray[np.bool_]) -> Judged:
         """Keep some clouds."""
@@ -66,10 +69,12 @@ def _judge(tracked: Tracked, followed: Followed) -> Judged:
     for k in index:
         found = followed.snapshots[k]
         assert found is not None
-        rows.append((found.along - found.axes @ tracked.velocity[k], found.along - found.axes @ visible[k], found.std))
+        alone = np.count_nonzero(np.isfinite(found.weight)) < 2
+        rows.append((found.along - found.axes @ tracked.velocity[k], found.along - found.axes @ visible[k], found.std, alone))
     error, seen, std = (np.array([row[part] for row in rows]).reshape(-1, 3) for part in range(3))
     speed = np.linalg.norm(tracked.velocity[index], axis=1)
-    return Judged(error, seen, std, speed, np.linalg.norm(tracked.hand[index] - sensors.mean(axis=0), axis=1))
+    distance = np.linalg.norm(tracked.hand[index] - sensors.mean(axis=0), axis=1)
+    return Judged(error, seen, std, speed, distance, np.array([row[3] for row in rows], np.bool_))
 
 
 def _join(parts: Sequence[Judged]) -> Judged:
@@ -77,8 +82,8 @@ def _join(parts: Sequence[Judged]) -> Judged:
 
 
 def figures(found: Judged) -> dict[str, float]:
-    """NEES along the two best axes, mean and median over that of a chi-square, errors (rms), and how often each axis is told."""
-    made: dict[str, float] = {"clouds": len(found.speed)}
+    """NEES along the two best axes, errors (rms), and how often each axis is told; ``several``: of snapshots of more than one point."""
+    made: dict[str, float] = {"clouds": len(found.speed), "alone": int(found.alone.sum())}
     for axis, name in enumerate(("first", "second")):
         told = np.isfinite(found.error[:, axis])
         made[f"told_{name}"] = float(told.mean()) if len(told) else float("nan")
@@ -86,6 +91,7 @@ def figures(found: Judged) -> dict[str, float]:
             continue
         error, std = found.error[told, axis], found.std[told, axis]
         made[f"nees_{name}"] = float(np.mean((error / std) ** 2))
+        made[f"nees_{name}_several"] = float(np.mean(((error / std) ** 2)[~found.alone[told]]))
         made[f"nees_{name}_visible"] = float(np.mean((found.visible[told, axis] / std) ** 2))
         made[f"largest_{name}"] = float(np.max(np.abs(error / std)))
         made[f"rms_{name}_m_s"] = float(np.sqrt(np.mean(error**2)))
