@@ -121,7 +121,7 @@ def geometric_figures(split: Split, name: str) -> dict[str, float]:
     return {"rms_m": ours, "mean_pose_rms_m": plain, "ratio": ours / plain, "active": float(np.isfinite(wrong[..., 0]).any(axis=1).mean())}
 
 
-def tested(split: Split, model: PostureModel) -> dict[str, Estimated]:
+def over_tests(split: Split, model: PostureModel) -> dict[str, Estimated]:
     """Run a model over the test files."""
     return {name: estimate(model, name) for name in split.test}
 
@@ -131,7 +131,7 @@ def evaluate(split: Split, settings: PostureTrainingConfig) -> tuple[dict[str, A
     start = time.perf_counter()
     model = fit_postures(samples_of(split.recordings, settings.features, settings.block), settings)
     took = time.perf_counter() - start
-    files = {name: figures_of(split, name, found) for name, found in tested(split, model).items()}
+    files = {name: figures_of(split, name, found) for name, found in over_tests(split, model).items()}
     about = {"training_s": took, "samples": model.figures["samples"], "kinect_m": split.kinect.tolist(), "parameters": model.n_parameters}
     return {"files": files, "worst_ratio": max(one["ratio"] for one in files.values()), **about}, model
 
@@ -160,7 +160,7 @@ def rows(split: Split, quick: bool) -> list[dict[str, Any]]:
     for name, settings in settings_of(quick).items():
         own = settings.features
         samples[own] = samples.get(own) or samples_of(split.recordings, own, settings.block)
-        found = tested(split, fit_postures(samples[own], dataclasses.replace(settings, folds=2)))
+        found = over_tests(split, fit_postures(samples[own], dataclasses.replace(settings, folds=2)))
         times = [value for one in found.values() for value in one.times_ms]
         error = split.ratio({name: one.position - split.truth(name) for name, one in found.items()})
         made.append(choice("posture", name, accuracy=("error over the mean pose's", error, ""), times_ms=times, reference_ms=reference))

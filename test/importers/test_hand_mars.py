@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from originals import recordings
 
-from benchmarks.hand_mars import Split, figures_of, geometric_figures, tested
+from benchmarks.hand_mars import Split, figures_of, geometric_figures, over_tests
 from benchmarks.hand_mars_parts import KNOWN, STRANGERS, exercises, kinect_place
 from radar_tracking.hand.posture_training import PostureTrainingConfig, fit_postures, samples_of
 
@@ -26,7 +26,7 @@ def figures(train: tuple[str, ...], test: tuple[str, ...], members: int = 4) -> 
     own = split(train, test)
     settings = dataclasses.replace(PostureTrainingConfig(), members=members)
     model = fit_postures(samples_of(own.recordings, settings.features), settings)
-    return {name: figures_of(own, name, found) for name, found in tested(own, model).items()}
+    return {name: figures_of(own, name, found) for name, found in over_tests(own, model).items()}
 
 
 @pytest.mark.parametrize("name", KNOWN[1])
