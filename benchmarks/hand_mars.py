@@ -95,9 +95,9 @@ def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
     -------
     dict
         ``rms_m``, ``median_m``, the same of the mean pose (``mean_pose_``), ``ratio`` of the rms, of both hands and of each;
-        ``rms_axis_m``: depth, across, height; ``seen``: share of the clouds with an estimate; ``nees``: squared error over the variance
-        that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always; ``ratio_to_moving_mean``: to a
-        mean pose of the moving phases alone.
+        ``rms_depth_m``, ``rms_across_m``, ``rms_height_m``; ``seen``: share of the clouds with an estimate; ``nees``: squared error over
+        the variance that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always;
+        ``ratio_to_moving_mean``: to a mean pose of the moving phases alone.
     """
     one, wrong, plain = exercises(name), found.position - split.truth(name), split.mean_error(name)
     own = one.moving & np.isfinite(wrong[..., 0])
@@ -111,7 +111,8 @@ def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
             f"{label}ratio": rms(wrong[mask]) / rms(plain[mask]),
         }
     for label, errors in {"": wrong, "mean_pose_": plain}.items():
-        result[f"{label}rms_axis_m"] = dict(zip(AXES, np.sqrt((errors[own] ** 2).mean(axis=0)).tolist(), strict=True))
+        lengths = np.sqrt((errors[own] ** 2).mean(axis=0)).tolist()
+        result |= {f"{label}rms_{axis}_m": value for axis, value in zip(AXES, lengths, strict=True)}
     score = ((wrong / found.std) ** 2).mean(axis=2)
     harder = plain + split.moving_pose - split.pose
     result["ratio_to_moving_mean"] = rms(wrong[own]) / rms(harder[own])
