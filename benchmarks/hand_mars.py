@@ -51,8 +51,8 @@ class Split:
         Where the Kinect stands, fitted to the training files [m].
     recordings : tuple of HandRecording
         The training files.
-    pose : ndarray of float64, shape (2, 3)
-        Their mean pose [m].
+    pose, moving_pose : ndarray of float64, shape (2, 3)
+        Their mean pose, and that of the clouds in which a hand moves [m].
     """
 
     train: tuple[str, ...]
@@ -60,13 +60,14 @@ class Split:
     kinect: Float64Array
     recordings: tuple[HandRecording, ...]
     pose: Float64Array
+    moving_pose: Float64Array
 
     @classmethod
     def of(cls, train: Sequence[str], test: Sequence[str]) -> Split:
         """Read the training files and fit what is fitted before anything is learned."""
         kinect = kinect_place(train)
         recordings = tuple(recording_of(name, kinect) for name in train)
-        return cls(tuple(train), tuple(test), kinect, recordings, mean_pose(recordings))
+        return cls(tuple(train), tuple(test), kinect, recordings, mean_pose(train, kinect), mean_pose(train, kinect, moving=True))
 
     def truth(self, name: str) -> Float64Array:
         """Hands in the room, shape (n_clouds, 2, 3) [m]."""
@@ -94,8 +95,9 @@ def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
     -------
     dict
         ``rms_m``, ``median_m``, the same of the mean pose (``mean_pose_``), ``ratio`` of the rms, of both hands and of each;
-        ``rms_axis_m``: depth, across, height; ``seen``: share of the clouds with an estimate; ``nees``: squared error over the variance
-        that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always.
+        ``rms_depth_m``, ``rms_across_m``, ``rms_height_m``; ``seen``: share of the clouds with an estimate; ``nees``: squared error over
+        the variance that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always;
+        ``ratio_to_moving_mean``: to a mean pose of the moving phases alone.
     """
     one, wrong, plain = exercises(name), found.position - split.truth(name), split.mean_error(name)
     own = one.moving & np.isfinite(wrong[..., 0])
@@ -109,8 +111,11 @@ def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
             f"{label}ratio": rms(wrong[mask]) / rms(plain[mask]),
         }
     for label, errors in {"": wrong, "mean_pose_": plain}.items():
-        result[f"{label}rms_axis_m"] = dict(zip(AXES, np.sqrt((errors[own] ** 2).mean(axis=0)).tolist(), strict=True))
+        lengths = np.sqrt((errors[own] ** 2).mean(axis=0)).tolist()
+        result |= {f"{label}rms_{axis}_m": value for axis, value in zip(AXES, lengths, strict=True)}
     score = ((wrong / found.std) ** 2).mean(axis=2)
+    harder = plain + split.moving_pose - split.pose
+    result["ratio_to_moving_mean"] = rms(wrong[own]) / rms(harder[own])
     return result | {"nees": float(score[own].mean()), "nees_all": float(np.nanmean(score))}
 
 

@@ -127,9 +127,14 @@ def recording_of(name: str, kinect: Float64Array) -> HandRecording:
     return HandRecording(one.clouds, one.hands + kinect, one.info.mount.origin)
 
 
-def mean_pose(recordings: Sequence[HandRecording]) -> Float64Array:
-    """Mean place of the hands, shape (2, 3) [m]: on the floor plane relative to the person's track, and above the floor."""
-    return np.asarray(np.concatenate([recording.hands - bodies(recording.clouds) for recording in recordings]).mean(axis=0), np.float64)
+def mean_pose(names: Sequence[str], kinect: Float64Array, *, moving: bool = False) -> Float64Array:
+    """Mean place of the hands in some files, shape (2, 3) [m]: on the floor plane relative to the person's track, and above the floor.
+
+    With ``moving`` only of the clouds in which each hand moves: the best that a place that never changes could know of these.
+    """
+    place = np.concatenate([exercises(name).hands + kinect - bodies(exercises(name).clouds) for name in names])
+    own = np.concatenate([exercises(name).moving for name in names]) if moving else np.ones(place.shape[:2], np.bool_)
+    return np.asarray(np.average(place, axis=0, weights=own[..., None] * np.ones(3)), np.float64)
 
 
 def bodies(clouds: Sequence[TrackedCloud]) -> Float64Array:

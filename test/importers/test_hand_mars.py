@@ -33,32 +33,33 @@ def figures(train: tuple[str, ...], test: tuple[str, ...], members: int = 4) -> 
 def test_known_people_are_a_third_better_than_their_mean_pose(name):
     """The goal: at least 30 % less error (rms) than the mean pose while a hand moves, in every file and for each hand.
 
-    Measured: 0.50 to 0.53. Over the seeds of the training it varies by about 0.01, over single perceptrons by 0.02.
+    Measured: 0.50 and 0.52, each hand 0.49 to 0.52. Single perceptrons reach 0.55 and differ by 0.02, the mean of four by less.
     """
     found = figures(*KNOWN)[name]
     assert found["seen"] > 0.99
     assert found["ratio"] <= 0.60
-    assert found["left_ratio"] <= 0.70
-    assert found["right_ratio"] <= 0.70
+    assert found["left_ratio"] <= 0.65
+    assert found["right_ratio"] <= 0.65
     assert found["median_m"] < 0.7 * found["mean_pose_median_m"]
 
 
 @pytest.mark.parametrize("name", KNOWN[1])
 def test_the_deviation_that_is_told_is_right_on_average(name):
-    """Over all clouds of known people within a factor of two in the variance; while a hand moves it is too small, which the docs say."""
+    """Variances within a factor of 1.6, moving and always. Measured: 0.75 to 0.88, for one perceptron is judged and four are used."""
     found = figures(*KNOWN)[name]
-    assert 0.5 < found["nees_all"] < 2.0
+    assert 1 / 1.6 < found["nees"] < 1.6
+    assert 1 / 1.6 < found["nees_all"] < 1.6
 
 
 @pytest.mark.parametrize(("train", "test"), STRANGERS)
 def test_a_stranger_is_still_better_than_the_mean_pose(train, test):
-    """The other person held out: no goal, but what the docs say, 0.70 to 0.80 (one perceptron: up to 0.05 more, hence the bound)."""
+    """The other person held out: no goal, but what the docs say, 0.71 to 0.77 (with two perceptrons a little more, hence the bound)."""
     for found in figures(train, test, members=2).values():
         assert found["ratio"] < 0.90
 
 
 def test_the_hand_tracker_for_dense_clouds_cannot_do_it():
-    """Why there is something learned at all: the nearest point is 0.3 m off the hand, and `HandTracker` is worse than the mean pose."""
+    """Why there is something learned at all: the arms are too sparse for `HandTracker`, which is twice as far off as the mean pose."""
     own = split(*KNOWN)
     assert geometric_figures(own, "subject3_test")["ratio"] > 1.0
 
