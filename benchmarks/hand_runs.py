@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from benchmarks.hand_clouds import STAND, HandStore
 from radar_core import PointCloud, RadarInfo, merge
@@ -155,6 +156,19 @@ def residual(tracked: Tracked, followed: Followed, axes: int = 3) -> Float64Arra
     """Distance of the track from the visible hand, in space (3) or on the floor plane (2), shape (n,) [m]; a lost hand is a metre off."""
     error = np.linalg.norm((followed.position - tracked.hand)[:, :axes], axis=1)
     return np.where(np.isnan(error), _LOST, error)
+
+
+def consistency(found: Sequence[tuple[Tracked, Followed]]) -> dict[str, float]:
+    """Mean squared position error over what the track says it is, along each axis, and of all three per degree of freedom; 1 is honest."""
+    error, told = [], []
+    for tracked, followed in found:
+        own = counts(tracked) & np.isfinite(followed.value)
+        error.append((followed.position - tracked.hand)[own])
+        told.append(followed.covariance[own, :3, :3])
+    e, P = np.concatenate(error), np.concatenate(told)
+    nees = (e * np.linalg.solve(P, e[..., None])[..., 0]).sum(axis=1) / 3.0
+    by_axis = {name: float(np.mean(e[:, k] ** 2 / P[:, k, k])) for k, name in enumerate("xyz")}
+    return by_axis | {"all": float(nees.mean()), "within_99_percent": float(np.mean(3.0 * nees < chi2.ppf(0.99, 3)))}
 
 
 def lateral_std(tracked: Tracked, followed: Followed) -> Float64Array:

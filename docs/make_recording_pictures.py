@@ -1,4 +1,4 @@
-"""Pictures and figures of people tracking on real recordings, for docs/recordings.md: walkers, and exercises beside a Kinect.
+"""Pictures and figures of tracking on real recordings, for docs/recordings.md: walkers, and exercises beside a Kinect, body and hands.
 
     python docs/make_recording_pictures.py --data ../shared/data            # pictures into docs/img
     python docs/make_recording_pictures.py --data ../shared/data --figures  # the numbers, as a table in Markdown
@@ -18,10 +18,13 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
 
-from benchmarks import recordings
+from benchmarks import hand_mars, recordings
+from benchmarks.hand_mars_parts import KNOWN, estimate, exercises
+from radar_tracking.hand.posture_training import train_postures
 
 WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
 SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")
@@ -48,6 +51,26 @@ def draw_exercises(out: Path, name: str = "subject1_test") -> None:
     panels[0].set_xlabel("")
     panels[1].set_title("")
     save(fig, out / "mars_spine.png")
+
+
+def draw_hand(out: Path, name: str = "subject1_test", first: int = 230, n: int = 300) -> None:
+    """Draw height and place across of the right hand for half a minute: Kinect, learned posture with its deviation, mean pose."""
+    split = hand_mars.Split.of(*KNOWN)
+    found, part = estimate(train_postures(split.recordings), name), slice(first, first + n)
+    truth, plain = split.truth(name)[part, 1], (split.truth(name) + split.mean_error(name))[part, 1]
+    place, std, seconds = found.position[part, 1], found.std[part, 1], 0.1 * np.arange(n)
+    fig, panels = plt.subplots(2, 1, figsize=(11, 6), sharex=True)
+    for axes, axis, label in zip(panels, (2, 1), ("height [m]", "y, left [m]"), strict=True):
+        axes.fill_between(seconds, place[:, axis] - std[:, axis], place[:, axis] + std[:, axis], color="C1", alpha=0.25, lw=0)
+        axes.plot(seconds, truth[:, axis], color="C0", lw=1.5, label="Kinect")
+        axes.plot(seconds, place[:, axis], color="C1", lw=1.2, label="posture, one radar (band: its deviation)")
+        axes.plot(seconds, plain[:, axis], color="0.5", lw=1, ls="--", label="mean pose")
+        axes.set_ylabel(label)
+    panels[0].set_title(f"{name}, right hand; {len(exercises(name).clouds)} clouds, this is {first} to {first + n}")
+    panels[0].set_ylim(0.7, 2.6)
+    panels[0].legend(loc="upper center", ncols=3)
+    panels[1].set_xlabel("time [s]")
+    save(fig, out / "mars_hands.png")
 
 
 def save(fig: Any, path: Path) -> None:
@@ -85,6 +108,7 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     draw_two_people(arguments.out)
     draw_exercises(arguments.out)
+    draw_hand(arguments.out)
 
 
 if __name__ == "__main__":

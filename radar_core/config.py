@@ -6,6 +6,7 @@ line and key, and a node declares one ROS parameter per knob with the same descr
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import difflib
 import math
@@ -135,7 +136,7 @@ def load(cls: type[T], data: Any, source: str = "configuration", lines: yaml.Nod
         Naming source, line, key and what was expected.
     """
     try:
-        return TypeAdapter(cls).validate_python({} if data is None else data)
+        return TypeAdapter(cls).validate_python(_complete(cls, {} if data is None else data))
     except ValidationError as error:
         problems = [_explain(cls, problem, source, lines) for problem in error.errors()]
         raise ConfigError("\n".join(problems)) from None
@@ -158,6 +159,23 @@ def load_file(cls: type[T], path: str | Path) -> T:
         return load(cls, yaml.safe_load(text), str(path), yaml.compose(text, Loader=yaml.SafeLoader))
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: not valid YAML: {error}") from None
+
+
+def _complete(cls: Any, data: Any) -> Any:
+    """Add what a configuration's default for a nested one says otherwise than the nested one's own class; what is given stays."""
+    if not (isinstance(data, Mapping) and dataclasses.is_dataclass(cls)):
+        return data
+    result = dict(data)
+    for field in dataclasses.fields(cls):
+        if dataclasses.is_dataclass(field.default) and isinstance(result.get(field.name), Mapping):
+            result[field.name] = _complete(type(field.default), _merged(plain(field.default), result[field.name]))
+    return result
+
+
+def _merged(base: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
+    """Put ``data`` over ``base``, mappings into mappings."""
+    both = (name for name in base if isinstance(base[name], Mapping) and isinstance(data.get(name), Mapping))
+    return {**base, **data, **{name: _merged(base[name], data[name]) for name in both}}
 
 
 def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> str:
@@ -216,21 +234,27 @@ def _configuration(hint: Any) -> Any:
     return next((found for found in map(_configuration, get_args(hint)) if found is not None), None)
 
 
-def plain(instance: Any) -> Any:
+def plain(instance: Any, base: Any = None) -> Any:
     """Turn a configuration into what its YAML file would hold: mappings, lists and scalars, without what has its default.
 
-    `load` makes an equal configuration of it.
+    `load` makes an equal configuration of it. ``base`` is what a nested one is when nothing is said; None: its class's defaults.
     """
     if isinstance(instance, tuple):
         return [plain(entry) for entry in instance]
     if not dataclasses.is_dataclass(instance):
         return instance
-    given = {field.name: (field, getattr(instance, field.name)) for field in dataclasses.fields(instance)}
-    return {name: plain(value) for name, (field, value) in given.items() if value != field.default}
+    result = {}
+    for field in dataclasses.fields(instance):
+        value, default = getattr(instance, field.name), field.default if type(base) is not type(instance) else getattr(base, field.name)
+        if value != default:
+            result[field.name] = plain(value, default)
+    return result
 
 
-def describe(cls: Any, prefix: str = "") -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
-    """List the knobs of a configuration class, nested ones with dotted names.
+def describe(cls: Any, prefix: str = "", base: Any = None) -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
+    """List the knobs of a configuration class, nested ones with dotted names and the defaults that they have in this one.
+
+    ``base`` is what a nested one is when nothing is said; None: its class's defaults.
 
     Yields
     ------
@@ -239,11 +263,13 @@ def describe(cls: Any, prefix: str = "") -> Iterator[tuple[str, dataclasses.Fiel
     """
     hints = get_type_hints(cls)
     for field in dataclasses.fields(cls):
-        name = f"{prefix}{field.name}"
+        name, default = f"{prefix}{field.name}", field.default if base is None else getattr(base, field.name)
         if dataclasses.is_dataclass(hints[field.name]):
-            yield from describe(hints[field.name], f"{name}.")
+            yield from describe(hints[field.name], f"{name}.", default if isinstance(default, hints[field.name]) else None)
         else:
-            yield name, field, hints[field.name]
+            here = copy.copy(field)
+            here.default = default
+            yield name, here, hints[field.name]
 
 
 def nest(flat: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from radar_sim.messages import truth_to_msg
 
 AT_END = ("stop", "loop", "exit")
 _SETTLE_NS = 500_000_000
+_TICK = 0.125  # of a frame: a frame that ends between two ticks is late, which to a fusion looks like a clock that is behind
 
 
 class DriverNode(StageMixin, LifecycleNode):
@@ -136,7 +137,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
         self._made = False
         self._connected = self._readers == 0
-        self._timer = self.create_timer(self._interval_ns * 0.5e-9, self._tick)
+        self._timer = self.create_timer(self._interval_ns * _TICK * 1e-9, self._tick)
         return super().on_activate(state)
 
     def _start_feed(self, device: LiveSource) -> TransitionCallbackReturn | None:
@@ -233,7 +234,7 @@ class DriverNode(StageMixin, LifecycleNode):
             self._pose.publish(PoseWithCovarianceStamped(header=header(now, "room"), pose=pose))
 
     def _tick(self) -> None:
-        """Twice per frame: publish the frame whose acquisition has ended, or else make the next one while nothing else is to do."""
+        """Several times per frame: publish the frame whose acquisition has ended, or else make the next one while nothing else is to do."""
         if self._source is None or self._timer is None:
             return
         elapsed = self.get_clock().now().nanoseconds - self._start_ns

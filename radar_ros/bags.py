@@ -21,6 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from radar_core import DataError
 from radar_core.paths import share_dir
+from radar_ros.definitions import as_recorded, translator_of
 from radar_ros.interrupts import unbroken
 
 TYPES: Mapping[str, str] = {
@@ -34,6 +35,7 @@ TYPES: Mapping[str, str] = {
     "gestures/maps": "handwave/msg/GestureMaps",
     "hand": "handwave/msg/HandTrack",
     "hand/value": "std_msgs/msg/Float32",
+    "hand/trigger": "std_msgs/msg/Bool",
     "truth": "handwave/msg/Truth",
     "gospa": "handwave/msg/Gospa",
     "stage_status": "handwave/msg/StageStatus",
@@ -115,7 +117,7 @@ class BagWriter:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
-    def write(self, topic: str, msgtype: str, stamp_ns: int, data: bytes) -> None:
+    def write(self, topic: str, msgtype: str, stamp_ns: int, data: bytes, definition: str = "") -> None:
         """Append one message.
 
         Parameters
@@ -128,10 +130,13 @@ class BagWriter:
             Time of recording [ns].
         data : bytes
             The message in CDR, as ROS sends it.
+        definition : str
+            How the message is defined, where that may be another version's; empty: as here.
         """
         with unbroken():
             if topic not in self._connections:
-                self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=typestore())
+                store = as_recorded(msgtype, definition) if definition else typestore()
+                self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=store)
                 self.counts[topic] = 0
             self._writer.write(self._connections[topic], stamp_ns, data)
             self.counts[topic] += 1
@@ -191,13 +196,20 @@ def read(path: Path, topics: Iterable[str] | None = None) -> Iterator[Recorded]:
         Folder of the bag.
     topics : iterable of str or None
         Names without namespace, e.g. ``radar/frame``; None: all.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read, or an older version of this package recorded messages that cannot be translated.
     """
     wanted = None if topics is None else set(topics)
     with open_bag(path) as reader:
         connections = [c for c in reader.connections if wanted is None or local(c.topic) in wanted]
+        translate = {c.id: translator_of(path, c, typestore()) for c in connections}
         if connections:
             for connection, stamp, data in reader.messages(connections=connections):
-                yield Recorded(connection.topic, connection.msgtype, stamp, bytes(data))
+                change = translate[connection.id]
+                yield Recorded(connection.topic, connection.msgtype, stamp, bytes(data) if change is None else change(bytes(data)))
 
 
 def local(topic: str) -> str:
@@ -264,7 +276,8 @@ def repair(path: Path) -> dict[str, int]:
     with BagWriter(rescue) as writer:
         for file in files:
             for schema, channel, message in _salvage(file):
-                writer.write(channel.topic, schema.name, message.log_time, message.data)
+                definition = schema.data.decode() if schema.encoding == "ros2msg" else ""
+                writer.write(channel.topic, schema.name, message.log_time, message.data, definition)
     for file in files:
         file.rename(file.with_suffix(".mcap.damaged"))
     (rescue / f"{rescue.name}_0.mcap").rename(path / f"{path.name}_0.mcap")
@@ -277,7 +290,8 @@ def repair(path: Path) -> dict[str, int]:
 def _is_whole(path: Path) -> bool:
     """Whether every message of a bag can be read."""
     try:
-        return sum(1 for _ in read(path)) == sum(contents(path).values())
+        with open_bag(path) as reader:  # not `read`: a whole recording is whole, whichever version made it
+            return sum(1 for _ in reader.messages()) == sum(contents(path).values())
     except (DataError, McapError, EOFError, ValueError, struct.error, KeyError, AssertionError):
         return False
 

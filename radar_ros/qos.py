@@ -36,6 +36,9 @@ def results_in(*, newest: bool) -> QoSProfile:
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE) if newest else RESULT
 
 
+COMMAND = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""What an application tells a stage (hand/trigger): reliable, in order; not latched, because an old wish is nobody's wish now."""
+
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, radar/pose, /tf_static."""
 
@@ -50,6 +53,8 @@ def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfi
         return LATCHED
     if name in CAMERA_STREAMS:  # other people's drivers: many offer best effort only, and a reader that asks for more gets nothing
         return sensor(depth=depth)
+    if name == "hand/trigger":
+        return COMMAND
     if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
         return sensor(reliable=reliable, depth=depth)
     return RESULT

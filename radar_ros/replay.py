@@ -18,8 +18,8 @@ from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topi
 from radar_ros.convert import from_time, to_time
 from radar_ros.offline import open_recording, parse
 
-SOURCES = ("radar/info", "radar/frame", "truth", "tf_static")
-CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static")
+SOURCES = ("radar/info", "radar/frame", "truth", "tf_static", "hand/trigger")
+CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static", "hand/trigger")
 _CLOCK_INTERVAL = 0.01  # s of recording time between two /clock messages
 _READY_TIMEOUT = 30.0  # s for nodes to start and to learn what the radar is
 _SETTLE = 1.0  # s: a reader knows its writer a moment before the writer knows its reader

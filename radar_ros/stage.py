@@ -85,6 +85,8 @@ class StageMixin:
         Messages finished and messages lost or refused so far.
     frame_interval : float
         Time that there is for one frame [s], against which `diagnostics` sets the time spent; `InfoKeeper` sets it. 0: not known.
+    commands : set of str
+        Full names of topics that an application may send, or nobody: `ready` does not wait for them.
     """
 
     def start_stage(self: Any, stage: str) -> None:
@@ -95,6 +97,7 @@ class StageMixin:
         self._sequence: int | None = None
         self._stamp_ns = -1
         self.frame_interval = 0.0
+        self.commands: set[str] = set()
         self._problems: dict[str, tuple[float, int]] = {}
         self._period = Period(time.monotonic(), 0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
@@ -117,7 +120,7 @@ class StageMixin:
 
     def ready(self: Any) -> None:
         """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
-        inputs = [s.topic_name for s in self.subscriptions if s.topic_name != "/clock"]
+        inputs = [s.topic_name for s in self.subscriptions if s.topic_name not in self.commands | {"/clock"}]
         if all(self.count_publishers(topic) for topic in inputs):
             self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from radar_core import ConfigError, Pose, RadarInfo
 from radar_core.config import config, knob
+from radar_tracking.clocks import ClockConfig
 
 _NAME = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _RESTART_NS = 1_000_000_000  # a radar whose stamps go back further than this plays a recording again; nothing is delayed that long
@@ -26,6 +27,10 @@ class FusionConfig:
     solo_after: float = knob(
         0.5, unit="s", low=0.0, high=600.0, doc="a radar behind the others by more than this (and by two of its frames) is not waited for"
     )
+    max_clock_offset: float = knob(
+        0.005, unit="s", low=1e-4, high=10.0, doc="radars whose clocks are farther apart than this are warned of; they pair wrong clouds"
+    )
+    clocks: ClockConfig = ClockConfig()
 
     def validate(self) -> None:
         """Raise `ConfigError` when there is no radar, a namespace is none or stands twice, or nobody would be waited for at all."""

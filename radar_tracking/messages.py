@@ -87,6 +87,9 @@ def hand_to_msg(hand: HandTrack) -> HandTrackMsg:
         velocity=hand.velocity,
         covariance=hand.covariance.ravel(),
         value=float(hand.value),
+        velocity_rank=hand.velocity_rank,
+        velocity_condition=float(hand.velocity_condition),
+        outliers=hand.outliers,
     )
 
 
@@ -104,6 +107,9 @@ def hand_from_msg(msg: Any) -> HandTrack:
         velocity=np.array(msg.velocity),
         covariance=np.array(msg.covariance).reshape(6, 6),
         value=msg.value,
+        velocity_rank=msg.velocity_rank,
+        velocity_condition=msg.velocity_condition,
+        outliers=msg.outliers,
     )
 
 

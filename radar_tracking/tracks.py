@@ -176,6 +176,12 @@ class HandTrack:
         Of (x, y, z, vx, vy, vz).
     value : float
         Control value, 0..1.
+    velocity_rank : int
+        Axes along which the points of this cloud told the velocity; 0: none, or nothing was measured.
+    velocity_condition : float
+        Worst over best standard deviation of the axes; infinite where one is unknown.
+    outliers : int
+        Points of the hand that hardly counted for the velocity.
     """
 
     stamp_ns: int
@@ -189,3 +195,6 @@ class HandTrack:
     velocity: Float64Array
     covariance: Float64Array
     value: float
+    velocity_rank: int = 0
+    velocity_condition: float = math.inf
+    outliers: int = 0

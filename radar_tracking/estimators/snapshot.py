@@ -19,8 +19,11 @@ from radar_core.linalg import symmetrise
 
 Float64Array = NDArray[np.float64]
 
-_LEAST_WEIGHT = 1e-3  # of an outlier: the system stays regular whatever happens
-_ROUNDING = 1e-12  # eigenvalues below this share of the largest are rounding
+_LEAST_WEIGHT = 1e-12  # of an outlier: the system stays regular whatever happens
+_ROUNDING = 1e-10  # singular values below this share of the largest are rounding
+_SETTLED = 0.01  # weights that change by less than this share change no more
+_REDUNDANT = 1e-9  # a point that alone tells what it tells cannot be tested
+_UNIT = 1e-3  # how far the length of a unit vector may be from 1
 _OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlier
 
 
@@ -28,7 +31,7 @@ _OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlie
 class SnapshotConfig:
     """How the velocity of a hand is estimated from range rates."""
 
-    spread: float = knob(0.12, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
+    spread: float = knob(0.08, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
     common: float = knob(0.05, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common")
     spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
     huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
@@ -55,7 +58,7 @@ class SnapshotVelocity:
     condition : float
         Worst over best of the standard deviations; infinite where one is.
     weight : ndarray of float64, shape (n_points,)
-        How much each point counted, 0..1; NaN where no rate was measured.
+        How much each point counted, 0..1: the variance that it has alone over that with which it counted; NaN where no rate was measured.
     """
 
     axes: Float64Array
@@ -113,14 +116,15 @@ class Snapshot:
         """Estimate the velocity at the place from which ``offset`` counts, by weighted least squares.
 
         The model of point i is ``rate = u.v + u.(w x offset) + b + e`` with its direction u, the velocity v, a turn rate w of standard
-        deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b are not
-        estimated but belong to the noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every
-        round (Huber 1964).
+        deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b belong to the
+        noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every round (Huber 1964), by how
+        far the point is from what the others foretell of it (deletion residuals: Belsley, Kuh and Welsch 1980, section 2.1).
 
         Parameters
         ----------
         direction : ndarray of float64, shape (n_points, d)
-            Unit vectors in ``room`` from the sensor that saw each point to the point; d is 2 (floor plane) or 3.
+            Unit vectors in ``room`` from the sensor that saw each point to the point; d is 2 (floor plane) or 3. A row of zeros has no
+            line of sight, and its rate tells nothing.
         rate : ndarray of float64, shape (n_points,)
             Range rates, receding positive [m/s]; NaN: not measured.
         rate_std : ndarray of float64, shape (n_points,)
@@ -135,18 +139,20 @@ class Snapshot:
         Raises
         ------
         DataError
-            When shapes differ, a direction is not finite, or the error of a measured rate is not positive and finite.
+            When shapes differ, a direction is neither a unit vector nor zero, or the error of a measured rate is not positive and finite.
         """
+        direction, rate, rate_std = (np.asarray(given, np.float64) for given in (direction, rate, rate_std))
         n, d = direction.shape
-        known = self._check(direction, rate, rate_std, offset, amplitude)
+        known = self._check(direction, rate, rate_std, offset, sensor, amplitude)
         weight = np.full(n, np.nan)
         if not known.any():
             return SnapshotVelocity(np.eye(d), np.full(d, np.nan), np.full(d, np.inf), 0, np.inf, weight)
-        U, y = direction[known], rate[known]
-        variance = rate_std[known] ** 2 + self.settings.spread**2 / _relative(amplitude, known)
-        shared = self._shared(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
-        information, vector, weight[known] = self._solve(U, y, variance, shared)
-        return self._told(information, vector, weight)
+        U, own = direction[known], self.settings.spread / np.sqrt(_relative(amplitude, known))
+        nuisance = self._nuisance(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
+        axes, std, along, weight[known] = self._solve(U, rate[known], np.hypot(rate_std[known], own), nuisance)
+        told = std <= self.settings.max_std
+        along[~told] = np.nan
+        return SnapshotVelocity(axes, along, std, int(np.count_nonzero(told)), float(std[-1] / std[0]), weight)
 
     def _check(
         self,
@@ -154,15 +160,23 @@ class Snapshot:
         rate: Float64Array,
         rate_std: Float64Array,
         offset: Float64Array | None,
+        sensor: NDArray[np.integer] | None,
         amplitude: Float64Array | None,
     ) -> NDArray[np.bool_]:
+        """Tell which points have a rate and a line of sight, shape (n,)."""
         n = len(direction)
-        if rate.shape != (n,) or rate_std.shape != (n,) or (offset is not None and offset.shape != direction.shape):
-            shapes = (direction.shape, rate.shape, rate_std.shape, None if offset is None else offset.shape)
-            raise DataError(f"direction, rate, rate_std and offset have shapes {shapes}; give one row of each for every point")
+        wrong = offset is not None and offset.shape != direction.shape
+        if wrong or any(given is not None and given.shape != (n,) for given in (rate, rate_std, sensor, amplitude)):
+            shapes = [None if given is None else given.shape for given in (direction, rate, rate_std, offset, sensor, amplitude)]
+            raise DataError(f"direction, rate, rate_std, offset, sensor, amplitude have shapes {shapes}; give one row for every point")
         known = ~np.isnan(rate)
         if not (np.isfinite(direction[known]).all() and np.isfinite(rate[known]).all()):
             raise DataError("direction or rate has an entry that is not finite; NaN in rate is the mark for what was not measured")
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(direction, axis=1)
+        known &= ~(length < 0.5)  # a point at the very place of its sensor
+        if (np.abs(length[known] - 1.0) > _UNIT).any():
+            raise DataError("direction has a row that is no unit vector; give zeros where there is no line of sight")
         if not ((rate_std[known] > 0) & np.isfinite(rate_std[known])).all():
             raise DataError("rate_std has an entry that is not positive and finite; every measured range rate needs an error")
         if offset is not None and not np.isfinite(offset[known]).all():
@@ -171,50 +185,92 @@ class Snapshot:
             raise DataError("amplitude has an entry that is not positive and finite; give 1 where it is not known")
         return known
 
-    def _shared(self, U: Float64Array, offset: Float64Array | None, sensor: NDArray[np.integer] | None) -> Float64Array:
-        """Covariance of what points have in common, shape (n, n): the turn of the body and the side that a sensor sees."""
-        n, d = U.shape
-        own = np.zeros(n, np.int64) if sensor is None else sensor
-        covariance = self.settings.common**2 * (own[:, None] == own[None, :]).astype(np.float64)
+    def _nuisance(self, U: Float64Array, offset: Float64Array | None, sensor: NDArray[np.integer] | None) -> Float64Array:
+        """Lay out what turn and sides add to the rates, shape (n, n_nuisances), each column for one standard deviation [m/s]."""
+        columns = []
         if offset is not None and self.settings.spin > 0:
-            flat = d == 2
+            flat = U.shape[1] == 2
             turn = (U[:, 1] * offset[:, 0] - U[:, 0] * offset[:, 1])[:, None] if flat else np.cross(offset, U)
-            covariance += self.settings.spin**2 * (turn @ turn.T)
-        return np.asarray(covariance)
+            columns.append(self.settings.spin * turn)
+        if self.settings.common > 0:
+            own = np.zeros(len(U), np.int64) if sensor is None else sensor
+            columns.append(self.settings.common * (own[:, None] == np.unique(own)[None, :]))
+        return np.hstack(columns) if columns else np.zeros((len(U), 0))
 
     def _solve(
-        self, U: Float64Array, y: Float64Array, variance: Float64Array, shared: Float64Array
-    ) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Information matrix (d, d) and vector (d,) of the last round, and the points' weights."""
+        self, U: Float64Array, y: Float64Array, std: Float64Array, nuisance: Float64Array
+    ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+        """Axes (d, d), their standard deviations (d,), the velocity along them (d,) and the points' weights, all of the last round."""
         weight = np.ones(len(y))
-        std = np.sqrt(variance)
         for turn in range(self.settings.iterations):
-            R = shared + np.diag(variance / weight)
-            solved = np.linalg.solve(R, np.column_stack([U, y]))
-            information, vector = symmetrise(U.T @ solved[:, :-1]), U.T @ solved[:, -1]
+            shared, rows = _without(nuisance, np.column_stack([U, y]), std / np.sqrt(weight))
+            left, value, axes = np.linalg.svd(rows[:, :-1], full_matrices=False)
+            left[:, value <= _ROUNDING * value[0]] = 0.0
+            part = left.T @ rows[:, -1]
             if turn + 1 == self.settings.iterations:
                 break
-            velocity = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ vector
-            # what of each residual is the point's own error, and not shared with others
-            own = variance / weight * (solved[:, -1] - solved[:, :-1] @ velocity)
-            new = np.clip(self.settings.huber / np.maximum(np.abs(own) / std, 1e-12), _LEAST_WEIGHT, 1.0)
-            if np.abs(new - weight).max() < 1e-3:
+            residual = (rows[:, -1] - left @ part)[: len(y)]
+            new = self._weigh(residual, 1.0 - shared - (left[: len(y)] ** 2).sum(axis=1), weight)
+            if (np.abs(new - weight) < _SETTLED * weight).all():
                 break
             weight = new
-        return information, vector, weight
-
-    def _told(self, information: Float64Array, vector: Float64Array, weight: Float64Array) -> SnapshotVelocity:
-        """Take the information apart into axes, the best known first."""
-        value, axes = np.linalg.eigh(information)
-        value, axes = value[::-1], axes.T[::-1]
-        told = value * self.settings.max_std**2 >= 1.0
-        std = np.full(len(value), np.inf)
-        positive = value > _ROUNDING * max(float(value[0]), 0.0)
-        std[positive] = 1.0 / np.sqrt(value[positive])
+        known = value > _ROUNDING * value[0]
+        spread = np.full(len(value), np.inf)
+        spread[known] = 1.0 / value[known]
         along = np.full(len(value), np.nan)
-        along[told] = (axes[told] @ vector) / value[told]
-        condition = float(std[-1] / std[0]) if positive.all() else np.inf
-        return SnapshotVelocity(axes, along, std, int(np.count_nonzero(told)), condition, weight)
+        along[known] = part[known] * spread[known]
+        return axes, spread, along, weight
+
+    def _weigh(self, residual: Float64Array, free: Float64Array, weight: Float64Array) -> Float64Array:
+        """Weigh each point by how far it is from what the others foretell, in standard deviations of that (Huber).
+
+        A point far from the middle of the hand passes for a turn of it, and its own residual is small however wrong it is; so the point
+        itself must have no say in the judgement of it. What is too far for Huber gets as much more variance as makes it near enough.
+
+        Parameters
+        ----------
+        residual : ndarray of float64, shape (n,)
+            In standard deviations of the points, as weighed so far.
+        free : ndarray of float64, shape (n,)
+            One minus the leverage of each point: 0 if nothing else tells what it tells.
+        weight : ndarray of float64, shape (n,)
+            So far.
+        """
+        tested = free > _REDUNDANT
+        free = np.where(tested, free, 1.0)
+        variance = 1.0 / free - 1.0 + weight  # of the point (unweighed) and of what the others foretell, over that of the weighed point
+        far = np.abs(residual) / free / np.sqrt(variance)
+        more = variance / weight * np.maximum(far / self.settings.huber - 1.0, 0.0)
+        return np.where(tested, np.maximum(1.0 / (1.0 + more), _LEAST_WEIGHT), 1.0)
+
+
+def _without(nuisance: Float64Array, columns: Float64Array, std: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Whiten rows and take out what nuisances of unit variance explain: least squares with their priors as further rows.
+
+    Parameters
+    ----------
+    nuisance : ndarray of float64, shape (n, n_nuisances)
+        Their parts in the rates [m/s].
+    columns : ndarray of float64, shape (n, d + 1)
+        Directions and rates.
+    std : ndarray of float64, shape (n,)
+        Of the rates [m/s].
+
+    Returns
+    -------
+    leverage : ndarray of float64, shape (n,)
+        Of each point on the nuisances.
+    rows : ndarray of float64, shape (n_rows, d + 1)
+        Points first, at least d rows.
+    """
+    n, m = nuisance.shape
+    rows = np.zeros((max(n + m, columns.shape[1] - 1), columns.shape[1]))
+    rows[:n] = columns / std[:, None]
+    if not m:
+        return np.zeros(n), rows
+    base = np.linalg.qr(np.vstack([nuisance / std[:, None], np.eye(m)]))[0]
+    rows[: n + m] -= base @ (base.T @ rows[: n + m])
+    return (base[:n] ** 2).sum(axis=1), rows
 
 
 def _relative(amplitude: Float64Array | None, known: NDArray[np.bool_]) -> Float64Array:

@@ -74,6 +74,9 @@ class HandConfig:
         0.08, unit="m", low=0.01, high=1.0, doc="points this much farther in than the outermost count 1/e: the forearm"
     )
     position_std: float = knob(0.04, unit="m", low=1e-3, high=1.0, doc="how far the centroid of many points of a hand is from the hand")
+    bias_std: float = knob(
+        0.02, unit="m", low=0.0, high=1.0, doc="the part of that error that lasts and no filter averages out: it is in the covariance told"
+    )
     extent: float = knob(0.08, unit="m", low=0.0, high=1.0, doc="how far one point of a hand is from their centroid")
     angle_std: float = knob(0.03, unit="rad", low=0.0, high=1.0, doc="direction error of one point, for clouds that carry no own estimate")
     rate_std: float = knob(0.05, unit="m/s", low=1e-3, high=5.0, doc="range-rate error of one point, for clouds that carry no own estimate")

@@ -47,6 +47,7 @@ class HandTracker:
             self.seen_from(info)
         self._estimator = make_estimator(self.config.estimator, 3)
         self._meter = HandMeter(self.config)
+        self._lasting = np.diag(np.repeat([self.config.bias_std**2, 0.0], 3))
         self.reset()
 
     def reset(self) -> None:
@@ -279,6 +280,7 @@ class HandTracker:
         """Make the result."""
         assert self._parent is not None
         mean, covariance = self._kinematics()
+        told = None if self._measured is None else self._measured.snapshot
         return HandTrack(
             stamp_ns=tracked.cloud.stamp_ns,
             sequence=tracked.cloud.sequence,
@@ -289,8 +291,11 @@ class HandTracker:
             unseen=(tracked.cloud.stamp_ns - self._seen_ns) * _NANOSECOND,
             position=mean[:3].copy(),
             velocity=mean[3:].copy(),
-            covariance=covariance,
+            covariance=covariance + self._lasting,
             value=self._value.process(mean[:3], self._body),
+            velocity_rank=0 if told is None else told.rank,
+            velocity_condition=math.inf if told is None else told.condition,
+            outliers=0 if told is None else told.outliers,
         )
 
 

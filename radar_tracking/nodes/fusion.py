@@ -19,6 +19,7 @@ from radar_ros.convert import cloud_from_msg, cloud_to_cloud2, cloud_to_msg, fro
 from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
 from radar_ros.sync import ApproximateTimeSynchronizer
+from radar_tracking.clocks import ClockMonitor, ClockOffset
 from radar_tracking.fusion import FusionConfig, Roster, fused_info
 
 _QUEUE = 1000  # clouds of one radar that wait; `Roster.hopeless` and silence end the waiting long before
@@ -66,6 +67,7 @@ class FusionNode(StageNode):
         self._settings = declare_config(self, FusionConfig)
         self._radars = {name: _Radar(name) for name in self._settings.radars}
         self._roster = Roster(self._settings)
+        self._clocks = ClockMonitor(self._settings.radars, self._settings.clocks)
         self._info: RadarInfo | None = None
         self._count = 0
         self._counts: Counter[str] = Counter()  # since the start: clouds of each radar, drops by reason, clouds passed on alone
@@ -131,6 +133,8 @@ class FusionNode(StageNode):
         radar.arrived_ns = self.get_clock().now().nanoseconds
         if self._roster.went_back(name, stamp):
             self._forget()
+        if not self.get_clock().ros_time_is_active:  # simulated time ticks as a replay pleases: arrivals say nothing of clocks then
+            self._clocks.hear(name, stamp, radar.arrived_ns)
         self._count_lost(radar, msg.sequence)
         if radar.info is None or radar.refused:
             self._drop("without_info")
@@ -157,6 +161,7 @@ class FusionNode(StageNode):
         """Begin anew: stamps went back in time."""
         self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
         self._roster.forget()
+        self._clocks.forget()
         for radar in self._radars.values():
             radar.sequence = None
         self._regroup(self._settings.radars)
@@ -218,13 +223,31 @@ class FusionNode(StageNode):
         return clouds, mounts
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
-        """Clouds of each radar and what became of them in the period that ends; who is silent."""
+        """Clouds of each radar and what became of them in the period that ends; who is silent, and whose clock is off."""
         new, self._told = self._counts - self._told, self._counts.copy()
         keys = ("passed_alone", *(f"{name}.clouds" for name in self._radars), *_REASONS)
         missing = ((radar.name, self._missing(radar)) for radar in self._radars.values())
         warnings = [f"{name} {reason}" for name, reason in missing if reason]
         warnings += [f"{new[reason]} clouds {text}" for reason, text in _REASONS.items() if new[reason]]
-        return {key: new[key] for key in keys}, warnings
+        clocks = {offset.name: offset for offset in self._clocks.offsets()}
+        warnings += [
+            self._complain(offset) for offset in clocks.values() if abs(offset.offset) - offset.spread > self._settings.max_clock_offset
+        ]
+        values: dict[str, Any] = {key: new[key] for key in keys}
+        for name in self._radars:
+            values[f"{name}.clock_offset_ms"] = f"{clocks[name].offset * 1e3:.3f}" if name in clocks else "unknown"
+            values[f"{name}.clock_spread_ms"] = f"{clocks[name].spread * 1e3:.3f}" if name in clocks else "unknown"
+        return values, warnings
+
+    def _complain(self, found: ClockOffset) -> str:
+        """Say that two clocks differ, and what to do; logged too."""
+        way = "ahead of" if found.offset > 0 else "behind"
+        text = (
+            f"the clock of {found.name} is {abs(found.offset) * 1e3:.1f} ms {way} that of {found.reference}: clouds of different moments "
+            "are fused; synchronise the clocks (PTP: ptp4l and phc2sys, see docs/timing.md)"
+        )
+        self.caution(text)
+        return text
 
     def _missing(self, radar: _Radar) -> str:
         """Why nothing of a radar goes in, for people; empty: something does."""

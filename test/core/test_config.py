@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from radar_core import ConfigError, Pose, RadarInfo, Waveform
-from radar_core.config import config, describe, knob, load, load_file, nest
+from radar_core.config import config, describe, knob, load, load_file, nest, plain
 
 
 @config
@@ -54,6 +54,40 @@ def test_load_equals_construct(tmp_path):
     assert load_file(_Top, path) == _Top(mode="fast", sub=_Sub(gain=2.5, names=("x", "y")), parts=(_Sub(gain=3.0),))
     path.write_text("")
     assert load_file(_Top, path) == _Top()
+
+
+@config
+class _Loud:
+    sub: _Sub = _Sub(gain=7.0)
+    inner: _Top = _Top(mode="fast", sub=_Sub(names=("b", "c")))
+
+
+def test_defaults_of_a_nested_configuration_are_those_of_the_one_around_it():
+    """What stands around says what is inside unless the user does: listed, and loaded where only other knobs are given."""
+    defaults = {name: field.default for name, field, _ in describe(_Loud)}
+    assert defaults == {
+        "sub.gain": 7.0, "sub.names": ("a",), "inner.mode": "fast", "inner.sub.gain": 1.0, "inner.sub.names": ("b", "c"), "inner.parts": ()
+    }  # fmt: skip
+    assert load(_Loud, nest(defaults)) == _Loud()
+    assert load(_Loud, {"sub": {"names": ["z"]}, "inner": {"sub": {}}}) == _Loud(sub=_Sub(gain=7.0, names=("z",)))
+    assert load(_Loud, {"inner": {"sub": {"gain": 3.0}}}).inner == _Top(mode="fast", sub=_Sub(gain=3.0, names=("b", "c")))
+    assert describe(_Sub).__next__()[1].default == 1.0  # the class itself is as it was
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        _Loud(),
+        _Loud(sub=_Sub()),
+        _Loud(inner=_Top()),
+        _Loud(inner=_Top(mode="fast", sub=_Sub(gain=2.0))),
+        _Loud(sub=_Sub(names=("a", "z"))),
+    ],
+)
+def test_what_a_file_would_hold_makes_an_equal_configuration(made):
+    """Whatever differs from what: nothing that is said is lost, and nothing is said that is the default."""
+    assert load(_Loud, plain(made)) == made
+    assert (plain(made) == {}) == (made == _Loud())
 
 
 def test_frozen_and_described():

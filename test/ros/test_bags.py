@@ -6,13 +6,18 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from radar_core import ConfigError, DataError
+from radar_core.paths import share_dir
 from radar_driver.messages import BagSource
 from radar_ros import bags
-from radar_ros.offline import open_recording, simulate, simulators
+from radar_ros.offline import open_recording, parse, simulate, simulators
 from radar_sim import Simulator, load_scene
+from radar_tracking.messages import hand_from_msg
 
 
 @pytest.fixture(scope="module")
@@ -157,3 +162,70 @@ def test_recorder_without_a_folder_is_a_configuration_error(ros):
 
     with pytest.raises(ConfigError, match="needs the parameter bag"):
         make_node()
+
+
+def recorded_before(folder, kind, lines, **fields):
+    """A bag of one message of ours as an older version defined it, in the real format, made without our writer."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg("\n".join(lines), kind))
+    types = store.types
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](7, 5), "room")
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/hand", kind, typestore=store)
+        writer.write(connection, 99, bytes(store.serialize_cdr(types[kind](header=header, **fields), kind)))
+    return folder
+
+
+def definition(name):
+    return (share_dir() / "msg" / f"{name}.msg").read_text().splitlines()
+
+
+HAND = {"sequence": 3, "parent_id": 2, "active": True, "n_points": 4, "unseen_s": 0.25, "position": np.arange(3.0)}
+HAND |= {"velocity": np.arange(3.0) / 7, "covariance": np.arange(36.0), "value": 0.5}
+
+
+def test_a_hand_track_recorded_before_its_velocity_was_judged(tmp_path):
+    """What it held is read, what came later is not known; the recording itself stays as it is, also when it is repaired."""
+    lines = [
+        line for line in definition("HandTrack") if not any(new in line for new in ("velocity_rank", "velocity_condition", "outliers"))
+    ]
+    assert len(lines) == len(definition("HandTrack")) - 3
+    bag = recorded_before(tmp_path / "old", "handwave/msg/HandTrack", lines, **HAND)
+    (item,) = bags.read(bag, ("hand",))
+    hand = hand_from_msg(parse(item.data, "hand"))
+    assert (item.stamp_ns, hand.stamp_ns, hand.frame_id) == (99, 7 * 10**9 + 5, "room")
+    assert (hand.sequence, hand.parent_id, hand.active, hand.n_points, hand.unseen, hand.value) == (3, 2, True, 4, 0.25, 0.5)
+    np.testing.assert_array_equal(hand.velocity, HAND["velocity"])
+    np.testing.assert_array_equal(hand.covariance.ravel(), HAND["covariance"])
+    assert (hand.velocity_rank, hand.outliers) == (0, 0)
+    assert np.isnan(hand.velocity_condition)
+    assert bags.repair(bag) == {}
+    (bag / "metadata.yaml").unlink()  # as if its writer had been killed
+    assert bags.repair(bag) == {"/hand": 1}
+    assert [(again.stamp_ns, again.data) for again in bags.read(bag)] == [(99, item.data)]
+
+
+def test_what_another_version_defined_otherwise_is_refused(tmp_path):
+    """Fields that are gone, or of another type, would be garbage: the message says which topic and what to do; other topics can be read."""
+    narrow, without = (lambda line: line.replace("float64 value", "float32 value")), (lambda line: "" if " n_points" in line else line)
+    for number, change in enumerate((narrow, without)):
+        fields = {name: value for name, value in HAND.items() if change is narrow or name != "n_points"}
+        fields |= {"velocity_rank": 1, "velocity_condition": 2.0, "outliers": 0}
+        lines = [change(line) for line in definition("HandTrack")]
+        bag = recorded_before(tmp_path / str(number), "handwave/msg/HandTrack", lines, **fields)
+        with pytest.raises(DataError, match=r"/hand: handwave/msg/HandTrack was recorded by another version .* record again"):
+            list(bags.read(bag, ("hand",)))
+        assert list(bags.read(bag, ("tracks",))) == []
+        assert bags.contents(bag) == {"/hand": 1}
+
+
+def test_a_message_of_this_version_is_read_as_it_is(tmp_path):
+    """Not a byte changes."""
+    told = {"velocity_rank": 2, "velocity_condition": np.inf, "outliers": 1}
+    bag = recorded_before(tmp_path / "new", "handwave/msg/HandTrack", definition("HandTrack"), **HAND, **told)
+    (item,) = bags.read(bag)
+    with bags.open_bag(bag) as reader:
+        ((_, _, raw),) = reader.messages()
+    assert item.data == bytes(raw)
+    hand = hand_from_msg(parse(item.data, "hand"))
+    assert (hand.velocity_rank, hand.velocity_condition, hand.outliers) == (2, np.inf, 1)

@@ -154,7 +154,8 @@ def test_statuses_are_those_of_the_message(name):
 def test_hand(stamp, seed):
     """A hand track."""
     rng = np.random.default_rng(seed)
-    hand = HandTrack(stamp, 9, "room", 4, bool(seed % 2), 6, 0.25, numbers(rng, 3), numbers(rng, 3), numbers(rng, 6, 6), 0.75)
+    told = (seed % 4, float(numbers(rng, 1)[0]), seed % 7)
+    hand = HandTrack(stamp, 9, "room", 4, bool(seed % 2), 6, 0.25, numbers(rng, 3), numbers(rng, 3), numbers(rng, 6, 6), 0.75, *told)
     same(hand_from_msg(through(hand_to_msg(hand))), hand)
 
 

@@ -10,7 +10,8 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, DataError
 from radar_dsp import BasebandConfig
 from radar_ros.params import declare_config, on_change, refuse_unknown
-from radar_tracking import TrackerConfig
+from radar_tracking import HandConfig, TrackerConfig
+from radar_tracking.fusion import FusionConfig
 
 
 def make(ros, **overrides):
@@ -23,6 +24,9 @@ def test_defaults_are_the_library_s(ros):
     node = make(ros)
     assert declare_config(node, TrackerConfig) == TrackerConfig()
     assert declare_config(node, BasebandConfig, "baseband.") == BasebandConfig()
+    assert declare_config(node, HandConfig, "hand.") == HandConfig()
+    assert declare_config(node, FusionConfig, "fusion.") == FusionConfig()
+    assert node.get_parameter("hand.estimator.name").value == "mm_vel_est"  # not the estimator's own default, but the hand's
 
 
 def test_values_reach_nested_configurations(ros):

@@ -61,6 +61,76 @@ def test_directions_in_single_precision():
     np.testing.assert_allclose(rounded, exact, atol=1e-5)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scale", [1e-100, 1e-9, 1.0, 1e9, 1e100])
+def test_rates_and_errors_of_any_size_together(scale):
+    """All of the same size, from where squares underflow to where they overflow: deviations scale with it, and nothing warns."""
+    rng = np.random.default_rng(7)
+    direction = rng.normal(size=(8, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    rate, snapshot = rng.normal(size=8), Snapshot(SnapshotConfig(spread=0.0, common=0.0, spin=0.0))
+    found, plain = snapshot.process(direction, scale * rate, np.full(8, scale)), snapshot.process(direction, rate, np.ones(8))
+    np.testing.assert_allclose(found.std, scale * plain.std, rtol=1e-12)
+    told = np.isfinite(found.along)
+    assert told.all() == (found.std <= 0.6).all()
+    np.testing.assert_allclose(found.weight, plain.weight, rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_far_more_exact_than_what_they_have_in_common():
+    """Range rates exact to 1e-12 m/s, 50 of each radar: only the error in common is left, in two directions that it tells exactly.
+
+    The covariance of such points has a condition of 1e22, beyond what a matrix of doubles can hold; their velocity is found all the same.
+    """
+    directions = np.array([[0.8, 0.6], [0.8, -0.6]])
+    sensor = np.repeat([0, 1], 50)
+    found = Snapshot(SnapshotConfig(spread=0.0, common=0.05)).process(
+        directions[sensor], directions[sensor] @ np.array([0.3, -0.5]), np.full(100, 1e-12), sensor=sensor
+    )
+    np.testing.assert_allclose(found.covariance, 0.05**2 * np.linalg.inv(directions.T @ directions), atol=1e-9)
+    np.testing.assert_allclose(found.velocity, [0.3, -0.5], atol=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [0.3, 1e3, 1e12])
+@pytest.mark.parametrize("wrong", [4.0, 1e2, 1e4, 1e12])
+def test_one_point_with_any_rate_anywhere(far, wrong):
+    """One of nine points is off by any distance and recedes with any speed: the velocity may be refused, but it is never wrong.
+
+    The other rates are exact, so the error is what the outlier pulls: no more than two of its deviations (`huber`), and one more is allowed
+    where four rounds are too few. Up to 100 m/s, which is more than any cloud has, nothing is refused.
+    """
+    rng = np.random.default_rng(10)
+    sensor = np.repeat([0, 1], [4, 5])
+    offset = np.vstack([0.04 * rng.normal(size=(8, 3)), [0.0, far, 0.0]])
+    away = np.array([1.0, 0.0, 0.0]) + offset - np.array([[0.0, 0.25, 0.0], [0.0, -0.25, 0.0]])[sensor]
+    direction = away / np.linalg.norm(away, axis=1)[:, None]
+    velocity = np.array([0.4, -0.6, 0.0])
+    rate = direction @ velocity
+    rate[8] = wrong
+    found = Snapshot().process(direction, rate, np.full(9, 0.04), offset=offset, sensor=sensor)
+    told = np.isfinite(found.along)
+    assert (np.abs(found.along - found.axes @ velocity)[told] < 3 * found.std[told]).all()
+    if wrong <= 100.0:
+        assert found.rank == 2
+
+
+@pytest.mark.filterwarnings("error")
+def test_everything_in_single_precision():
+    """Arrays of float32 as they come from a cloud: the estimate is float64, and off by their rounding only."""
+    rng = np.random.default_rng(11)
+    direction = rng.normal(size=(12, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    given = [direction, direction @ np.array([0.4, -0.8, 0.1]), np.full(12, 0.05), 0.04 * rng.normal(size=(12, 3)), rng.uniform(0.5, 2, 12)]
+    exact, rounded = (
+        Snapshot().process(*arrays[:3], offset=arrays[3], amplitude=arrays[4])
+        for arrays in (given, [array.astype(np.float32) for array in given])
+    )
+    assert rounded.along.dtype == rounded.std.dtype == rounded.axes.dtype == np.float64
+    np.testing.assert_allclose(rounded.velocity, exact.velocity, atol=1e-5)
+    np.testing.assert_allclose(rounded.std, exact.std, rtol=1e-5)
+
+
 def test_a_hand_without_any_height():
     """No point measures z: the hand is as high as the body, with an error that says so, and everything is finite."""
     position = np.array([[1.5, 0.1, np.nan], [1.52, 0.12, np.nan]])

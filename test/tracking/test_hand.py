@@ -151,6 +151,25 @@ def test_a_lost_hand_coasts_and_ends():
     assert not hand.active
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
+def test_a_hand_that_was_hidden_is_found_again(side):
+    """Either hand, hidden for 0.3 s at up to 1 m/s (by then up to 0.3 m from where it was lost): within 0.15 m again 0.3 s later."""
+    path = circle(0.2, 1.0)
+    blobs, people, hand = Blobs([Person(standing(2.4, 0.0), lambda t: path(t) * [1, side, 1])]), PeopleTracker(), HandTracker()
+    hand.start(None, SECOND * FRAME_NS)
+    hidden, errors = (2 * SECOND, 2 * SECOND + 15), []
+    for k in range(5 * SECOND):
+        cloud = blobs.cloud(k)
+        if hidden[0] <= k < hidden[1]:
+            cloud = cloud.select(np.linalg.norm(cloud.position - blobs.hand(k), axis=1) > 0.25)
+        track = hand.process(TrackedCloud(cloud, people.process(cloud)))
+        if k > SECOND + 25 and not hidden[0] <= k < hidden[1] + 15:
+            assert track is not None
+            assert track.active
+            errors.append(track.position - blobs.hand(k))
+    assert np.sqrt((np.array(errors) ** 2).sum(axis=1).mean()) < 0.15
+
+
 def test_nobody_there():
     """Started for somebody who does not exist, or in an empty room: nothing happens, nothing is promised."""
     for who in (None, 77):

@@ -1,0 +1,248 @@
+"""Both hands of real people from sparse clouds of one radar: the learned postures against the mean pose, on MARS beside a Kinect.
+
+Needs the recordings (docs/recordings.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.hand_mars_parts import (
+    KNOWN,
+    STRANGERS,
+    Estimated,
+    bodies,
+    estimate,
+    exercises,
+    geometric,
+    kinect_place,
+    mean_pose,
+    recording_of,
+    rms,
+)  # fmt: skip
+from benchmarks.report import choice
+from radar_tracking.hand.posture_features import PostureFeatureConfig
+from radar_tracking.hand.posture_model import PostureModel
+from radar_tracking.hand.posture_training import HandRecording, PostureSamples, PostureTrainingConfig, fit_postures, samples_of
+
+Float64Array = NDArray[np.float64]
+
+AXES: Final = ("depth", "across", "height")
+SIDES: Final = ("left", "right")
+HISTORIES: Final = {"none": (), "short, 0.2 s": (0.2,), "0.2 0.5 1.5 s": (0.2, 0.5, 1.5), "long, 0.2 0.5 1.5 4 s": (0.2, 0.5, 1.5, 4.0)}
+_QUICK: Final = PostureTrainingConfig(hidden=(16,), members=1, epochs=5)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Split:
+    """Files to train on and to test on, and what follows from the former alone.
+
+    Attributes
+    ----------
+    train, test : tuple of str
+        Files.
+    kinect : ndarray of float64, shape (3,)
+        Where the Kinect stands, fitted to the training files [m].
+    recordings : tuple of HandRecording
+        The training files.
+    pose, moving_pose : ndarray of float64, shape (2, 3)
+        Their mean pose, and that of the clouds in which a hand moves [m].
+    """
+
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+    kinect: Float64Array
+    recordings: tuple[HandRecording, ...]
+    pose: Float64Array
+    moving_pose: Float64Array
+
+    @classmethod
+    def of(cls, train: Sequence[str], test: Sequence[str]) -> Split:
+        """Read the training files and fit what is fitted before anything is learned."""
+        kinect = kinect_place(train)
+        recordings = tuple(recording_of(name, kinect) for name in train)
+        return cls(tuple(train), tuple(test), kinect, recordings, mean_pose(train, kinect), mean_pose(train, kinect, moving=True))
+
+    def truth(self, name: str) -> Float64Array:
+        """Hands in the room, shape (n_clouds, 2, 3) [m]."""
+        return exercises(name).hands + self.kinect
+
+    def mean_error(self, name: str) -> Float64Array:
+        """Error of the mean pose, shape (n_clouds, 2, 3) [m]."""
+        return self.pose + bodies(exercises(name).clouds) - self.truth(name)
+
+    def compare(self, name: str, wrong: Float64Array) -> tuple[float, float]:
+        """Errors (rms) of an estimate and of the mean pose while a hand moves, in the same clouds [m]."""
+        own = exercises(name).moving & np.isfinite(wrong[..., 0])
+        return rms(wrong[own]), rms(self.mean_error(name)[own])
+
+    def ratio(self, wrong: dict[str, Float64Array]) -> float:
+        """Error over the mean pose's, all test files together."""
+        pairs = [(one, self.mean_error(name), exercises(name).moving & np.isfinite(one[..., 0])) for name, one in wrong.items()]
+        return rms(np.concatenate([a[own] for a, _, own in pairs])) / rms(np.concatenate([b[own] for _, b, own in pairs]))
+
+
+def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
+    """Errors of one test file while a hand moves.
+
+    Returns
+    -------
+    dict
+        ``rms_m``, ``median_m``, the same of the mean pose (``mean_pose_``), ``ratio`` of the rms, of both hands and of each;
+        ``rms_depth_m``, ``rms_across_m``, ``rms_height_m``; ``seen``: share of the clouds with an estimate; ``nees``: squared error over
+        the variance that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always;
+        ``ratio_to_moving_mean``: to a mean pose of the moving phases alone.
+    """
+    one, wrong, plain = exercises(name), found.position - split.truth(name), split.mean_error(name)
+    own = one.moving & np.isfinite(wrong[..., 0])
+    result: dict[str, Any] = {"seen": float(np.isfinite(wrong[..., 0]).mean()), "moving": float(one.moving.mean())}
+    for label, mask in {"": own, **{f"{side}_": own & (np.arange(2) == k) for k, side in enumerate(SIDES)}}.items():
+        result |= {
+            f"{label}rms_m": rms(wrong[mask]),
+            f"{label}median_m": float(np.median(np.linalg.norm(wrong[mask], axis=1))),
+            f"{label}mean_pose_rms_m": rms(plain[mask]),
+            f"{label}mean_pose_median_m": float(np.median(np.linalg.norm(plain[mask], axis=1))),
+            f"{label}ratio": rms(wrong[mask]) / rms(plain[mask]),
+        }
+    for label, errors in {"": wrong, "mean_pose_": plain}.items():
+        lengths = np.sqrt((errors[own] ** 2).mean(axis=0)).tolist()
+        result |= {f"{label}rms_{axis}_m": value for axis, value in zip(AXES, lengths, strict=True)}
+    score = ((wrong / found.std) ** 2).mean(axis=2)
+    harder = plain + split.moving_pose - split.pose
+    result["ratio_to_moving_mean"] = rms(wrong[own]) / rms(harder[own])
+    return result | {"nees": float(score[own].mean()), "nees_all": float(np.nanmean(score))}
+
+
+def geometric_figures(split: Split, name: str) -> dict[str, float]:
+    """Errors of `HandTracker`, which is made for denser clouds, while the hand moves that it found."""
+    wrong = geometric(name, split.kinect)
+    ours, plain = split.compare(name, wrong)
+    return {"rms_m": ours, "mean_pose_rms_m": plain, "ratio": ours / plain, "active": float(np.isfinite(wrong[..., 0]).any(axis=1).mean())}
+
+
+def over_tests(split: Split, model: PostureModel) -> dict[str, Estimated]:
+    """Run a model over the test files."""
+    return {name: estimate(model, name) for name in split.test}
+
+
+def evaluate(split: Split, settings: PostureTrainingConfig) -> tuple[dict[str, Any], PostureModel]:
+    """Train, and give the figures of every test file."""
+    start = time.perf_counter()
+    model = fit_postures(samples_of(split.recordings, settings.features, settings.block), settings)
+    took = time.perf_counter() - start
+    files = {name: figures_of(split, name, found) for name, found in over_tests(split, model).items()}
+    about = {"training_s": took, "samples": model.figures["samples"], "kinect_m": split.kinect.tolist(), "parameters": model.n_parameters}
+    return {"files": files, "worst_ratio": max(one["ratio"] for one in files.values()), **about}, model
+
+
+def settings_of(quick: bool) -> dict[str, PostureTrainingConfig]:
+    """Everything that is varied; each differs from the default, which stands first, in one thing."""
+    default = _QUICK if quick else PostureTrainingConfig()
+
+    def features(**changed: Any) -> PostureTrainingConfig:
+        return dataclasses.replace(default, features=dataclasses.replace(PostureFeatureConfig(), **changed))
+
+    made = {"default": default, **{f"history {name}": features(history=times) for name, times in HISTORIES.items()}}
+    made |= {f"grid {rows} x {columns}": features(rows=rows, columns=columns) for rows, columns in ((3, 3), (5, 5), (8, 8))}
+    own = {
+        "hidden": ((16,), (64,), (128, 64)), "members": (1, 8), "components": (30, 200), "regularisation": (0.1, 2.0), "epochs": (8, 50),
+    }  # fmt: skip
+    made |= {f"{knob} {value}": dataclasses.replace(default, **{knob: value}) for knob, values in own.items() for value in values}
+    return dict(list(made.items())[:2]) if quick else made
+
+
+def rows(split: Split, quick: bool) -> list[dict[str, Any]]:
+    """Error of every choice, known people, beside the time of one cloud; the first is the reference."""
+    made: list[dict[str, Any]] = []
+    reference: list[float] | None = None
+    samples: dict[PostureFeatureConfig, PostureSamples] = {}
+    for name, settings in settings_of(quick).items():
+        own = settings.features
+        samples[own] = samples.get(own) or samples_of(split.recordings, own, settings.block)
+        found = over_tests(split, fit_postures(samples[own], dataclasses.replace(settings, folds=2)))
+        times = [value for one in found.values() for value in one.times_ms]
+        error = split.ratio({name: one.position - split.truth(name) for name, one in found.items()})
+        made.append(choice("posture", name, accuracy=("error over the mean pose's", error, ""), times_ms=times, reference_ms=reference))
+        reference = reference or times
+    assert reference is not None
+    return made + other_models(split, settings_of(quick)["default"], reference, quick)
+
+
+def other_models(split: Split, settings: PostureTrainingConfig, reference: list[float], quick: bool) -> list[dict[str, Any]]:
+    """Other kinds of models on the same features, as scikit-learn runs them: what the perceptron costs or gains."""
+    from sklearn.ensemble import ExtraTreesRegressor
+    from sklearn.linear_model import Ridge
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    makers: dict[str, Callable[[], Any]] = {
+        "model ridge": lambda: make_pipeline(StandardScaler(), Ridge(alpha=1000.0)),
+        "model extra trees, 200": lambda: ExtraTreesRegressor(10 if quick else 200, min_samples_leaf=3, max_features=0.3, random_state=0),
+    }
+    train = samples_of(split.recordings, settings.features)
+    test = {name: samples_of([recording_of(name, split.kinect)], settings.features) for name in split.test}
+    made = []
+    for label, make in makers.items():
+        model = make().fit(train.features, train.hand)
+        wrong = {name: _places(split, name, one, model.predict(one.features)) for name, one in test.items()}
+        times = _times(model, next(iter(test.values())).features[: 20 if quick else 200], float(np.median(reference)))
+        figure = ("error over the mean pose's", split.ratio(wrong), "")
+        made.append(choice("posture", label, accuracy=figure, times_ms=times, reference_ms=reference))
+    return made
+
+
+def _places(split: Split, name: str, samples: PostureSamples, predicted: Float64Array) -> Float64Array:
+    """Errors of predictions in the person's axes, put back to clouds and hands, shape (n_clouds, 2, 3) [m]."""
+    wrong = np.full(split.truth(name).shape, np.nan)
+    wrong[samples.cloud, samples.side] = predicted - samples.hand
+    return wrong
+
+
+def _times(model: Any, features: Float64Array, before: float) -> list[float]:
+    """Time one cloud at a time, two hands each, on top of what comes ``before`` the model [ms]."""
+    times = []
+    for k in range(0, len(features) - 1, 2):
+        start = time.perf_counter_ns()
+        model.predict(features[k : k + 2])
+        times.append(before + (time.perf_counter_ns() - start) * 1e-6)
+    return times
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Train on some files of MARS and test on others.
+
+    Parameters
+    ----------
+    quick : bool
+        A small network and few choices: to see that it runs.
+
+    Returns
+    -------
+    dict
+        ``known``: trained on the validate files of both people, tested on their test files; ``held_out``: trained on one person, tested on
+        the other, in both directions; each with the figures of every file (`figures_of`). ``geometric``: `HandTracker` on the test files of
+        ``known``. ``known_worst_ratio``, ``held_out_worst_ratio``, ``choices``.
+
+    Raises
+    ------
+    DataError
+        When the recordings are not there.
+    """
+    settings = settings_of(quick)["default"]
+    known = Split.of(*KNOWN)
+    figures, _ = evaluate(known, settings)
+    strangers = [evaluate(Split.of(*names), settings)[0] for names in STRANGERS]
+    return {
+        "known_worst_ratio": figures["worst_ratio"],
+        "held_out_worst_ratio": max(one["worst_ratio"] for one in strangers),
+        "known": figures,
+        "held_out": {"files": {name: one for found in strangers for name, one in found["files"].items()}},
+        "geometric": {name: geometric_figures(known, name) for name in known.test},
+        "choices": rows(known, quick),
+    }

@@ -1,0 +1,157 @@
+"""The velocity of a hand from one snapshot of two radars (thesis, 7.3.1): against its Cramer-Rao bound, all over a room."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import velocity_scenes
+from benchmarks.hand import scenes
+from benchmarks.hand_clouds import DISTANCES, HandStore
+from benchmarks.hand_runs import track
+from benchmarks.report import choice
+from benchmarks.velocity_draws import HEIGHT, Hand, draw, forearm, mounts, torso
+from benchmarks.velocity_room import Errors, draws, estimate, maps, pseudo_inverse, ratios, room, summary
+from radar_tracking.estimators import Snapshot, SnapshotConfig
+
+Float64Array = NDArray[np.float64]
+
+BASELINES: Final = (0.3, 0.5, 0.6)
+"""From one radar to the other [m]; the thesis has 0.3 (section 7.3) and 0.6 (figure 7.6)."""
+XS: Final = tuple(np.round(np.arange(0.3, 3.01, 0.3), 2).tolist())
+YS: Final = tuple(np.round(np.arange(-1.2, 1.21, 0.3), 2).tolist())
+HEIGHTS: Final = (0.8, 1.2, 1.6)
+"""Places of hands in the room [m]."""
+SPOTS: Final = ((0.8, 0.0), (1.2, 0.4), (1.6, 0.0), (1.6, -0.6))
+"""Where hands with outliers and with errors of direction are drawn [m]."""
+ANGLES: Final = (0.003, 0.01, 0.03)
+"""Errors of directions, where they have any [rad]: about those of azimuths and of elevations in simulated clouds, and much more."""
+SPOILS: Final = {"none": None, "forearm": forearm, "torso": torso, "false alarms": None}
+
+
+def at_spots(n: int, **changes: Any) -> Errors:
+    """Measure a few places with one setting, all together."""
+    parts = [draws(np.random.default_rng([9, k]), np.array([x, y, HEIGHT]), mounts(0.5), n, **changes) for k, (x, y) in enumerate(SPOTS)]
+    joined = [np.concatenate([getattr(part, name) for part in parts]) for name in ("error", "std", "bound", "thesis")]
+    return Errors(*joined, times_ms=[value for part in parts for value in part.times_ms])
+
+
+def figures(found: Errors) -> dict[str, float]:
+    """NEES and errors (rms) along the two axes of the floor plane [m/s]."""
+    std, limit, thesis = ratios(found)
+    made = {"nees": found.nees, "told_second": float(found.told[:, 1].mean())}
+    for axis, name in enumerate(("first", "second")):
+        made |= {f"rms_{name}_m_s": std[axis], f"bound_{name}_m_s": limit[axis], f"thesis_{name}_m_s": thesis[axis]}
+    return {key: float(value) for key, value in made.items()}
+
+
+def spoiled(n: int) -> dict[str, dict[str, dict[str, float]]]:
+    """One point of ten is no part of the hand: with weights and without; what weights cost where all is well, and what they save."""
+    made: dict[str, dict[str, dict[str, float]]] = {}
+    for kind, spoil in SPOILS.items():
+        made[kind] = {}
+        for name, rounds in (("weights", SnapshotConfig().iterations), ("no weights", 1)):
+            config = dataclasses.replace(SnapshotConfig(), iterations=rounds)
+            made[kind][name] = figures(at_spots(n, config=config, spoil=spoil, share=0.0 if kind == "none" else 0.1))
+    return made
+
+
+def askew(n: int) -> dict[str, dict[str, dict[str, float]]]:
+    """Directions have errors, which the model leaves out; the bound does not know of them either."""
+    return {
+        f"{angle:g} rad": {f"{speed:g} m/s": figures(at_spots(n, speed=speed, angle_std=angle)) for speed in (0.25, 1.0, 2.0)}
+        for angle in ANGLES
+    }
+
+
+def rows(n: int) -> list[dict[str, Any]]:
+    """Error along the second axis with one point of ten on the forearm, beside the time of one snapshot; the reference is equation 7.5."""
+    default, hands = SnapshotConfig(), []
+    for k, (x, y) in enumerate(SPOTS):
+        rng = np.random.default_rng([9, k])
+        hands += [draw(rng, np.array([x, y, HEIGHT]), mounts(0.5), default, spoil=forearm, share=0.1) for _ in range(n)]
+    axes = [estimate(hand, Snapshot()).axes[1] for hand in hands]  # the same for all, told or not
+    every = dataclasses.replace(default, max_std=100.0)
+    settings = {"default": every} | {
+        f"{name}={value:g}": dataclasses.replace(every, **{name: value})
+        for name, value in (("iterations", 1), ("iterations", 10), ("huber", 1.5), ("huber", 3.0), ("spin", 0.0), ("common", 0.0))
+    }
+    calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": pseudo_inverse}
+    calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in settings.items()}
+    made, reference = [], None
+    for name, call in calls.items():
+        off, times = [], []
+        for hand, axis in zip(hands, axes, strict=True):
+            start = time.perf_counter_ns()
+            velocity = call(hand)
+            times.append((time.perf_counter_ns() - start) * 1e-6)
+            off.append(float(axis @ (velocity - hand.velocity)))
+        error = float(np.sqrt(np.mean(np.square(off))))
+        made.append(choice("hand velocity", name, accuracy=("rms error across", error, "m/s"), times_ms=times, reference_ms=reference))
+        reference = reference or times
+    return made
+
+
+def _told(snapshot: Snapshot, hand: Hand) -> Float64Array:
+    """Velocity as far as it is told, shape (3,) [m/s]."""
+    found = estimate(hand, snapshot)
+    return np.asarray(np.nan_to_num(found.along) @ found.axes)
+
+
+def in_scenes(folder: Path, quick: bool) -> dict[str, Any]:
+    """Measure the stored scenes; those that are missing are simulated."""
+    store, made = HandStore(folder), scenes(quick)
+    store.fill(made, n_jobs=1 if quick else os.cpu_count() or 1, progress=not quick)
+    return velocity_scenes.measure([track(store, one) for one in made], DISTANCES, quick)
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Estimate velocities of hands all over a room and in simulated scenes.
+
+    Parameters
+    ----------
+    quick : bool
+        A few places and draws, and no scenes unless `keep` is given: to see that it runs.
+    keep : Path or None
+        Folder of the simulated clouds, the same as that of ``hand``; None: they are thrown away.
+
+    Returns
+    -------
+    dict
+        ``velocity_ratio_max``: largest standard deviation over Cramer-Rao bound, along any axis anywhere in the common field of view where
+        it is told; ``velocity_nees`` per degree of freedom and ``velocity_nees_in_band``: share of places with it in its 99 % band;
+        ``velocity_refused``: share of snapshots that tell one axis only; the same by baseline and height (``room``), ``maps`` at the
+        radars' height, ``outliers``, ``directions``, ``scenes``, ``choices``.
+    """
+    baselines, heights, n = (BASELINES, HEIGHTS, 400) if not quick else ((0.5,), (HEIGHT,), 120)
+    xs, ys = (XS, YS) if not quick else (XS[1::4], YS[::4])
+    found = room(baselines, heights, xs, ys, n)
+    every = summary(found)
+    by = {
+        f"{baseline:g} m": {
+            f"z = {z:g} m": summary([row for row in found if row["baseline"] == baseline and row["place"][2] == z]) for z in heights
+        }
+        for baseline in baselines
+    }
+    figure = {
+        **{f"velocity_{name}": value for name, value in every.items()},
+        "room": by,
+        "maps": maps(found, baselines, xs, ys),
+        "outliers": spoiled(40 if quick else 2000),
+        "directions": askew(40 if quick else 2000),
+        "choices": rows(20 if quick else 500),
+    }
+    if quick and keep is None:
+        return figure
+    with tempfile.TemporaryDirectory() as folder:
+        other = in_scenes(keep if keep is not None else Path(folder), quick)
+    return {**figure, **other, "choices": figure["choices"] + other["choices"]}
