@@ -173,18 +173,18 @@ class Parser:
         heads = _headers(self._held, second if second > 0 else len(self._held))
         if heads is None:
             return None
-        problem = ItemError("")
+        problem: ItemError | None = None  # of the likeliest reading
         for head in heads:
             if 0 < second < head.length:
-                problem = ItemError(f"a packet of {head.length} bytes has the next one in it: bytes were lost on the line")
+                problem = problem or ItemError(f"a packet of {head.length} bytes has the next one in it: bytes were lost on the line")
                 continue
             if len(self._held) < head.length:
                 return None
             try:
                 return self._decoder.decode(head, bytes(self._held[: head.length]), self.received - len(self._held) + head.length)
             except ItemError as error:
-                problem = error
-        raise problem
+                problem = problem or error
+        raise problem or ItemError("no header")
 
     def _discard(self, count: int) -> None:
         """Let go of garbage at the front."""
@@ -273,6 +273,8 @@ class _Decoder:
             else:
                 used[name] = value
         detected = used.get(ITEMS[head.family].get(1, ""))
+        if detected is None and head.family == "area scanner" and head.n_points:
+            raise ItemError(f"a header says {head.n_points} points but no item has them")
         if detected is not None and len(detected) != 16 * head.n_points:
             raise ItemError(
                 f"item 1 has {len(detected)} bytes for {head.n_points} points, expected 16 each: a demo of an SDK older than 3, "
