@@ -60,7 +60,7 @@ def only_port() -> str:
         return ports[0]
     if not ports:
         raise DeviceError(
-            "no TI board is plugged in: connect its USB socket and switch it to run its demo; or name the serial port (knob port)",
+            "no TI board is plugged in: connect its USB socket and let it run its demo; or name the serial port (knob port)",
             gone=True,
         )
     raise DeviceError(f"several TI boards are plugged in; choose one with the knob port: {', '.join(ports)}", gone=True)

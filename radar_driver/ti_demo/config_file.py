@@ -57,8 +57,8 @@ def describe(path: Path, general: RadarInfo) -> RadarInfo:
         n_sample=0,
     )
     array: AntennaArray = reader.board_array(ti.platform, ti.tx, ti.n_rx, ti.carrier)
-    view = {"fov_azimuth": general.array.fov_azimuth, "fov_elevation": general.array.fov_elevation}
-    return replace(general, waveform=waveform, array=replace(array, **view))
+    view = general.array
+    return replace(general, waveform=waveform, array=replace(array, fov_azimuth=view.fov_azimuth, fov_elevation=view.fov_elevation))
 
 
 def static_removed(path: Path) -> bool:

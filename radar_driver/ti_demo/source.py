@@ -204,11 +204,8 @@ class TiDemo:
         The packet's first byte left ``behind`` bytes before the last one that has come, at the line's speed.
         """
         self._listen()
-        self._about = {
-            "demo": packet.family,
-            "platform": f"{packet.platform:X}",
-            "sdk": ".".join(map(str, packet.version.to_bytes(4, "big"))),
-        }
+        sdk = ".".join(map(str, packet.version.to_bytes(4, "big")))
+        self._about = {"demo": packet.family, "platform": f"{packet.platform:X}", "sdk": sdk}
         if self._number is not None and packet.number > self._number + 1:
             self._counts["lost"] += packet.number - self._number - 1
         self._number = packet.number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import termios
+from contextlib import suppress
 from typing import Final
 
 import serial
@@ -49,10 +50,8 @@ class Uart(Device):
         """Close the port."""
         held, self._serial = self._serial, None
         if held is not None:
-            try:
+            with suppress(OSError, termios.error):  # the port has gone; its descriptor is closed all the same
                 held.close()
-            except (OSError, termios.error):
-                pass  # the port has gone; its descriptor is closed all the same
 
     def read(self, timeout: float) -> bytes:
         """Read what is there; wait for the first byte so long [s].

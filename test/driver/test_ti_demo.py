@@ -146,7 +146,7 @@ def test_a_cfg_that_makes_no_sense_is_refused(tmp_path):
 
 
 def test_partial_transfers_garbage_and_lost_bytes(board, source):
-    """A packet in pieces, noise between packets, a wrong magic word, a gap in the middle: all that is whole arrives, the rest is counted."""
+    """Packets in pieces, noise between them, a wrong magic word, a gap in the middle: all that is whole arrives, the rest is counted."""
     device = source()
     whole = packet(1)
     board.send_all(whole[:50])
