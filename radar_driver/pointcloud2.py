@@ -60,9 +60,9 @@ def read_fields(msg: Cloud2, names: Mapping[str, str], topic: str) -> dict[str, 
     """
     wanted = {ours: theirs for ours, theirs in names.items() if theirs}
     n, rows = _size(msg, topic)
-    chosen = {ours: _field(msg, theirs, topic) for ours, theirs in wanted.items()}
     if n == 0:
         return {ours: np.empty(0) for ours in wanted}
+    chosen = {ours: _field(msg, theirs, topic) for ours, theirs in wanted.items()}
     order = ">" if msg.is_bigendian else "<"
     layout = np.dtype(
         {
