@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import theilslopes
 
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
@@ -20,6 +21,8 @@ from radar_driver.spectra import Levels, Spectra
 
 Float64Array = NDArray[np.float64]
 
+_ROUNDING: Final = 1e-6  # of the largest sample; less is no noise but the rounding of single precision
+_LINE: Final = 300  # frames that the line is made of; it takes the square of them
 _ENOUGH: Final = 3  # frames; with fewer there is no rate and no jitter
 
 
@@ -114,7 +117,8 @@ class Arrivals:
         """
         numbers = np.array(self._numbers, np.float64)
         times = (np.array(self._times) - self._times[0]) * 1e-9
-        interval, _ = np.polyfit(numbers - numbers[0], times, 1)
+        some = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), _LINE)).astype(int))
+        interval = theilslopes(times[some], numbers[some]).slope  # one stall must not bend the line
         late = times - interval * (numbers - numbers[0])
         return float(interval), late - late.min()
 
@@ -212,7 +216,7 @@ class Health:
     def _noise(self, spectra: Spectra, levels: Levels | None) -> list[Check]:
         if levels is None:
             return [Check("noise floor", None, "dB", "no frame is whole", Verdict.UNKNOWN)]
-        floor = levels.noise
+        floor = np.where(levels.noise > (_ROUNDING * spectra.peak) ** 2, levels.noise, 0.0)
         if not np.any(floor > 0):
             return [_noiseless(spectra.peak)]
         unit = "dBFS" if self._info.full_scale else "dB"

@@ -6,12 +6,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from radar_core import RadarInfo
 from radar_driver.components import PowerState
 from radar_driver.live import Reading
 from radar_driver.sources import SimSource
+
+_WARM: Final = 5  # frames
 
 
 class SimLive:
@@ -39,7 +41,9 @@ class SimLive:
         self._skipped = 0
 
     def power_up(self) -> None:
-        """Nothing to open."""
+        """Compile what the scene needs: that must not fall into the measurement."""
+        for number in range(_WARM):
+            self._source.read(number)
         self._state = PowerState.SUSPENDED
 
     def resume(self) -> None:
