@@ -99,6 +99,7 @@ def _sets(found: Found) -> str:
 def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: bool) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     if as_json:
         rows = [
@@ -109,9 +110,10 @@ def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: 
     console = Console(highlight=False)
     for board in known.values():
         gives = "point clouds" if board.clouds else "raw frames"
-        table = Table("knob", "default", "unit", "meaning", title=f"{board.name}: {board.title}; gives {gives}", title_justify="left")
+        title = Text(f"{board.name}: {board.title}; gives {gives}", style="bold")
+        table = Table("knob", "default", "unit", "meaning", title=title, title_justify="left")
         for knob in _knobs(board.config):
-            table.add_row(knob["name"], json.dumps(knob["default"]), knob["unit"], knob["doc"])
+            table.add_row(*(Text(word) for word in (knob["name"], json.dumps(knob["default"]), knob["unit"], knob["doc"])))
         console.print(table)
     for name, reason in broken.items():
         console.print(f"{name}: {reason}", style="yellow", markup=False)
@@ -223,7 +225,7 @@ def _show(board: str, found: Probe) -> None:
     table = Table("check", "measured", "", "what to do", title=f"health of {board}", title_justify="left")
     for check in found.checks:
         mark = Text(check.verdict.value, style=_COLOURS[check.verdict.value])
-        table.add_row(check.name, check.text, mark, Text(check.advice))
+        table.add_row(Text(check.name), Text(check.text), mark, Text(check.advice))
     console = Console(highlight=False)
     console.print(table)
     known = ", ".join(f"{key} {value}" for key, value in found.report.items() if value not in ("", None))

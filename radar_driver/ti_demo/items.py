@@ -28,6 +28,10 @@ class ItemError(Exception):
     """A packet that contradicts itself; never leaves the parser."""
 
 
+class ContentError(ItemError):
+    """Items that fit into their packet, so that it was read in the right way, but whose values make no sense."""
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """The points of a packet, as the board gives them: azimuth and x to the right, y forward, z up.
@@ -90,14 +94,14 @@ def packed_points(value: bytes) -> Points:
 
     Raises
     ------
-    ItemError
+    ContentError
         When the units make no sense.
     """
     if len(value) < 20:
         return _nothing()
     units = struct.unpack_from("<5f", value)
     if not all(np.isfinite(unit) and 0 < unit < _FAR for unit in units):
-        raise ItemError(f"points are in units of {units}, which make no sense")
+        raise ContentError(f"points are in units of {units}, which make no sense")
     raw = np.frombuffer(value, _PACKED, count=(len(value) - 20) // _PACKED.itemsize, offset=20)
     elevation, azimuth, doppler, distance, snr = (raw[name] * float(unit) for name, unit in zip(_PACKED.names or (), units, strict=True))
     return Points(None, np.stack([distance, azimuth, elevation], axis=-1), doppler, decibel(snr), np.full(len(raw), np.nan))

@@ -18,13 +18,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from radar_driver.ti_demo.items import ITEMS, ItemError, Points, float_points, packed_points
+from radar_driver.ti_demo.head import MAGIC, SHORTEST, Head, read_heads
+from radar_driver.ti_demo.items import ITEMS, ContentError, ItemError, Points, float_points, packed_points
 
-MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
-LONGEST: Final = 1 << 16
-"""Bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit."""
-_SHORTEST: Final = 40
-_DEMOS: Final = (("demo", 40), ("area scanner", 44))
 _PIECE: Final = 4096  # bytes taken in at a time, so that a long read does not pile up before it is looked through
 
 
@@ -64,26 +60,6 @@ class Packet:
     points: Points | None
     processing: float
     skipped: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class _Head:
-    """A header, read."""
-
-    family: str
-    size: int
-    version: int
-    platform: int
-    number: int
-    subframe: int
-    length: int
-    n_items: int
-    n_points: int
-
-    @property
-    def old(self) -> bool:
-        """Whether it is one of the older people-counting demos."""
-        return self.family.startswith("people")
 
 
 class Parser:
@@ -151,7 +127,7 @@ class Parser:
                 self._discard(max(len(self._held) - len(MAGIC) + 1, 0))  # the last bytes may begin a magic word
                 return None
             self._discard(at)
-            if len(self._held) < _SHORTEST and MAGIC not in self._held[len(MAGIC) :]:
+            if len(self._held) < SHORTEST and MAGIC not in self._held[len(MAGIC) :]:
                 return None
             try:
                 packet = self._read()
@@ -170,7 +146,7 @@ class Parser:
     def _read(self) -> Packet | None:
         """Read the packet at the front; None: it is not complete yet."""
         second = self._held.find(MAGIC, len(MAGIC))
-        heads = _headers(self._held, second if second > 0 else len(self._held))
+        heads = read_heads(self._held, second if second > 0 else len(self._held))
         if heads is None:
             return None
         problem: ItemError | None = None  # of the likeliest reading
@@ -182,6 +158,8 @@ class Parser:
                 return None
             try:
                 return self._decoder.decode(head, bytes(self._held[: head.length]), self.received - len(self._held) + head.length)
+            except ContentError:
+                raise
             except ItemError as error:
                 problem = problem or error
         raise problem or ItemError("no header")
@@ -198,71 +176,13 @@ class Parser:
         del self._held[: length - len(MAGIC) + 1]
 
 
-def _checksum_holds(head: bytes) -> bool:
-    """Whether the 16 bit words of a header add up to all ones in ones' complement, as its checksum makes them."""
-    total = sum(struct.unpack(f"<{len(head) // 2}H", head))
-    while total >> 16:
-        total = (total >> 16) + (total & 0xFFFF)
-    return bool(total == 0xFFFF)
-
-
-def _headers(held: bytearray, limit: int) -> list[_Head] | None:
-    """Read the header at the front in every way that makes sense, the likeliest first; None: it is not complete yet.
-
-    Parameters
-    ----------
-    held : bytearray
-        Begins with a magic word.
-    limit : int
-        How many of its bytes may belong to this packet.
-
-    Raises
-    ------
-    ItemError
-        When it makes no sense.
-    """
-    more = limit == len(held)  # bytes may still come
-    if limit < _SHORTEST:
-        if more:
-            return None
-        raise ItemError("a header is cut off by the next packet: bytes were lost on the line")
-    # One header of "demo" in 30,000 has a right checksum by chance, hence all that fit and not the first.
-    heads = [
-        _people(family, size, held)
-        for size, family in ((48, "people 3D"), (52, "people 2D"))
-        if limit >= size and _checksum_holds(bytes(held[:size]))
-    ]
-    version, length, platform, number, _, n_points, n_items, subframe = struct.unpack_from("<8I", held, len(MAGIC))
-    if n_items <= length // 8 and n_points <= length:
-        heads += [_Head(family, size, version, platform, number, subframe, length, n_items, n_points) for family, size in _DEMOS]
-    heads = [head for head in heads if head.size <= head.length <= LONGEST]
-    if more and limit < 52 and not (heads and heads[0].length < 52):
-        return None  # wait for the bytes that tell the families apart
-    if not heads:
-        raise ItemError(
-            f"a header says {length} bytes, {n_items} items and {n_points} points, which no demo known here sends "
-            f"(version {version:#x}, platform {platform:#x})"
-        )
-    return heads
-
-
-def _people(family: str, size: int, held: bytearray) -> _Head:
-    words = struct.unpack_from("<9I" if size == 48 else "<10I", held, len(MAGIC))
-    n_items = struct.unpack_from("<H", held, size - 4)[0]
-    if size == 48:
-        version, length, platform, number, subframe = words[:5]
-    else:
-        version, platform, _, length, number, subframe = words[:6]
-    return _Head(family, size, version, platform, number, subframe, length, n_items, 0)
-
-
 class _Decoder:
     """Items to points; remembers how many numbers the points of an old demo have, where one packet alone does not tell."""
 
     def __init__(self) -> None:
         self._columns = 0
 
-    def decode(self, head: _Head, data: bytes, end: int) -> Packet:
+    def decode(self, head: Head, data: bytes, end: int) -> Packet:
         """Read the items of a packet."""
         used: dict[str, Any] = {}
         skipped = []
@@ -273,10 +193,8 @@ class _Decoder:
             else:
                 used[name] = value
         detected = used.get(ITEMS[head.family].get(1, ""))
-        if detected is None and head.family == "area scanner" and head.n_points:
-            raise ItemError(f"a header says {head.n_points} points but no item has them")
         if detected is not None and len(detected) != 16 * head.n_points:
-            raise ItemError(
+            raise ContentError(
                 f"item 1 has {len(detected)} bytes for {head.n_points} points, expected 16 each: a demo of an SDK older than 3, "
                 "or of another kind (medium range radar); flash the out-of-the-box demo of SDK 3"
             )
@@ -309,7 +227,7 @@ class _Decoder:
         return float_points(value, "range azimuth doppler snr" if columns == 4 else "range azimuth elevation doppler snr")
 
 
-def _items(head: _Head, data: bytes) -> Iterator[tuple[int, bytes]]:
+def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
     """List type and value of the items.
 
     Raises
