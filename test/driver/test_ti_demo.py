@@ -2,6 +2,8 @@
 
 import math
 import os
+import subprocess
+import sys
 import threading
 import time
 from types import SimpleNamespace
@@ -218,6 +220,29 @@ def test_a_second_opener_is_told(board, source):
         second.power_up()
     board.send_all(packet(1))
     assert len(read(first)) == 1
+
+
+def test_a_killed_program_leaves_the_port_free(board):
+    """kill -9 while it reads: the next one opens the port at once, and what the dead one left unread is thrown away."""
+    code = """
+import sys
+from radar_driver.ti_demo.uart import Uart
+uart = Uart(sys.argv[1], 921600)
+uart.open()
+print("open", flush=True)
+uart.read(60)
+"""
+    victim = subprocess.Popen([sys.executable, "-c", code, str(board.link)], stdout=subprocess.PIPE, text=True)
+    assert victim.stdout.readline() == "open\n"
+    victim.kill()
+    victim.communicate()
+    board.send(packet(1))
+    device = TiDemo(TiDemoConfig(port=str(board.link)), lambda: "")
+    device.power_up()
+    device.resume()
+    board.send_all(packet(2))
+    assert [c.sequence for c in read(device, 2, 0.3)] == [2]
+    device.power_down()
 
 
 def test_a_port_without_permission(monkeypatch):
