@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
 from geometry_msgs.msg import Pose as PoseMsg
-from geometry_msgs.msg import Quaternion as QuaternionMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -27,7 +26,7 @@ from radar_driver.live import LiveSource
 from radar_driver.messages import BagSource
 from radar_driver.sources import FrameSource, SimSource
 from radar_ros import qos
-from radar_ros.convert import cloud_to_msg, frame_to_msg, header, info_to_msg
+from radar_ros.convert import cloud_to_msg, frame_to_msg, header, info_to_msg, mount_to_transform
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
 from radar_sim import Truth
@@ -83,7 +82,7 @@ class DriverNode(StageMixin, LifecycleNode):
             raise ConfigError(
                 f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim, bag or a board: {error}"
             ) from None
-        self._settings = declare_config(self, found.config, f"{found.name}.")
+        self._settings: Any = declare_config(self, found.config, f"{found.name}.")
         return found
 
     def _open(self) -> RadarInfo:
@@ -222,11 +221,7 @@ class DriverNode(StageMixin, LifecycleNode):
         info = self._info
         now = self.get_clock().now().nanoseconds
         self._infos.publish(info_to_msg(info, now))
-        x, y, z, w = info.mount.quaternion
-        transform = TransformStamped(header=header(now, "room"), child_frame_id=info.frame_id)
-        transform.transform = Transform(
-            translation=Vector3(x=info.mount.x, y=info.mount.y, z=info.mount.z), rotation=QuaternionMsg(x=x, y=y, z=z, w=w)
-        )
+        transform = mount_to_transform(info, now)
         self._tf.publish(TFMessage(transforms=[transform]))
         if self._pose is not None and self._measured is not None:
             place = PoseMsg(position=Point(x=info.mount.x, y=info.mount.y, z=info.mount.z), orientation=transform.transform.rotation)
