@@ -82,7 +82,7 @@ class DriverNode(StageMixin, LifecycleNode):
             raise ConfigError(
                 f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim, bag or a board: {error}"
             ) from None
-        self._settings = declare_config(self, found.config, f"{found.name}.")
+        self._settings: Any = declare_config(self, found.config, f"{found.name}.")
         return found
 
     def _open(self) -> RadarInfo:

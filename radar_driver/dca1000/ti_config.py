@@ -182,11 +182,9 @@ def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: i
 
 def radar_info(
     ti: TiConfig,
-    *,
     tx: Sequence[int] = (),
-    n_rx: int = 0,
-    n_chirp: int = 0,
-    n_sample: int = 0,
+    shape: tuple[int, int, int] = (0, 0, 0),
+    *,
     frame_id: str = "radar",
     mount: Pose | None = None,
 ) -> RadarInfo:
@@ -198,7 +196,7 @@ def radar_info(
         From `read_ti_config`.
     tx : sequence of int
         Transmitters (from 1) in the order of their chirps; empty: as configured.
-    n_rx, n_chirp, n_sample : int
+    shape : tuple of int, length 3
         Receivers, chirps per transmitter, samples per chirp; 0: as configured.
     frame_id : str
         Name of the sensor frame.
@@ -212,7 +210,8 @@ def radar_info(
     DataError
         When the board has no such transmitter.
     """
-    tx, n_rx, n_sample = tuple(tx) or ti.tx, n_rx or ti.n_rx, n_sample or ti.n_sample
+    tx = tuple(tx) or ti.tx
+    n_rx, n_chirp, n_sample = shape[0] or ti.n_rx, shape[1] or ti.n_loop, shape[2] or ti.n_sample
     sampled = n_sample / ti.sample_rate
     interval = ti.idle + ti.ramp_end
     if sampled > interval:
@@ -224,7 +223,7 @@ def radar_info(
         chirp_pause=interval - sampled,
         frame_interval=ti.frame_interval,
         n_tx=len(tx),
-        n_chirp=n_chirp or ti.n_loop,
+        n_chirp=n_chirp,
         n_sample=n_sample,
     )
     array = board_array(ti.platform, tx, n_rx, waveform.carrier)

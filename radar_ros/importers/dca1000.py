@@ -32,6 +32,7 @@ class ShapeOptions(SourceOptions):
     n_sample: int = knob(0, low=0, high=1 << 16, doc="samples per chirp")
     order: str = knob("q_first", choices=ORDERS, doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
     lanes: int = knob(2, choices=LANES, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
+    min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; what others lost is 0")
 
 
 @config
@@ -39,7 +40,6 @@ class Dca1000Options(ShapeOptions):
     """How the radar was set up, and which packets of the capture are its data."""
 
     port: int = knob(4098, low=1, high=65535, doc="UDP port of the data")
-    min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; what others lost is 0")
 
 
 def read_dca1000(path: Path, options: Dca1000Options) -> Recording:
@@ -75,8 +75,7 @@ def described(path: Path, options: ShapeOptions) -> tuple[RadarInfo, int]:
         When the .cfg cannot be read.
     """
     ti = read_ti_config(_config_path(path, options.config))
-    shape = {"n_rx": options.n_rx, "n_chirp": options.n_chirp, "n_sample": options.n_sample}
-    info = radar_info(ti, tx=options.tx, **shape, mount=options.mount)
+    info = radar_info(ti, options.tx, (options.n_rx, options.n_chirp, options.n_sample), mount=options.mount)
     return info, frame_bytes(info, options.lanes)
 
 
