@@ -255,8 +255,8 @@ class Dca1000Source:
                 "the capture board records, and waits for the sensor: start it now (or set serial_port, and this driver does it)"
             )
         raise DeviceError(
-            f"no samples for {self._silence:g} s: all is set up anew. If that does not help: is the 60-pin cable between sensor and "
-            f"capture board plugged in, do both have power, does a firewall drop UDP port {self._settings.data_port}, does lanes suit the sensor?",
+            f"no samples for {self._silence:g} s: all is set up anew. If that does not help: does lanes suit the sensor, is the 60-pin "
+            f"cable between both boards plugged in, do both have power, does a firewall drop UDP port {self._settings.data_port}?",
             gone=True,
         )
 

@@ -14,6 +14,7 @@ from radar_driver.dca1000.sockets import bind, explain_send, wait
 
 _TRIES: Final = 3
 _FLOOD: Final = 1000  # datagrams: whoever sends more of them at once cannot keep us busy for ever
+_POLL: Final = 0.05  # s
 _SETTLE: Final = 2.0  # s: after it was configured the FPGA hears nothing for a while, far shorter than this
 
 
@@ -123,7 +124,7 @@ class Control(Device):
             )
         return reply
 
-    def _ask(self, code: Code, data: bytes = b"", tries: int = _TRIES) -> Reply:
+    def _ask(self, code: Code, data: bytes = b"", tries: int = _TRIES, timeout: float = 1e9) -> Reply:
         """Send a command until it is answered; late answers to others are passed over."""
         if self._link is None:
             raise DeviceError("the capture board's configuration port is not open", gone=True)
@@ -134,7 +135,7 @@ class Control(Device):
                 self._link.sendto(command, (self._board, self._port))
             except OSError as error:
                 raise explain_send(self._board, error) from None
-            end = time.monotonic() + self._timeout
+            end = time.monotonic() + min(timeout, self._timeout)
             while (left := end - time.monotonic()) > 0:
                 reply = self._receive(left)
                 if reply is not None and reply.code == code:
@@ -152,7 +153,7 @@ class Control(Device):
         end = time.monotonic() + _SETTLE
         while True:
             try:
-                self._ask(Code.SYSTEM_CONNECT, tries=1)
+                self._ask(Code.SYSTEM_CONNECT, tries=1, timeout=_POLL)
             except DeviceError:
                 if time.monotonic() > end:
                     raise

@@ -114,9 +114,15 @@ class _Line:
         return ahead >= 1 and packet.place == self.end + (ahead - 1) * self.largest
 
     def has_passed(self, packet: _Packet) -> bool:
-        """Whether a packet is one of those before the newest, or that one again."""
+        """Whether a packet is one of those before the newest, or that one again, packets between being full."""
         behind = -_ahead(packet.sequence, self.sequence)
-        return behind >= 0 and behind <= self.place - packet.place <= behind * self.largest
+        return behind >= 0 and self.place - packet.place == behind * self.largest
+
+    @classmethod
+    def at(cls, packet: _Packet, largest: int) -> _Line:
+        """Be where a packet lies."""
+        size = len(packet.payload)
+        return cls(packet.sequence, packet.place, packet.place + size, max(largest, size))
 
 
 class Reassembler:
@@ -174,46 +180,74 @@ class Reassembler:
 
     def flush(self) -> list[RawFrame]:
         """Give the frames that are not finished, as far as they have come; later packets begin anew, at whatever place they name."""
-        numbers = sorted(self._pending)
+        self.counts.garbled += self._doubtful is not None
         self._line = self._doubtful = None
-        return [self._leave(number) for number in numbers]
+        return [self._leave(number) for number in sorted(self._pending)]
 
-    def _begin(self, first: _Packet) -> Sequence[RawFrame]:
-        self._line = line = _Line(first.sequence - 1, first.place, first.place, len(first.payload))
-        self._wait_for(first.place // self._size)
-        return self._go_on(line, first)
+    def _begin(self, new: _Packet) -> Sequence[RawFrame]:
+        """Take the first packet of a recording; within one, the first two that agree."""
+        if new.sequence == 1 and new.place == 0:
+            return self._set_out([new])
+        doubtful = self._doubtful
+        if doubtful is not None and _Line.at(doubtful, 0).leads_to(new):
+            return self._set_out([doubtful, new])
+        return self._doubt(new)
 
     def _unusual(self, line: _Line, new: _Packet) -> Sequence[RawFrame]:
         doubtful = self._doubtful
-        if doubtful is not None:
-            elsewhere = _Line(doubtful.sequence, doubtful.place, doubtful.place + len(doubtful.payload), line.largest)
-            if elsewhere.leads_to(new):
-                return self._jump(line, doubtful, new)
+        if doubtful is not None and _Line.at(doubtful, line.largest).leads_to(new):
+            self.counts.jumps += 1
+            self.counts.lost += max(0, _ahead(doubtful.sequence, line.sequence) - 1)
+            frames: list[RawFrame] = []
+            if doubtful.place < line.end:
+                self.counts.restarts += doubtful.sequence == 1
+                self._doubtful = None
+                frames += self.flush()
+            return [*frames, *self._set_out([doubtful, new])]
         if line.leads_to(new):
             self.counts.lost += _ahead(new.sequence, line.sequence) - 1
             return self._go_on(line, new)
         if line.has_passed(new):
-            gone = new.place + len(new.payload) <= self._next * self._size
-            if not gone:
+            if new.place + len(new.payload) > self._next * self._size:
                 return self._catch_up(new)
-            if new.sequence != 1:
+            if new.sequence != 1:  # else it may be the first one of a new recording
                 self.counts.late += 1
                 return ()
-        self.counts.garbled += doubtful is not None
+        return self._doubt(new)
+
+    def _doubt(self, new: _Packet) -> Sequence[RawFrame]:
+        """Keep a packet that lies elsewhere until another one agrees with it."""
+        self.counts.garbled += self._doubtful is not None
         self._doubtful = _Packet(new.sequence, new.place, memoryview(bytes(new.payload)), new.stamp_ns)
         return ()
 
+    def _set_out(self, packets: Sequence[_Packet]) -> Sequence[RawFrame]:
+        """Go on from where these packets lie."""
+        self._doubtful = None
+        first = packets[0]
+        if not self._pending:
+            self._wait_for(first.place // self._size)
+        self._line = line = _Line(first.sequence - 1, first.place, first.place, len(first.payload))
+        frames: list[RawFrame] = []
+        for packet in packets:
+            frames += self._go_on(line, packet)
+        return frames
+
     def _go_on(self, line: _Line, new: _Packet) -> Sequence[RawFrame]:
         """Take the packet that comes next, perhaps behind a gap."""
-        if self._doubtful is not None:
-            self.counts.garbled += 1
-            self._doubtful = None
         size = len(new.payload)
         line.sequence, line.place, line.end, line.largest = new.sequence, new.place, new.place + size, max(line.largest, size)
         self.counts.packets += 1
+        frames: Sequence[RawFrame] = ()
         if self._write(new) or line.end >= self._due:
-            return self._finished(line.end)
-        return ()
+            frames = self._finished(line.end)
+        doubtful, self._doubtful = self._doubtful, None
+        if doubtful is None:
+            return frames
+        if line.leads_to(doubtful):  # it had overtaken the one that explains it
+            return [*frames, *self._unusual(line, doubtful)]
+        self.counts.garbled += 1
+        return frames
 
     def _catch_up(self, new: _Packet) -> Sequence[RawFrame]:
         """Take a packet that others overtook, unless it has come before."""
@@ -229,21 +263,6 @@ class Reassembler:
             if self._write(new) and self._line is not None:
                 return self._finished(self._line.end)
         return ()
-
-    def _jump(self, line: _Line, first: _Packet, second: _Packet) -> Sequence[RawFrame]:
-        """Go on elsewhere: two packets agree on it."""
-        self._doubtful = None
-        self.counts.jumps += 1
-        self.counts.lost += max(0, _ahead(first.sequence, line.sequence) - 1)
-        frames: list[RawFrame] = []
-        if first.place < line.end:
-            self.counts.restarts += first.sequence == 1
-            frames += self.flush()
-            self._wait_for(first.place // self._size)
-        self._line = line = _Line(first.sequence - 1, first.place, first.place, line.largest)
-        for packet in (first, second):
-            frames += self._go_on(line, packet)
-        return frames
 
     def _overlap(self, new: _Packet) -> int:
         """Count the packet's bytes that are there already or no longer needed."""
