@@ -14,7 +14,7 @@ from radar_driver.dca1000.packets import RawFrame, Reassembler
 from radar_driver.dca1000.sockets import bind, wait
 
 _KEPT: Final = 4  # finished frames that wait to be read; older ones make room
-_WANTED, _NEEDED = 4, 2  # frames that the system is asked to buffer, and that it has to
+_WANTED, _NEEDED = 16, 2  # frames that the system is asked to buffer, and that it has to
 _OVERHEAD: Final = 3  # network cards take whole pages for a packet: so much of the buffer may be used up by one part of samples
 _LEAST: Final = 1 << 18  # bytes
 _NAP: Final = 0.002  # s: to wake up for every packet costs more than to let some gather

@@ -130,7 +130,7 @@ class SerialCli(Device):
         if firmware is not None:
             problem = f"runs another firmware (its prompt is {firmware}:/>)"
         elif heard:
-            problem = f"says {' / '.join(heard)[:100]!r} and gives no prompt"
+            problem = f"says {' / '.join(dict.fromkeys(heard))[:100]!r} and gives no prompt"
         else:
             problem = "does not answer"
         raise DeviceError(

@@ -133,10 +133,12 @@ class CaptureCard:
         self.faults = faults or (lambda packets: packets)
         self.config_port, self.data_port = ports or free_ports()
         self.deaf, self.silent, self.refuse, self.skip = 0.05, False, set(), 0
-        self.running = lambda: True
-        self.heard, self.sent_ns = [], []
+        self.running = lambda: False
+        self.heard, self.log, self.sent_ns = [], [], []
         self.recording = self.configured = False
+        self._sequence, self._place, self._rest = 1, 0, b""
         self._deaf_until = 0.0
+        self._lock = threading.Lock()  # a recording begins and ends between two parts of a frame
         self._stop = threading.Event()
         self._link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._link.bind((BOARD, self.config_port))
@@ -180,6 +182,7 @@ class CaptureCard:
             if self.silent or time.monotonic() < self._deaf_until or (mark, end) != (0xA55A, b"\xaa\xee"):
                 continue
             self.heard.append((code, data))
+            self.log.append(code)
             self._say(code, self._do(code))
 
     def _do(self, code):
@@ -193,9 +196,11 @@ class CaptureCard:
         if code == RECORD_START:
             if not self.configured or self.recording:
                 return 1
-            self.recording = True
+            with self._lock:
+                self.recording, self._sequence, self._place, self._rest = True, 1, 0, b""
         if code == RECORD_STOP:
-            was, self.recording = self.recording, False
+            with self._lock:
+                was, self.recording = self.recording, False
             return 0 if was else 1
         return 2 | 8 << 7 if code == VERSION else 0
 
@@ -221,11 +226,12 @@ class CaptureCard:
             wait = start + 0.75 * self.interval * k / 16 - time.monotonic()
             if wait > 0:
                 time.sleep(wait)
-            if not self.recording:
-                self._sequence, self._place, self._rest = 1, 0, b""
-                continue
-            self._rest += frame[at : at + part]
-            self._send(at + part >= len(frame))
+            if not self.running():
+                return
+            with self._lock:
+                if self.recording:
+                    self._rest += frame[at : at + part]
+                    self._send(at + part >= len(frame))
         self.sent_ns.append(time.monotonic_ns())
 
     def _send(self, last):
@@ -239,8 +245,6 @@ class CaptureCard:
             if not self.silent:
                 self._data.sendto(one, (HOST, self.data_port))
 
-    _sequence, _place, _rest = 1, 0, b""
-
 
 class SensorCli:
     """The sensor's command line on a pseudo-terminal, reachable through a link that unplugging removes.
@@ -250,7 +254,7 @@ class SensorCli:
 
     def __init__(self, link, *, prompt="mmwDemo", echo=True):
         self.link, self.prompt, self.echo = Path(link), prompt, echo
-        self.errors, self.hangs, self.lines = {}, set(), []
+        self.errors, self.hangs, self.lines, self.log = {}, set(), [], []
         self.running = False
         self._configured = set()
         self._stop = threading.Event()
@@ -301,6 +305,7 @@ class SensorCli:
         name = text.partition(" ")[0]
         if text:
             self.lines.append(text)
+            self.log.append(name)
         if name in self.hangs:
             return
         if self.prompt is None:
