@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -161,13 +162,20 @@ def _commands(path: Path) -> tuple[str, dict[str, list[tuple[int, list[float]]]]
         wanted = _ARGUMENTS.get(name) or _OPTIONAL.get(name)
         if wanted:
             try:
-                arguments = [float(word) for word in words]
+                arguments = [_number(word) for word in words]
             except ValueError:
                 raise DataError(f"{path}:{number}: {name} has an argument that is no number") from None
             if len(arguments) < wanted:
                 raise DataError(f"{path}:{number}: {name} has {len(arguments)} arguments, expected {wanted}")
             commands.setdefault(name, []).append((number, arguments))
     return platform, commands
+
+
+def _number(word: str) -> float:
+    number = float(word)
+    if not math.isfinite(number):
+        raise ValueError(f"{word} is not finite")
+    return number
 
 
 def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: int) -> int:

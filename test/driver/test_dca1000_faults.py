@@ -6,12 +6,10 @@ import time
 import numpy as np
 import pytest
 import serial
-from dca1000_emulator import BOARD, CONFIGURE, HOST, RECORD_START, RECORD_STOP, RESET_FPGA, cut, encode, free_ports
+from dca1000_emulator import CONFIGURE, HOST, RECORD_START, RECORD_STOP, RESET_FPGA, encode
 
-from radar_core import ConfigError, DataError, DeviceError
-from radar_driver.boards import board
+from radar_core import DeviceError
 from radar_driver.dca1000.commands import Event
-from radar_driver.dca1000.receiver import Receiver
 from radar_driver.dca1000.sockets import bind
 from radar_driver.live import Reader
 
@@ -347,74 +345,3 @@ def test_a_capture_board_that_somebody_else_controls(bench):
         flag.set()
         assert running.more()
     assert one.log == []
-
-
-WRONG = [
-    ({"config": ""}, None, "name the sensor's .cfg"),
-    ({"config": "/nowhere.cfg"}, None, "cannot be read as a configuration"),
-    ({}, ("lvdsStreamCfg -1 0 1 0\n", ""), "add the line: lvdsStreamCfg -1 0 1 0"),
-    ({}, ("lvdsStreamCfg -1 0 1 0", "lvdsStreamCfg -1 1 1 0"), "add the line: lvdsStreamCfg -1 0 1 0"),
-    ({}, ("frameCfg 0 1 16 0", "frameCfg 0 1 16 8"), "ends after 8 frames; make its fourth number 0"),
-    ({}, ("adcbufCfg -1 0 1", "adcbufCfg -1 0 0"), "gives samples in the order i_first, but dca1000.order is q_first"),
-    ({"lanes": 4}, None, "xWR18xx, which has 2 lanes, but dca1000.lanes is 4"),
-    (
-        {"packet_delay": 500e-6},
-        ("frameCfg 0 1 16 0 20", "frameCfg 0 1 16 0 10"),
-        "23 packets a frame, 500 us apart, take longer than a frame",
-    ),
-]
-
-
-@pytest.mark.parametrize(("given", "change", "message"), WRONG, ids=[m[:24] for _, _, m in WRONG])
-def test_settings_that_could_only_fail(bench, given, change, message):
-    """Refused before anything is opened."""
-    one = bench(FRAMES)
-    text = one.cfg.read_text()
-    if change:
-        assert change[0] in text
-        one.cfg.write_text(text.replace(*change))
-    with pytest.raises((ConfigError, DataError), match=message.replace("(", r"\(")):
-        one.source(**given)
-    assert one.log == []
-
-
-def test_a_buffer_that_the_system_cuts(tidy):
-    """Frames as large as the largest buffer: two of them cannot be held, and the advice names the setting."""
-    from pathlib import Path
-
-    largest = int(Path("/proc/sys/net/core/rmem_max").read_text())
-    (port,) = free_ports(1)
-    for size, warned in ((1 << 14, False), (largest, True)):
-        receiver = Receiver(HOST, BOARD, port, size)
-        receiver.open()
-        assert ("sudo sysctl -w net.core.rmem_max=" in receiver.warning) == warned
-        assert ("advice" in receiver.report()) == warned
-        receiver.close()
-
-
-def test_frames_that_nobody_reads_make_room(tidy):
-    """Twenty frames wait: the last four are kept, the others counted; a stranger's packets count for nothing."""
-    (port,) = free_ports(1)
-    receiver = Receiver(HOST, BOARD, port, 4096)
-    receiver.open()
-    stranger, link = bind("127.0.0.3", 0, "test"), bind(BOARD, 0, "test")
-    for one in cut(bytes(20 * 4096)):
-        link.sendto(one, (HOST, port))
-        stranger.sendto(one, (HOST, port))
-    assert [receiver.read(1.0).number for _ in range(4)] == [16, 17, 18, 19]
-    assert receiver.read(0.01) is None
-    assert receiver.report()["frames_skipped"] == 16
-    assert receiver.report()["packets_of_others"] == receiver.report()["packets"] == 57
-    # What waits when a new recording begins is thrown away.
-    for one in cut(bytes(4096)):
-        link.sendto(one, (HOST, port))
-    receiver.start_afresh()
-    assert receiver.read(0.01) is None
-    for end in (stranger, link, receiver):
-        end.close()
-
-
-def test_finding_boards_is_quick_and_touches_nothing():
-    """No TI sensor is plugged in here, or those that are have a port each."""
-    found = board("dca1000").find()
-    assert all(one.board == "dca1000" and one.options["serial_port"].startswith("/dev/") for one in found)
