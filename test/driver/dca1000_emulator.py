@@ -334,14 +334,19 @@ class SensorCli:
             os.write(self._master, text.encode())
 
 
+def noise(size, n=4):
+    """Frames of random words, for boards in other processes and whoever checks them."""
+    return [np.random.default_rng(k).integers(-2000, 2000, size // 2).astype("<i2").tobytes() for k in range(n)]
+
+
 def main():
-    """Be a board in a process of its own (for the benchmark): told by JSON on the command line; times of sending to stdout at the end."""
+    """Be a board in a process of its own (for the benchmark): told by JSON on the command line; what was sent when to stdout at the end."""
     told = json.loads(sys.argv[1])
-    frames = [np.random.default_rng(k).integers(-2000, 2000, told["frame_bytes"] // 2).astype("<i2").tobytes() for k in range(4)]
     faults = Faults(1, **told["faults"])
     ran = threading.Event()
-    with CaptureCard(frames, told["ports"], faults=faults, n_frames=told["n_frames"]) as card:
+    with CaptureCard(noise(told["frame_bytes"]), told["ports"], faults=faults, n_frames=told["n_frames"]) as card:
         card.running = ran.is_set
+        print("ready", flush=True)
         for line in sys.stdin:
             (ran.set if line.strip() == "start" else ran.clear)()
     print(json.dumps({"sent_ns": card.sent_ns, "lost": faults.lost}))

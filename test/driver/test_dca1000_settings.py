@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dca1000_emulator import BOARD, HOST, cut, encode, free_ports
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
-from radar_core import ConfigError, DataError
+from radar_core import ConfigError, DataError, DeviceError
 from radar_driver.boards import board
 from radar_driver.dca1000.receiver import Receiver
+from radar_driver.dca1000.serial_cli import SerialCli, cli_ports
 from radar_driver.dca1000.sockets import bind
 
 FRAMES = [encode(np.ones((2, 16, 4, 64), complex))]
@@ -80,3 +83,31 @@ def test_finding_boards_is_quick_and_touches_nothing():
     """No TI sensor is plugged in here, or those that are have a port each."""
     found = board("dca1000").find()
     assert all(one.board == "dca1000" and one.options["serial_port"].startswith("/dev/") for one in found)
+
+
+def usb_port(device, vid, pid, location, interface=None):
+    """Describe a port as the system lists it."""
+    port = ListPortInfo(device)
+    port.vid, port.pid, port.location, port.interface = vid, pid, location, interface
+    return port
+
+
+def test_the_port_of_the_command_line_is_chosen(monkeypatch):
+    """One port for each board: by its name, else the first interface; other devices are none."""
+    ports = [
+        usb_port("/dev/ttyACM1", 0x0451, 0xBEF3, "1-2:1.3"),
+        usb_port("/dev/ttyACM0", 0x0451, 0xBEF3, "1-2:1.0"),
+        usb_port("/dev/ttyUSB0", 0x10C4, 0xEA70, "1-3:1.0", "Standard Com Port"),
+        usb_port("/dev/ttyUSB1", 0x10C4, 0xEA70, "1-3:1.1", "Enhanced Com Port"),
+        usb_port("/dev/ttyUSB2", 0x0403, 0x6011, "1-4:1.0"),
+        usb_port("/dev/ttyS0", None, None, None),
+    ]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    assert {port.device for port in cli_ports()} == {"/dev/ttyACM0", "/dev/ttyUSB1"}
+    found = board("dca1000").find()
+    assert {one.options["serial_port"] for one in found} == {"/dev/ttyACM0", "/dev/ttyUSB1"}
+    with pytest.raises(DeviceError, match=r"there are several: .*set serial_port to one of them"):
+        SerialCli("auto", 0.1).open()
+    monkeypatch.setattr(list_ports, "comports", lambda: ports[-2:])
+    with pytest.raises(DeviceError, match="plug the sensor's USB cable in"):
+        SerialCli("auto", 0.1).open()
