@@ -63,4 +63,5 @@ class LiveFeed:
     def figures(self) -> tuple[dict[str, Any], list[str]]:
         """Give the device's report and the reader's counts, for diagnostics; and what to warn of."""
         values = {**self._source.report(), "replaced": self._reader.replaced, **self._reader.counts}
-        return values, [self._reader.problem] if self._reader.problem else []
+        warnings = [str(value) for key, value in values.items() if key.endswith("advice")]
+        return values, warnings + ([self._reader.problem] if self._reader.problem else [])

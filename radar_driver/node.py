@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
@@ -23,14 +23,14 @@ from radar_core.mounting import MountCalibration, load_mount
 from radar_driver.boards import Board, board
 from radar_driver.feed import LiveFeed
 from radar_driver.live import LiveSource
-from radar_driver.messages import BagSource
-from radar_driver.sources import FrameSource, SimSource
 from radar_ros import qos
 from radar_ros.convert import cloud_to_msg, frame_to_msg, header, info_to_msg, mount_to_transform
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
-from radar_sim import Truth
-from radar_sim.messages import truth_to_msg
+
+if TYPE_CHECKING:  # the simulator takes longer to import than a board to come up, e.g. after a crash
+    from radar_driver.sources import FrameSource
+    from radar_sim import Truth
 
 AT_END = ("stop", "loop", "exit")
 _SETTLE_NS = 500_000_000
@@ -92,6 +92,9 @@ class DriverNode(StageMixin, LifecycleNode):
             self._device = self._board.open(self._settings)
             self._device.power_up()
             return self._device.info
+        from radar_driver.messages import BagSource
+        from radar_driver.sources import SimSource
+
         self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
         return self._source.info
 
@@ -275,6 +278,8 @@ class DriverNode(StageMixin, LifecycleNode):
             middle = stamp + self._info.waveform.acquisition_ns // 2
             began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
             moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)
+            from radar_sim.messages import truth_to_msg
+
             self._truths.publish(truth_to_msg(moved))
         self._count += 1
         self._position += 1
