@@ -63,7 +63,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._measured: MountCalibration | None = None
         self._timer: Any = None
         self._again: Any = None
-        self._failure = ""
+        self._failure: HandwaveError = ConfigError("")
         self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.stream_out())
         self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
         if self._board is not None and self._board.clouds:
@@ -100,24 +100,25 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def _autostart(self) -> None:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            raise ConfigError(self._failure)
-        self.trigger_activate()
+            raise self._failure
+        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
+            raise self._failure
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
         try:
             radar = self._open()
         except HandwaveError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
+            self._failure = error
+            self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         space = self.get_namespace().strip("/") + "/"
         name = radar.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
         try:
             self._info = self._mounted(replace(radar, frame_id=f"{space}{name}".lstrip("/")))
         except HandwaveError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
+            self._failure = error
+            self.get_logger().error(str(error))
             self._power_down()
             return TransitionCallbackReturn.FAILURE
         self._position = 0  # in the source
@@ -148,8 +149,8 @@ class DriverNode(StageMixin, LifecycleNode):
         try:
             self._feed.start()
         except HandwaveError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
+            self._failure = error
+            self.get_logger().error(str(error))
             self._stop_feed()
             return TransitionCallbackReturn.FAILURE
         return None

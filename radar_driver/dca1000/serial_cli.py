@@ -39,12 +39,14 @@ class SerialCli(Device):
         E.g. ``/dev/ttyACM0``; ``auto``: the only one that is plugged in.
     timeout : float
         How long the answer to one line may take [s].
+    firmware : str
+        What its prompt has to begin with; empty: any will do.
     """
 
     name = "sensor's command line"
 
-    def __init__(self, port: str, timeout: float) -> None:
-        self._port, self._timeout = port, timeout
+    def __init__(self, port: str, timeout: float, firmware: str = _FIRMWARE) -> None:
+        self._port, self._timeout, self._firmware = port, timeout, firmware
         self._link: serial.Serial | None = None
         self._used = port
         self._sent = 0
@@ -125,7 +127,7 @@ class SerialCli(Device):
             heard += said
             if firmware is not None:
                 break
-        if firmware == _FIRMWARE:
+        if firmware is not None and firmware.startswith(self._firmware):
             return
         if firmware is not None:
             problem = f"runs another firmware (its prompt is {firmware}:/>)"

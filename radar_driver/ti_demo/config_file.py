@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
 
-from radar_core import AntennaArray, DataError, RadarInfo, Waveform
-
-_READERS: Final = ("radar_driver.dca1000.ti_config", "radar_ros.importers.ti_config")
-"""Modules that may hold the reader of .cfg files, the better one first."""
-
-
-def _reader() -> Any:
-    for name in _READERS:
-        try:
-            return importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            if error.name is None or not name.startswith(error.name):
-                raise
-    raise DataError("this installation has no reader of .cfg files; leave ti_demo.config empty")
+from radar_core import RadarInfo, Waveform
+from radar_driver.dca1000.ti_config import board_array, read_ti_config
 
 
 def describe(path: Path, general: RadarInfo) -> RadarInfo:
@@ -43,8 +29,7 @@ def describe(path: Path, general: RadarInfo) -> RadarInfo:
     DataError
         Naming file and line.
     """
-    reader = _reader()
-    ti = reader.read_ti_config(path)
+    ti = read_ti_config(path)
     pause = ti.idle + ti.ramp_end - ti.sampled
     waveform = Waveform(
         carrier=ti.carrier,
@@ -56,7 +41,7 @@ def describe(path: Path, general: RadarInfo) -> RadarInfo:
         n_chirp=ti.n_loop,
         n_sample=0,
     )
-    array: AntennaArray = reader.board_array(ti.platform, ti.tx, ti.n_rx, ti.carrier)
+    array = board_array(ti.platform, ti.tx, ti.n_rx, ti.carrier)
     view = general.array
     return replace(general, waveform=waveform, array=replace(array, fov_azimuth=view.fov_azimuth, fov_elevation=view.fov_elevation))
 
