@@ -358,8 +358,8 @@ def test_the_cfg_goes_to_the_command_port(board, source, tmp_path):
 @pytest.mark.parametrize(
     ("behaviour", "message"),
     [
-        ({"refuse": ["profileCfg"]}, r"demo\.cfg:6: .* answers 'profileCfg .*Error -1.*; the \.cfg is for another demo or chip"),
-        ({"silent": True}, r"demo\.cfg:2: .* answers 'sensorStop' with ''; is this the command port"),
+        ({"refuse": ["profileCfg"]}, r"demo\.cfg:6: the sensor refuses 'profileCfg .*Error -1.* Correct the line"),
+        ({"silent": True}, r"the sensor on .* does not answer\. .* the right port: that of the command line"),
     ],
     ids=["refused", "silent"],
 )

@@ -138,9 +138,10 @@ class CommandLine(Board):
                 self._answer(line.decode().strip())
 
     def _answer(self, line):
-        self.said.append(line)
+        if line:
+            self.said.append(line)
         if not self.silent:
-            answer = "Error -1" if line.split()[0] in self.refuse else "Done"
+            answer = "" if not line else "Error -1" if line.split()[0] in self.refuse else "Done"
             self.send(f"{line}\r\n{answer}\r\n\nmmwDemo:/>".encode())
 
     def close(self):
