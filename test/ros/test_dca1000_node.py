@@ -13,7 +13,7 @@ from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
 
-from radar_core import ConfigError
+from radar_core import DeviceError
 from radar_driver.node import make_node
 from radar_ros import qos
 from radar_ros.convert import frame_from_msg, from_time
@@ -101,7 +101,7 @@ def test_a_board_that_is_not_there_is_one_line(bench):
     bench.card.silent = True
     rclpy.init(args=[])
     try:
-        with pytest.raises(ConfigError, match=r"capture board did not power up: .* does not answer system connect: check its power"):
+        with pytest.raises(DeviceError, match=r"capture board did not power up: .* does not answer system connect: check its power"):
             node_of(bench, timeout=0.05)
     finally:
         rclpy.try_shutdown()
