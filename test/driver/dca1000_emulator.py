@@ -138,6 +138,7 @@ class CaptureCard:
         self.recording = self.configured = False
         self._sequence, self._place, self._rest = 1, 0, b""
         self._deaf_until = 0.0
+        self._again = False
         self._lock = threading.Lock()  # a recording begins and ends between two parts of a frame
         self._stop = threading.Event()
         self._link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -198,6 +199,7 @@ class CaptureCard:
                 return 1
             with self._lock:
                 self.recording, self._sequence, self._place, self._rest = True, 1, 0, b""
+                self._again |= not self.running()  # a sensor that was stopped begins anew, however short the pause was
         if code == RECORD_STOP:
             with self._lock:
                 was, self.recording = self.recording, False
@@ -212,8 +214,8 @@ class CaptureCard:
                 due, ran = time.monotonic() + self.interval / 4, False
                 self._stop.wait(0.002)
                 continue
-            if not ran:
-                number, ran = 0, True
+            if not ran or self._again:
+                number, ran, self._again, due = 0, True, False, max(due, time.monotonic())
             self._stop.wait(max(0.0, due - time.monotonic()))
             self._send_frame(self.frames[number % len(self.frames)], due)
             number += 1
@@ -229,6 +231,8 @@ class CaptureCard:
             if not self.running():
                 return
             with self._lock:
+                if self._again:
+                    return
                 if self.recording:
                     self._rest += frame[at : at + part]
                     self._send(at + part >= len(frame))

@@ -130,7 +130,7 @@ def test_kill_9_of_the_driver(ros, bench):
         board = time.monotonic() - died
         assert ros.spin_until(lambda: len(frames) > count, LONG), lines
         print(f"board set up again after {board:.2f} s, frames after {time.monotonic() - died:.2f} s")
-        assert frames[count].sequence < 100
+        assert frames[count].sequence < 500  # 10 s: connecting takes a busy machine long
         assert ros.spin_until(lambda: len(frames) > count + 10, LONG), lines
         assert supervisor.running == ["driver"]
     assert not bench.card.recording
