@@ -1,11 +1,8 @@
 """An emulated capture card with a sensor, the driver's settings for both, and a look at what a test leaves behind."""
 
-import os
-import threading
-import time
-
 import pytest
 from dca1000_emulator import BOARD, HOST, CaptureCard, SensorCli, cfg
+from leftovers import held, left_since
 
 from radar_driver.dca1000.board import open_dca1000
 from radar_driver.dca1000.settings import Dca1000Config
@@ -45,27 +42,12 @@ class Bench:
         self.cli.close()
 
 
-def open_files():
-    """What this process holds open: sockets, terminals, files."""
-    found = []
-    for number in os.listdir("/proc/self/fd"):
-        try:
-            found.append(os.readlink(f"/proc/self/fd/{number}"))
-        except OSError:
-            continue
-    return sorted(name for name in found if name.startswith(("socket:", "/dev/pts", "/dev/ptmx")))
-
-
 @pytest.fixture
 def tidy():
     """Whatever a test opened is closed in its end, and its threads have ended."""
-    threads, files = set(threading.enumerate()), open_files()
+    before = held()
     yield
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end and set(threading.enumerate()) - threads:
-        time.sleep(0.01)
-    assert set(threading.enumerate()) <= threads
-    assert open_files() == files
+    assert not left_since(before)
 
 
 @pytest.fixture

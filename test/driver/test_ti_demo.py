@@ -1,16 +1,15 @@
 """A TI board on a real pseudo terminal: clouds, every fault a serial line knows, and nothing left behind."""
 
 import math
-import os
 import subprocess
 import sys
-import threading
 import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import ti_demo_emulator as ti
+from leftovers import held, left_since
 
 from radar_core import ConfigError, DataError, DeviceError, PointCloud, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
@@ -253,11 +252,6 @@ def test_a_port_without_permission(monkeypatch):
         Uart("/dev/ttyACM1", 921600).open()
 
 
-def resources():
-    """Threads and descriptors of this process."""
-    return {t.name for t in threading.enumerate()}, len(os.listdir("/proc/self/fd"))
-
-
 @pytest.fixture
 def reader(source):
     """A reader on a source, with all that it gave."""
@@ -312,7 +306,7 @@ def test_unplugged_in_the_middle_of_a_packet_and_plugged_in_again(board, reader)
 def test_nothing_survives(board, source, tmp_path):
     """Twenty lives, some of which end with an unplugged board: as many threads and descriptors as before."""
     source().power_down()
-    before = resources()
+    before = held()
     for life in range(20):
         device = TiDemo(TiDemoConfig(port=str(board.link)), lambda: "")
         device.power_up()
@@ -326,7 +320,7 @@ def test_nothing_survives(board, source, tmp_path):
         one.stop()
         device.power_down()
         device.power_down()
-    assert resources() == before
+    assert not left_since(before)
 
 
 def test_a_hanging_sensor_is_started_anew(board, reader, tmp_path):
@@ -371,11 +365,11 @@ def test_a_line_that_is_refused_is_named(board, tmp_path, behaviour, message, mo
     cli = ti.CommandLine(tmp_path / "ttyACM0", **behaviour)
     device = TiDemo(TiDemoConfig(port=str(board.link), cli_port=str(cli.link), config=str(path)), lambda: "")
     try:
-        before = resources()
+        before = held()
         device.power_up()
         with pytest.raises(DeviceError, match=f"sensor did not resume: .*{message}"):
             device.resume()
-        assert resources() == before
+        assert not left_since(before)
     finally:
         cli.close()
 
