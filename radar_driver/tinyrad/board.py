@@ -13,6 +13,7 @@ from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import UsbLink
 
 _AFTER_RESET: Final = 0.2  # s: the board takes that long
+_STOP: Final = 0.3  # s: so long may stopping take beyond a frame
 FIRMWARE: Final = 3
 """Major version of the firmware whose protocol this is."""
 
@@ -214,5 +215,5 @@ class Sequencer(Component):
 
     def suspend(self) -> None:
         """Stop: only a reset does, and it silences the transmitter too."""
-        self._link.synchronise()
+        self._link.synchronise(1, self._config.frame_interval + _STOP)  # a frame may still be on its way
         self._link.ask(wire.reset())

@@ -191,16 +191,25 @@ class UsbLink(Device):
             break
         raise self._silent(f"did not answer command {code:#06x} within {self._timeout:g} s")
 
-    def synchronise(self) -> None:
+    def synchronise(self, attempts: int = _ATTEMPTS, patience: float = _ATTEMPT) -> None:
         """Come in step with a board of which nothing is known: throw away what it still sends, and find where its next command begins.
 
         A program that was killed may leave answers and samples that nobody read, a request that the board still works on, and a command of
         which only some packets went. After the last, whole commands are read from their middle; single packets of zeros shift them.
+
+        Parameters
+        ----------
+        attempts : int
+            How often at most; once is enough where all commands went whole.
+        patience : float
+            So long without a byte [s], and the next attempt follows.
         """
-        for _ in range(_ATTEMPTS):
+        for attempt in range(attempts):
             self.write(wire.version())
-            if self._await(wire.Code.VERSION):
+            if self._await(wire.Code.VERSION, patience):
                 return
+            if attempt + 1 == attempts:
+                break
             self.counts["resynchronised"] += 1
             self.write(bytes(wire.PACKET))
         raise self._silent("does not answer")
@@ -213,7 +222,7 @@ class UsbLink(Device):
         """Throw away what the board still sends, until it is quiet."""
         self._await(-1, _QUIET)
 
-    def _await(self, code: int, patience: float = _ATTEMPT) -> bool:
+    def _await(self, code: int, patience: float) -> bool:
         """Throw everything away until the answer to a command; False when nothing more comes."""
         thrown, deadline = 0, time.monotonic() + patience
         while thrown < _FLOOD and time.monotonic() < deadline:

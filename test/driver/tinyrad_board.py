@@ -67,7 +67,7 @@ class Board:
     def power_cycle(self):
         """Forget everything, as without power."""
         self.incoming, self.outgoing = bytearray(), deque()
-        self.halted = False
+        self.halted, self.later = False, None
         self.reset()
 
     def reset(self):
@@ -104,6 +104,10 @@ class Board:
         self._check()
         if self.halted:
             raise StallError
+        if self.later and self.clock() > self.later[0]:
+            self.outgoing.append(self.later[1])
+            self._respond(0x9032, 0)
+            self.later = None
         self._work()
         while len(buffer) < length:
             if not self.outgoing:
@@ -249,6 +253,11 @@ class Board:
             block = block[: len(block) - self.faults.pop("cut")]
         if self.faults.pop("stall_data", None):
             self.halted = True
+            return
+        if "pause" in self.faults:  # so much, and the rest later
+            n, seconds = self.faults.pop("pause")
+            self.outgoing.append(memoryview(bytes(block))[:n])
+            self.later = (self.clock() + seconds, memoryview(bytes(block))[n:])
             return
         if self.faults.get("response_first"):
             self._respond(0x9032, 0)
