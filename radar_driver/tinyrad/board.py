@@ -13,7 +13,7 @@ from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import UsbLink
 
 _AFTER_RESET: Final = 0.2  # s: the board takes that long
-_STOP: Final = 0.3  # s: so long may stopping take beyond a frame
+_STOP: Final = 0.3  # s: so long may a command take that stops it; a board that hangs must not hold up the end of the program
 FIRMWARE: Final = 3
 """Major version of the firmware whose protocol this is."""
 
@@ -69,6 +69,10 @@ class Controller(Component):
         """Reset the radar: nothing is left of what it did before."""
         self._link.ask(wire.reset())
         time.sleep(_AFTER_RESET)
+
+    def suspend(self) -> None:
+        """Reset it again: nothing else silences the transmitter."""
+        self._link.ask(wire.reset(), timeout=_STOP)
 
     def _synchronise(self) -> None:
         try:
@@ -214,6 +218,5 @@ class Sequencer(Component):
         self._link.ask(wire.start(c.period, c.samples))
 
     def suspend(self) -> None:
-        """Stop: only a reset does, and it silences the transmitter too."""
-        self._link.synchronise(1, self._config.frame_interval + _STOP)  # a frame may still be on its way
-        self._link.ask(wire.reset())
+        """Take what is still on its way, so that commands are heard; it goes on until the controller is reset."""
+        self._link.synchronise(1, self._config.frame_interval + _STOP)

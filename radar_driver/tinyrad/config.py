@@ -23,7 +23,7 @@ class TinyRadConfig:
     start_frequency: float = knob(24.0e9, unit="Hz", low=registers.BAND[0], high=registers.BAND[1], doc="where a chirp begins")
     bandwidth: float = knob(250e6, unit="Hz", low=1e6, high=250e6, doc="how far a chirp rises during its ramp")
     ramp: float = knob(64e-6, unit="s", low=8e-6, high=4e-3, doc="how long a chirp rises, in whole microseconds")
-    samples: int = knob(64, low=8, high=4096, doc="samples of a chirp, one a microsecond; the first is a counter")
+    samples: int = knob(64, low=16, high=4096, doc="samples of a chirp, one a microsecond; the first is a counter")
     skip: int = knob(1, low=1, high=256, doc="samples left out at the beginning of a chirp: the counter, and what has not settled")
     period: float = knob(100e-6, unit="s", low=30e-6, high=10e-3, doc="start of one chirp to the start of the next")
     chirps: int = knob(64, low=1, high=4096, doc="recorded chirps per transmitter and frame")

@@ -167,21 +167,30 @@ class UsbLink(Device):
         n = self._guard("read from", lambda: self._device.read(self._in, buffer, self._milliseconds(timeout)))
         return memoryview(buffer)[: n or 0].tobytes()
 
-    def ask(self, frame: bytes, least: int = 0) -> tuple[int, ...]:
-        """Send a command and return the words of its answer, at least so many.
+    def ask(self, frame: bytes, least: int = 0, timeout: float | None = None) -> tuple[int, ...]:
+        """Send a command and return the words of its answer.
+
+        Parameters
+        ----------
+        frame : bytes
+            The command.
+        least : int
+            How many words there have to be.
+        timeout : float or None
+            How long it may take [s]; None: as the link's.
 
         Raises
         ------
         DeviceError
             When it does not come, or something else does; ``gone`` then.
         """
-        code = int.from_bytes(frame[2:4], "little")
+        code, patience = int.from_bytes(frame[2:4], "little"), timeout or self._timeout
         for attempt in (1, 2):
             self.write(frame)
             try:
-                answer = self.read(wire.PACKET, self._timeout)
+                answer = self.read(wire.PACKET, patience)
                 while wire.is_response(answer, wire.Code.DATA) and code != wire.Code.DATA:  # of a frame that nobody waits for any more
-                    answer = self.read(wire.PACKET, self._timeout)
+                    answer = self.read(wire.PACKET, patience)
             except DeviceError as error:
                 if error.gone or attempt == 2:
                     raise
@@ -189,7 +198,7 @@ class UsbLink(Device):
             if answer:
                 return wire.words(answer, code, least)
             break
-        raise self._silent(f"did not answer command {code:#06x} within {self._timeout:g} s")
+        raise self._silent(f"did not answer command {code:#06x} within {patience:g} s")
 
     def synchronise(self, attempts: int = _ATTEMPTS, patience: float = _ATTEMPT) -> None:
         """Come in step with a board of which nothing is known: throw away what it still sends, and find where its next command begins.

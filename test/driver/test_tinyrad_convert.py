@@ -36,23 +36,21 @@ def stream(config, starts, converter=None):
     return [converter.process(block(config, (start + np.arange(n)) % 65536), (start + n) * period) for start in starts], converter
 
 
-@pytest.mark.parametrize("n_real", [63, 64, 7, 8, 255])
+@pytest.mark.parametrize("n_real", [63, 64, 48, 255])
 def test_a_tone_becomes_a_complex_tone(n_real):
     """A cosine of any frequency in the middle of the band keeps amplitude and phase and turns forward.
 
     Only the taper's side lobes are cut off, 75 dB and more below it, hence 2e-4 of the amplitude in the middle half of a long ramp.
     """
     n = (n_real + 1) // 2
-    for turns in (n // 2, max(n // 3, 2)):
+    for turns in (n // 2, n // 3):
         samples = 0.1 * np.cos(2 * np.pi * turns * np.arange(n_real) / n_real + 0.7)
         wanted = 0.1 * np.exp(1j * (2 * np.pi * turns * np.arange(n) / n + 0.7))
         got = analytic(samples.astype(np.float32))
         assert got.dtype == np.complex64
         assert got.shape == (n,)
-        if n_real > 60:
-            middle = slice(n // 4, -(n // 4))
-            np.testing.assert_allclose(got[middle], wanted[middle], atol=2e-5)
-        assert np.abs(np.vdot(wanted, got) / np.vdot(wanted, wanted) - 1) < 0.06  # seven samples: the taper's main lobe is cut
+        middle = slice(n // 4, -(n // 4))
+        np.testing.assert_allclose(got[middle], wanted[middle], atol=2e-5)
 
 
 @pytest.mark.parametrize(("name", "worst"), [("nuttall", -74.0), ("hann", -65.0)])
@@ -81,7 +79,7 @@ def test_echoes_near_zero_range(cell, worst):
 
 sizes = st.builds(
     lambda n, chirps, sequence, spare, skip: (n, chirps, sequence, spare, min(skip, n - 4)),
-    st.integers(8, 40),
+    st.integers(16, 40),
     st.integers(1, 12),
     st.sampled_from([(1,), (2,), (1, 2), (2, 1)]),
     st.integers(0, 5),
@@ -206,7 +204,7 @@ def test_the_clock_follows_what_came_first():
         ({"start_frequency": 24.1e9}, r"the chirp would end at 2.435e\+10 Hz, above 2.425e\+10 Hz"),
         ({"transfer": 1000}, "transfer is 1000; it must be a multiple of 512"),
         ({"sequence": (1, 1)}, r"TinyRadConfig.sequence is \(1, 1\)"),
-        ({"bandwidth": 250e6, "ramp": 8e-6, "samples": 8}, "too steep for the synthesiser"),
+        ({"bandwidth": 250e6, "ramp": 10e-6, "samples": 16}, "too steep for the synthesiser"),
     ],
 )
 def test_what_the_board_cannot_do_is_refused(change, message):

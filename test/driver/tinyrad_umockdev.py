@@ -70,8 +70,10 @@ class Bus(UMockdev.IoctlBase):
     def do_client_connected(self, client):
         self.programs[client] = Program()
 
-    def do_client_vanished(self, client):
-        self.programs.pop(client, None)
+    def forget_the_dead(self):
+        """Take back what ended programs held, as the kernel does; umockdev does not tell when a program was killed."""
+        for client in [client for client in self.programs if not client.get_connected()]:
+            del self.programs[client]
 
     def do_handle_ioctl(self, client):
         program = self.programs.setdefault(client, Program())
@@ -90,6 +92,7 @@ class Bus(UMockdev.IoctlBase):
         return True
 
     def held(self, program):
+        self.forget_the_dead()
         return any(other.claimed for other in self.programs.values() if other is not program)
 
     def capabilities(self, client, program):
@@ -183,6 +186,7 @@ class Bus(UMockdev.IoctlBase):
 
     def tick(self):
         """Look after programs that wait; often, and all the time."""
+        self.forget_the_dead()
         self.pump()
         now = time.monotonic()
         for program in list(self.programs.values()):
