@@ -216,11 +216,15 @@ class UsbLink(Device):
         for attempt in range(attempts):
             self.write(wire.version())
             if self._await(wire.Code.VERSION, patience):
-                return
-            if attempt + 1 == attempts:
-                break
+                if attempt == 0:
+                    return
+                self._await(-1, _QUIET)  # that may have been a late answer to an earlier attempt: only a prompt one counts now
+                self.write(wire.version())
+                if self._await(wire.Code.VERSION, patience):
+                    return
             self.counts["resynchronised"] += 1
-            self.write(bytes(wire.PACKET))
+            if attempt + 1 < attempts:
+                self.write(bytes(wire.PACKET))
         raise self._silent("does not answer")
 
     def reset(self) -> None:
@@ -304,9 +308,7 @@ class UsbLink(Device):
                 self._device.clear_halt(end)
         except usb.core.USBError as error:
             return self._silent(f"stalled and did not recover ({error})")
-        return DeviceError(
-            f"the TinyRad stalled ({doing} it); the stall was cleared, and it goes on; if it comes again, try another cable"
-        )
+        return DeviceError(f"the TinyRad stalled ({doing} it); the stall was cleared, and it goes on; if it comes again, try another cable")
 
     @staticmethod
     def _silent(what: str) -> DeviceError:

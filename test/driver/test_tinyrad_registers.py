@@ -56,9 +56,7 @@ def test_only_power_and_transmitter_change_the_transmitter(power, tx):
     assert flat[-1] >> 6 & 3 == {0: 0, 1: 1, 2: 2}[tx]
 
 
-@given(
-    start=st.floats(24.0e9, 24.2e9), bandwidth=st.floats(10e6, 250e6), ramp=st.integers(16, 1000)
-)
+@given(start=st.floats(24.0e9, 24.2e9), bandwidth=st.floats(10e6, 250e6), ramp=st.integers(16, 1000))
 def test_words_describe_the_sweep_that_was_asked_for(start, bandwidth, ramp):
     """Decode the fields as the data sheet says: start, steps and slope come back."""
     words = {}

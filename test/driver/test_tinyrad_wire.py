@@ -59,7 +59,9 @@ def test_any_response_comes_back(code, words):
         wire.words(data, code, n)
 
 
-@pytest.mark.parametrize(("word", "degrees"), [(0, 0.0), (125, 31.25), (0x3FF, -0.25), (0x200, -128.0), (0x1FF, 127.75), (0xFC00 | 125, 31.25)])
+@pytest.mark.parametrize(
+    ("word", "degrees"), [(0, 0.0), (125, 31.25), (0x3FF, -0.25), (0x200, -128.0), (0x1FF, 127.75), (0xFC00 | 125, 31.25)]
+)
 def test_temperature(word, degrees):
     """Ten bits, two's complement, quarters of a degree."""
     assert wire.temperature(word) == degrees

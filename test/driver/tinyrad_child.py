@@ -53,9 +53,9 @@ def main():
             say(problem=told)
         reading = reader.take()
         if reading is not None:
+            now = time.monotonic_ns()
             got += 1
             digest = hashlib.sha256(reading.data.cube.tobytes()).hexdigest()[:16]
-            now = time.monotonic_ns()
             say(sequence=reading.data.sequence, stamp=reading.data.stamp_ns, arrived=now, digest=digest, missing=len(reading.data.missing))
     cpu = (time.process_time() - used) / (time.monotonic() - began)
     reader.stop()

@@ -10,6 +10,7 @@ import json
 import os
 import struct
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -66,9 +67,11 @@ class Bus(UMockdev.IoctlBase):
         super().__init__()
         self.board, self.programs = board, {}
         self.gone = False
+        self.lock = threading.RLock()  # system calls come in a thread of umockdev's
 
     def do_client_connected(self, client):
-        self.programs[client] = Program()
+        with self.lock:
+            self.programs[client] = Program()
 
     def forget_the_dead(self):
         """Take back what ended programs held, as the kernel does; umockdev does not tell when a program was killed."""
@@ -76,17 +79,32 @@ class Bus(UMockdev.IoctlBase):
             del self.programs[client]
 
     def do_handle_ioctl(self, client):
+        with self.lock:
+            return self.serve(client)
+
+    def serve(self, client):
         program = self.programs.setdefault(client, Program())
         request = client.get_request() & 0xFFFFFFFF
         if self.gone and request not in (REAP_NOW, DISCARD):
             client.complete(-1, errno.ENODEV)
             return True
         handlers = {
-            SUBMIT: self.submit, REAP_NOW: self.reap, DISCARD: self.discard, CLAIM: self.claim, RELEASE: self.release,
-            SET_CONFIGURATION: self.configure, CLEAR_HALT: self.clear_halt, RESET: self.restart, CAPABILITIES: self.capabilities,
+            SUBMIT: self.submit,
+            REAP_NOW: self.reap,
+            DISCARD: self.discard,
+            CLAIM: self.claim,
+            RELEASE: self.release,
+            SET_CONFIGURATION: self.configure,
+            CLEAR_HALT: self.clear_halt,
+            RESET: self.restart,
+            CAPABILITIES: self.capabilities,
         }
         if request in handlers:
-            handlers[request](client, program)
+            try:
+                handlers[request](client, program)
+            except GLib.Error:  # the program was killed in the middle of the call
+                self.programs.pop(client, None)
+                client.abort()
         else:  # what libusb can do without
             client.complete(-1, errno.ENODATA if request == GET_DRIVER else errno.ENOTTY)
         return True
@@ -186,8 +204,17 @@ class Bus(UMockdev.IoctlBase):
 
     def tick(self):
         """Look after programs that wait; often, and all the time."""
-        self.forget_the_dead()
-        self.pump()
+        try:
+            with self.lock:
+                self.forget_the_dead()
+                self.pump()
+                self.answer()
+        except GLib.Error:  # a program was killed while it was served; it is forgotten next time
+            pass
+        return True
+
+    def answer(self):
+        """Answer the programs that wait for a transfer."""
         now = time.monotonic()
         for program in list(self.programs.values()):
             if program.waiting is None:
@@ -199,7 +226,6 @@ class Bus(UMockdev.IoctlBase):
                     client.complete(-1, errno.ENODEV if self.gone and not program.urbs else errno.EAGAIN)
                 else:
                     program.waiting = (client, until)
-        return True
 
 
 class Machine:
@@ -207,10 +233,12 @@ class Machine:
 
     def __init__(self, board):
         self.board, self.bed = board, UMockdev.Testbed.new()
-        self.bed.add_from_string("P: /devices/pci0000:00/usb1\nN: bus/usb/001/001\nE: DEVTYPE=usb_device\nE: SUBSYSTEM=usb\n"
-                                 "E: BUSNUM=001\nE: DEVNUM=001\nE: MAJOR=189\nE: MINOR=0\nE: DEVNAME=/dev/bus/usb/001/001\n"
-                                 "A: busnum=1\\n\nA: devnum=1\\n\nA: speed=480\\n\nA: bConfigurationValue=1\\n\n"
-                                 f"H: descriptors={self.hub()}\n")
+        self.bed.add_from_string(
+            "P: /devices/pci0000:00/usb1\nN: bus/usb/001/001\nE: DEVTYPE=usb_device\nE: SUBSYSTEM=usb\n"
+            "E: BUSNUM=001\nE: DEVNUM=001\nE: MAJOR=189\nE: MINOR=0\nE: DEVNAME=/dev/bus/usb/001/001\n"
+            "A: busnum=1\\n\nA: devnum=1\\n\nA: speed=480\\n\nA: bConfigurationValue=1\\n\n"
+            f"H: descriptors={self.hub()}\n"
+        )
         self.bus = None
         self.plug()
 
@@ -234,6 +262,10 @@ class Machine:
         self.bed.uevent(self.path, "add")
 
     def obey(self, line):
+        with self.bus.lock:
+            return self.do(line)
+
+    def do(self, line):
         word, *rest = line.split()
         if word == "unplug":
             self.board.unplug()
