@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped, Transform, TransformStamped, Vector3
@@ -24,14 +24,14 @@ from radar_core.mounting import MountCalibration, load_mount
 from radar_driver.boards import Board, board
 from radar_driver.feed import LiveFeed
 from radar_driver.live import LiveSource
-from radar_driver.messages import BagSource
-from radar_driver.sources import FrameSource, SimSource
 from radar_ros import qos
 from radar_ros.convert import cloud_to_msg, frame_to_msg, header, info_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
-from radar_sim import Truth
-from radar_sim.messages import truth_to_msg
+
+if TYPE_CHECKING:  # simulator and bags take most of the start-up time, which a board does not need: after a crash it counts
+    from radar_driver.sources import FrameSource
+    from radar_sim import Truth
 
 AT_END = ("stop", "loop", "exit")
 _SETTLE_NS = 500_000_000
@@ -92,7 +92,14 @@ class DriverNode(StageMixin, LifecycleNode):
             self._device = self._board.open(self._settings)
             self._device.power_up()
             return self._device.info
-        self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
+        if self._source_kind == "sim":
+            from radar_driver.sources import SimSource
+
+            self._source = SimSource(self._scene, space)
+        else:
+            from radar_driver.messages import BagSource
+
+            self._source = BagSource(Path(self._bag), space)
         return self._source.info
 
     def _autostart(self) -> None:
@@ -276,6 +283,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._frames.publish(frame_to_msg(frame))
         self.finish(stamp, self._count, started)
         if truth is not None:
+            from radar_sim.messages import truth_to_msg
+
             middle = stamp + self._info.waveform.acquisition_ns // 2
             began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
             moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)

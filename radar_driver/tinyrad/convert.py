@@ -7,7 +7,6 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
 from radar_core import DeviceError, RadarFrame
@@ -45,10 +44,9 @@ def analytic(samples: NDArray[np.float32]) -> NDArray[np.complex64]:
     """
     taper, undo = _tapers(samples.shape[-1])
     n = len(undo)
-    spectrum = scipy.fft.rfft(samples * taper, axis=-1, workers=1)[..., :n]
+    spectrum = np.fft.rfft(samples * taper, axis=-1)[..., :n]
     spectrum[..., 1:] *= 2
-    found: NDArray[np.complex64] = scipy.fft.ifft(spectrum, axis=-1, workers=1) * undo
-    return found.astype(np.complex64, copy=False)
+    return np.asarray(np.fft.ifft(spectrum, axis=-1) * undo, np.complex64)
 
 
 @cache

@@ -62,6 +62,7 @@ class Board:
         self.address = 5
         self.faults = {}
         self.ready_ns = []  # when each frame that was sent was ready, on the clock
+        self.began_ns = []  # when it began to measure, each time
         self.power_cycle()
 
     def power_cycle(self):
@@ -196,6 +197,7 @@ class Board:
             self.sequence = arguments
         elif what == 1 and self.sizes and self.sequence:
             period, n_sample = arguments
+            self.began_ns.append(round(self.clock() * 1e9))
             self.measuring = {"began": self.clock(), "period": period * 1e-8, "n": n_sample, "sent": 0, "skipped": 0}
         return (0,)
 

@@ -7,7 +7,6 @@ prints one JSON line with the environment in which a program finds the device, a
 
 import errno
 import json
-import os
 import struct
 import sys
 import threading
@@ -17,10 +16,10 @@ from pathlib import Path
 import gi
 
 gi.require_version("UMockdev", "1.0")
-from gi.repository import GLib, UMockdev  # noqa: E402
+from gi.repository import GLib, UMockdev
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tinyrad_board import CONFIGURATION, DEVICE, Board, GoneError, StallError, TooMuchError  # noqa: E402
+from tinyrad_board import CONFIGURATION, DEVICE, Board, GoneError, StallError, TooMuchError
 
 FRAME_BYTES = 65536
 SUBMIT, DISCARD, REAP_NOW = 0x8038550A, 0x550B, 0x4008550D
@@ -279,7 +278,7 @@ class Machine:
         elif word == "fault":
             self.board.faults[rest[0]] = json.loads(rest[1])
         elif word == "report":
-            return {"ready_ns": self.board.ready_ns, "commands": [c[:64].hex() for c in self.board.commands], "cpu_s": time.process_time()}
+            return {"ready_ns": self.board.ready_ns, "began_ns": self.board.began_ns, "commands": len(self.board.commands)}
         return {}
 
 
@@ -288,6 +287,8 @@ def main():
     board = Board([frames[i : i + FRAME_BYTES] for i in range(0, len(frames), FRAME_BYTES)], paced=True)
     machine, loop = Machine(board), GLib.MainLoop()
     environment = {"UMOCKDEV_DIR": machine.bed.get_root_dir(), "LD_PRELOAD": "libumockdev-preload.so.0"}
+    # ROS loads a tracing library that waits 3 s for a thread of its own, which the preloaded library blocks in the meantime.
+    environment["LTTNG_UST_REGISTER_TIMEOUT"] = "0"
     print(json.dumps(environment), flush=True)
 
     def heard(channel, condition):
