@@ -4,6 +4,7 @@ import errno
 import os
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from tinyrad_backend import Backend
@@ -257,7 +258,7 @@ def test_no_permission(rig, monkeypatch, tmp_path):
     one.bus.forbidden = True
     error = fails(one.source.power_up, "no permission for the TinyRad at 1-1", "sudo cp", "udevadm control --reload", "plugdev")
     rule = str(error).split("sudo cp ")[1].split()[0]
-    text = open(rule).read()
+    text = Path(rule).read_text()
     assert rule.endswith(RULE)
     assert 'ATTR{idVendor}=="064b", ATTR{idProduct}=="7823"' in text
     assert 'TAG+="uaccess"' in text

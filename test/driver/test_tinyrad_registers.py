@@ -68,7 +68,7 @@ def test_words_describe_the_sweep_that_was_asked_for(start, bandwidth, ramp):
     assert words[6][0] >> 3 & 0xFFFFF == ramp
     deviation, offset = words[5][0] >> 3 & 0xFFFF, words[5][0] >> 19 & 0xF
     swept = deviation * 2**offset * (100e6 / 2**25) * ramp * 2
-    # The word is rounded to a multiple of 4 and lies in 4000 to 8000 (below that only where the exponent is 0): 2 of 4000, or 2 steps of 3 Hz.
+    # The word is rounded to a multiple of 4 and lies in 4000 to 8000, or below that where the exponent is 0: 2 of 4000, or 2 steps of 3 Hz.
     assert swept == pytest.approx(bandwidth, rel=0.51e-3, abs=2 * 2 * 2.99 * ramp)
     assert registers.swept(bandwidth, ramp * 1e-6) == swept
     assert deviation <= 8000

@@ -52,7 +52,7 @@ def test_same_points_as_the_simulators_frame(rig, sequence):
             gap = np.abs(points.range - ideal.range[i]) / 0.6 + np.abs(points.radial_speed - ideal.radial_speed[i]) / 0.49
             j = int(gap.argmin())
             matched += bool(gap[j] < 0.2)
-            # Ghosts of the conversion lie 75 dB below the strongest echo, which has 75 dB: below the noise. A fifth of a deviation is generous.
+            # Ghosts of the conversion lie 75 dB below the strongest echo, which has 75 dB: below the noise. A fifth of a deviation will do.
             assert abs(points.range[j] - ideal.range[i]) < 0.2 * max(ideal.range_std[i], 5e-3)
             assert abs(points.radial_speed[j] - ideal.radial_speed[i]) < 0.2 * max(ideal.radial_speed_std[i], 5e-3)
             assert abs(points.azimuth[j] - ideal.azimuth[i]) < 0.2 * max(ideal.azimuth_std[i], 5e-3)

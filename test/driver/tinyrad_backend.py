@@ -12,6 +12,20 @@ from tinyrad_board import CONFIGURATION, DEVICE, GoneError, StallError, TooMuchE
 
 _ERRORS = {StallError: (-9, errno.EPIPE), TooMuchError: (-8, errno.EOVERFLOW), GoneError: (-4, errno.ENODEV)}
 
+_DEVICE = (
+    *("bLength", "bDescriptorType", "bcdUSB", "bDeviceClass", "bDeviceSubClass", "bDeviceProtocol", "bMaxPacketSize0", "idVendor"),
+    *("idProduct", "bcdDevice", "iManufacturer", "iProduct", "iSerialNumber", "bNumConfigurations"),
+)
+_CONFIGURATION = (
+    *("bLength", "bDescriptorType", "wTotalLength", "bNumInterfaces", "bConfigurationValue", "iConfiguration", "bmAttributes"),
+    "bMaxPower",
+)
+_INTERFACE = (
+    *("bLength", "bDescriptorType", "bInterfaceNumber", "bAlternateSetting", "bNumEndpoints", "bInterfaceClass", "bInterfaceSubClass"),
+    *("bInterfaceProtocol", "iInterface"),
+)
+_ENDPOINT = ("bLength", "bDescriptorType", "bEndpointAddress", "bmAttributes", "wMaxPacketSize", "bInterval")
+
 
 def error(number, code=-1):
     return usb.core.USBError("emulated", code, number)
@@ -50,7 +64,7 @@ class Backend(usb.backend.IBackend):
         return [board for board in self.boards if board.plugged]
 
     def get_device_descriptor(self, dev):
-        names = ["bLength", "bDescriptorType", "bcdUSB", "bDeviceClass", "bDeviceSubClass", "bDeviceProtocol", "bMaxPacketSize0", "idVendor", "idProduct", "bcdDevice", "iManufacturer", "iProduct", "iSerialNumber", "bNumConfigurations"]
+        names = _DEVICE
         values = dict(zip(names, struct.unpack("<BBHBBBBHHHBBBB", DEVICE), strict=True))
         where = self.boards.index(dev) + 1
         return SimpleNamespace(**values, bus=1, address=dev.address, port_number=where, port_numbers=(where,), speed=3)
@@ -58,17 +72,17 @@ class Backend(usb.backend.IBackend):
     def get_configuration_descriptor(self, dev, config):
         if config > 0:
             raise IndexError
-        names = ["bLength", "bDescriptorType", "wTotalLength", "bNumInterfaces", "bConfigurationValue", "iConfiguration", "bmAttributes", "bMaxPower"]
+        names = _CONFIGURATION
         return SimpleNamespace(**dict(zip(names, struct.unpack_from("<BBHBBBBB", CONFIGURATION), strict=True)), extra_descriptors=[])
 
     def get_interface_descriptor(self, dev, intf, alt, config):
         if intf > 0 or alt > 0:
             raise IndexError
-        names = ["bLength", "bDescriptorType", "bInterfaceNumber", "bAlternateSetting", "bNumEndpoints", "bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol", "iInterface"]
+        names = _INTERFACE
         return SimpleNamespace(**dict(zip(names, struct.unpack_from("<9B", CONFIGURATION, 9), strict=True)), extra_descriptors=[])
 
     def get_endpoint_descriptor(self, dev, ep, intf, alt, config):
-        names = ["bLength", "bDescriptorType", "bEndpointAddress", "bmAttributes", "wMaxPacketSize", "bInterval"]
+        names = _ENDPOINT
         values = dict(zip(names, struct.unpack_from("<BBBBHB", CONFIGURATION, 18 + 7 * ep), strict=True))
         return SimpleNamespace(**values, bRefresh=0, bSynchAddress=0, extra_descriptors=[])
 

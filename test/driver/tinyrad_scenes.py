@@ -22,7 +22,7 @@ def fine_info(config):
 
 def encode(real, config):
     """Samples [V], shape (tx, chirp, rx, n_real), as the block that the board sends; the counters are the board's business."""
-    n_tx, n_chirp, n_rx, n_real = real.shape
+    n_tx, n_chirp, n_rx, _ = real.shape
     values = np.zeros((n_chirp, n_tx, config.samples, n_rx), "<i2")
     counts = np.round(real / wire.VOLTS)
     assert np.abs(counts).max() < 32767, "the echo is too strong for the converter"

@@ -1,7 +1,7 @@
 """The emulated board below the real libusb: a process that makes a USB device out of it with umockdev.
 
-Started as ``umockdev-wrapper /usr/bin/python3 tinyrad_umockdev.py [FRAMES]``, where FRAMES holds the samples of frames, 65,536 bytes each. It
-prints one JSON line with the environment in which a program finds the device, and then obeys lines of its standard input: ``unplug``,
+Started as ``umockdev-wrapper /usr/bin/python3 tinyrad_umockdev.py [FRAMES]``, where FRAMES holds the samples of frames, 65,536 bytes each.
+It prints one JSON line with the environment in which a program finds the device, and then obeys lines of its standard input: ``unplug``,
 ``plug``, ``fault NAME VALUE``, ``report``; each gets a JSON line in return. It ends with its input.
 """
 

@@ -44,7 +44,7 @@ def specs(**knobs):
 
 @pytest.mark.umockdev
 def test_kill_9_of_the_driver_and_its_restart(ros, machine):
-    """SIGKILL while frames come: started again, it brings the board into step and frames come again; then it is unplugged and comes back."""
+    """SIGKILL while frames come: started again, it brings the board into step, and frames come again; then the same with the plug."""
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(depth=50))
     infos = ros.collect(RadarInfoMsg, "radar/info", qos.LATCHED)
     diagnostics = ros.collect(DiagnosticArray, "diagnostics")
