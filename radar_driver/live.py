@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from radar_core import DeviceError, HandwaveError, PointCloud, RadarFrame, RadarInfo
+from radar_core import HandwaveError, PointCloud, RadarFrame, RadarInfo
 
 _WAIT: Final = 0.2  # s: how long a read may block; so long does it take to stop
 _AGAIN: Final = 0.5  # s: from one attempt to open a lost device to the next
@@ -146,6 +146,14 @@ class Reader:
         return newest
 
     def _work(self) -> None:
+        try:
+            self._loop()
+        except Exception as error:
+            self._say(f"nothing is read any more, because of a fault of this program ({error!r}): start the driver again")
+            self._rest()
+            raise
+
+    def _loop(self) -> None:
         lost = False
         while not self._stop.is_set():
             try:
@@ -155,10 +163,10 @@ class Reader:
                     self.counts["reopened"] += 1
                     lost = False
                 reading = self._source.read(_WAIT)
-            except DeviceError as error:
+            except HandwaveError as error:
                 self.counts["errors"] += 1
                 self._say(str(error))
-                if error.gone or lost:
+                if lost or getattr(error, "gone", False):
                     lost = True
                     self._source.power_down()
                     self._stop.wait(self._again)

@@ -276,6 +276,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._frames.publish(frame_to_msg(frame))
         self.finish(stamp, self._count, started)
         if truth is not None:
+            from radar_sim.messages import truth_to_msg
+
             middle = stamp + self._info.waveform.acquisition_ns // 2
             began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
             moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)
