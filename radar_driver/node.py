@@ -281,8 +281,6 @@ class DriverNode(StageMixin, LifecycleNode):
             middle = stamp + self._info.waveform.acquisition_ns // 2
             began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
             moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)
-            from radar_sim.messages import truth_to_msg
-
             self._truths.publish(truth_to_msg(moved))
         self._count += 1
         self._position += 1
