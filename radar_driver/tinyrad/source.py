@@ -58,10 +58,9 @@ class TinyRadSource:
         """Open the board and see what it is; it does not radiate yet."""
         self._radar.power_up()
         self._measured = time.monotonic()
-        calibration = self._controller.calibration
+        self.info, calibration = self._config.info(), self._controller.calibration
         if calibration is not None and self._config.calibrate:
-            array = calibration.applied(self._config.info().array, self._config.sequence)
-            self.info = dataclasses.replace(self.info, array=array)
+            self.info = dataclasses.replace(self.info, array=calibration.applied(self.info.array, self._config.sequence))
 
     def resume(self) -> None:
         """Set up chirps and frames, and start."""

@@ -7,12 +7,9 @@ import time
 from pathlib import Path
 
 import pytest
-from tinyrad_backend import Backend
-from tinyrad_board import Board, calibration
 
 from radar_core import DeviceError
 from radar_driver.boards import tinyrad
-from radar_driver.components import PowerState
 from radar_driver.live import Reader
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import RULE, UsbLink
@@ -28,35 +25,6 @@ def fails(call, *texts):
     for text in texts:
         assert text in str(caught.value)
     return caught.value
-
-
-def test_start_sequence(rig):
-    """Commands in the vendor's order, registers as the golden words say, and nothing radiates before it is to."""
-    one = rig(buffers=2)
-    one.source.power_up()
-    assert not any(one.board.registers.values())
-    one.source.resume()
-    one.read(2)
-    codes = [int.from_bytes(c[2:4], "little") for c in one.board.commands]
-    asked = [c for c in one.board.commands if c[2:4] not in (b"\x30\x90", b"\x13\x90")]
-    assert codes[:3] == [0x900E, 0x900E, 0x9030]
-    start = [c.hex().rstrip("0") for c in asked[2:]]
-    assert start[0] == "0c003190030001"  # reset
-    assert start[1].startswith("30001790")  # receiver
-    assert [c[:4] for c in start[2:6]] == ["4000", "1800", "1800", "1800"] or len(start[2:6]) == 4  # transmitter, in four groups
-    assert start[6] == "1c0031900700010000000c00000003000000050000004c00000064"
-    assert start[7].startswith("3c001790")  # synthesiser
-    assert start[8] == "1c00319007000100000002000000020000006400000040000000" + "02"
-    assert start[9] == "14003190050001000000030000000100000002"
-    assert start[10] == "140031900500010000000100000010270000" + "4"
-    assert start[11] == "140032900500010000000100000000" + "8"
-    assert {chip: len(words) for chip, words in one.board.registers.items()} == {0: 8, 1: 19, 2: 11}
-    assert one.source.report()["sequencer.state"] == "running"
-    one.source.suspend()
-    assert not any(one.board.registers.values())  # a reset: nothing radiates
-    assert one.source.report()["sequencer.state"] == "suspended"
-    one.source.resume()
-    assert [f.sequence for f in one.read(3)] == [2, 3, 4]
 
 
 def test_an_unanswered_command_takes_everything_back(rig):
@@ -271,45 +239,6 @@ def test_no_permission(rig, monkeypatch, tmp_path):
     assert "sudo cp" in found.problem
 
 
-def test_finding_and_choosing(rig):
-    """None, one, two of them: by port; a wrong port says which there are."""
-    assert tinyrad.find(Backend()) == []
-    fails(TinyRadSource(TinyRadConfig(), Backend()).power_up, "no TinyRad is plugged in: plug it in")
-    bus = Backend(Board(), Board())
-    found = tinyrad.find(bus)
-    assert [(f.board, f.address, f.options, f.problem) for f in found] == [
-        ("tinyrad", "USB 1-1", {"port": "1-1"}, ""),
-        ("tinyrad", "USB 1-2", {"port": "1-2"}, ""),
-    ]
-    fails(TinyRadSource(TinyRadConfig(), bus).power_up, "2 TinyRads are plugged in; choose one by tinyrad.port: 1-1, 1-2")
-    fails(TinyRadSource(TinyRadConfig(port="3-1"), bus).power_up, "no TinyRad is at 3-1, but at 1-1, 1-2")
-    chosen = TinyRadSource(TinyRadConfig(port="1-2"), bus)
-    chosen.power_up()
-    assert chosen.report()["controller.port"] == "1-2"
-    chosen.power_down()
-
-
-def test_another_firmware(rig):
-    """Refused with the versions and what to do; tried when asked to."""
-    one = rig(board={"version": (2, 1, 7)})
-    fails(one.source.power_up, "has firmware 2.1.7, but this driver was written for 3.x", "set tinyrad.any_firmware")
-    assert one.free
-    brave = rig(board={"version": (2, 1, 7)}, any_firmware=True).start()
-    brave.read(1)
-    assert brave.source.report()["controller.firmware"] == "2.1.7"
-
-
-@pytest.mark.parametrize("memory", [b"", calibration()[0][:33], b"\xff" * 128, bytes(128)], ids=["none", "short", "ones", "zeros"])
-def test_a_memory_without_a_calibration(rig, memory):
-    """The radar works, uncalibrated, and its report says why and what to do."""
-    one = rig(board={"memory": memory}).start()
-    one.read(1)
-    assert one.source.info.array.channel_gain == ()
-    said = one.source.report()["controller.calibration"]
-    assert said.startswith("none: the memory")
-    assert "handwave calibrate" in said
-
-
 def test_the_clock_that_does_not_lock(rig):
     """Setting up fails there; what comes after it was never touched."""
     one = rig()
@@ -375,14 +304,6 @@ def test_a_host_that_is_too_slow(rig):
         assert abs((frame.stamp_ns - frames[0].stamp_ns) * 1e-6 - 20 * (frame.sequence - frames[0].sequence)) < 2.0
 
 
-def test_temperature_while_frames_come(rig):
-    """Asked for between frames; nothing is lost by it."""
-    one = rig(temperature_interval=0.03).start()
-    one.board.temperature = 0x3FF & round(-12.5 * 4)
-    assert [f.sequence for f in one.read(6)] == [0, 1, 2, 3, 4, 5]
-    assert one.source.report()["controller.temperature"] == -12.5
-
-
 def test_opening_often_leaves_nothing(rig):
     """Fifty lives: no handle, no claim, no thread, no file."""
     one = rig(board={"paced": False})
@@ -395,35 +316,6 @@ def test_opening_often_leaves_nothing(rig):
         link.close()
     assert one.free
     assert len(os.listdir("/proc/self/fd")) == files
-
-
-def test_the_calibration_describes_the_channels(rig):
-    """Each channel's spectrum times its factor is an ideal channel's: so the array responds with the inverse; in the order of the turns."""
-    import numpy as np
-
-    factors = np.array(calibration()[1])
-    for sequence in ((1, 2), (2, 1), (2,)):
-        one = rig(sequence=sequence)
-        one.source.power_up()
-        wanted = factors.reshape(2, 4)[[tx - 1 for tx in sequence]].ravel()
-        np.testing.assert_allclose(one.source.info.array.response * wanted, 1.0, rtol=1e-12)
-        one.source.power_down()
-    bare = rig(calibrate=False)
-    bare.source.power_up()
-    assert bare.source.info.array.channel_gain == ()
-
-
-def test_states_are_those_of_the_parts(rig):
-    """Off, suspended, running, and back."""
-    one = rig()
-    radar = one.source._radar
-    assert radar.state is PowerState.OFF
-    one.start()
-    assert radar.state is PowerState.RUNNING
-    one.source.suspend()
-    assert radar.state is PowerState.SUSPENDED
-    one.source.power_down()
-    assert radar.state is PowerState.OFF
 
 
 def test_the_errors_of_libusb_that_have_no_name_of_their_own(rig):

@@ -13,7 +13,7 @@ from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
 
-from radar_core import ConfigError
+from radar_core import ConfigError, DeviceError
 from radar_driver.boards.tinyrad import find
 from radar_driver.node import make_node
 from radar_ros import qos
@@ -95,7 +95,7 @@ def test_a_driver_without_its_board_says_so():
     """Nothing plugged in at this machine: one message with the remedy."""
     if find():
         pytest.skip("a TinyRad is plugged in")
-    with pytest.raises(ConfigError, match="no TinyRad is plugged in: plug it in"):
+    with pytest.raises(DeviceError, match="no TinyRad is plugged in: plug it in"):
         make(source="tinyrad")
 
 
