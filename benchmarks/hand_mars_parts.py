@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
 from radar_core import DataError, PointCloud, RadarInfo
+from radar_driver.ti_demo.points import to_our_axes
 from radar_ros.importers import open_original
-from radar_ros.importers.points import to_our_axes
 from radar_tracking import HandConfig, HandTracker, TrackedCloud
 from radar_tracking.hand.posture import PostureTracker
 from radar_tracking.hand.posture_model import PostureModel

@@ -3,7 +3,7 @@
 from radar_core.antenna import AntennaArray
 from radar_core.cloud import PointCloud, Quality
 from radar_core.composite import CloudComposite, CloudSource, merge
-from radar_core.errors import ConfigError, DataError, HandwaveError
+from radar_core.errors import ConfigError, DataError, DeviceError, HandwaveError
 from radar_core.frame import RadarFrame, RadarInfo
 from radar_core.labels import GESTURES, NO_GESTURE
 from radar_core.pose import Pose
@@ -18,6 +18,7 @@ __all__ = [
     "CloudSource",
     "ConfigError",
     "DataError",
+    "DeviceError",
     "HandwaveError",
     "PointCloud",
     "Pose",

@@ -31,3 +31,19 @@ class ConfigError(HandwaveError):
 
 class DataError(HandwaveError):
     """Measured or recorded data that contradicts itself or its description."""
+
+
+class DeviceError(HandwaveError):
+    """A device that is not there, does not answer, or answers what it should not.
+
+    Parameters
+    ----------
+    message : str
+        What was wrong, where, and what to do.
+    gone : bool
+        Whether the device has to be opened anew before anything else can work: it was unplugged, or its link is in an unknown state.
+    """
+
+    def __init__(self, message: str, *, gone: bool = False) -> None:
+        super().__init__(message)
+        self.gone = gone

@@ -6,28 +6,31 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
 from geometry_msgs.msg import Pose as PoseMsg
-from geometry_msgs.msg import Quaternion as QuaternionMsg
+from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import Truth as TruthMsg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from tf2_msgs.msg import TFMessage
 
-from radar_core import ConfigError, HandwaveError, RadarFrame, RadarInfo
+from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
 from radar_core.mounting import MountCalibration, load_mount
-from radar_driver.messages import BagSource
-from radar_driver.sources import FrameSource, SimSource
+from radar_driver.boards import Board, board
+from radar_driver.feed import LiveFeed
+from radar_driver.live import LiveSource
 from radar_ros import qos
-from radar_ros.convert import frame_to_msg, header, info_to_msg
-from radar_ros.params import declare
+from radar_ros.convert import cloud_to_msg, frame_to_msg, header, info_to_msg, mount_to_transform
+from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
-from radar_sim import Truth
-from radar_sim.messages import truth_to_msg
+
+if TYPE_CHECKING:  # the simulator takes longer to import than a board to come up, e.g. after a crash
+    from radar_driver.sources import FrameSource
+    from radar_sim import Truth
 
 AT_END = ("stop", "loop", "exit")
 _SETTLE_NS = 500_000_000
@@ -40,7 +43,7 @@ class DriverNode(StageMixin, LifecycleNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("driver", **kwargs)
         self.start_stage("driver")
-        self._source_kind = str(declare(self, "source", "sim", "where frames come from: sim or bag"))
+        self._source_kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
         self._scene = str(declare(self, "scene", "demo", "source sim: scene file, or one of ours by name"))
         self._bag = str(declare(self, "bag", "", "source bag: folder of the recording"))
         self._calibration = str(
@@ -53,42 +56,69 @@ class DriverNode(StageMixin, LifecycleNode):
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
         if self._at_end not in AT_END:
             raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
-        if self._source_kind not in ("sim", "bag"):
-            raise ConfigError(f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim or bag")
+        self._board = None if self._source_kind in ("sim", "bag") else self._known_board()
         self._source: FrameSource | None = None
+        self._device: LiveSource | None = None
+        self._feed: LiveFeed | None = None
         self._measured: MountCalibration | None = None
         self._timer: Any = None
         self._again: Any = None
-        self._failure = ""
+        self._failure: HandwaveError = ConfigError("")
         self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.stream_out())
         self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
+        if self._board is not None and self._board.clouds:
+            self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
         self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
         self._pose = self.create_publisher(PoseWithCovarianceStamped, "radar/pose", qos.LATCHED) if self._calibration else None
         if autostart:
             self._autostart()
 
+    def _known_board(self) -> Board:
+        """Look up the board and declare its knobs as parameters ``BOARD.knob``."""
+        try:
+            found = board(self._source_kind)
+        except ConfigError as error:
+            raise ConfigError(
+                f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim, bag or a board: {error}"
+            ) from None
+        self._settings: Any = declare_config(self, found.config, f"{found.name}.")
+        return found
+
+    def _open(self) -> RadarInfo:
+        """Open what frames come from, or power up the board; tell what radar it is."""
+        space = self.get_namespace()
+        if self._board is not None:
+            self._device = self._board.open(self._settings)
+            self._device.power_up()
+            return self._device.info
+        from radar_driver.messages import BagSource
+        from radar_driver.sources import SimSource
+
+        self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
+        return self._source.info
+
     def _autostart(self) -> None:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            raise ConfigError(self._failure)
-        self.trigger_activate()
+            raise self._failure
+        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
+            raise self._failure
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
         try:
-            space = self.get_namespace()
-            self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
+            radar = self._open()
         except HandwaveError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
+            self._failure = error
+            self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         space = self.get_namespace().strip("/") + "/"
-        name = self._source.info.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
+        name = radar.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
         try:
-            self._info = self._mounted(replace(self._source.info, frame_id=f"{space}{name}".lstrip("/")))
+            self._info = self._mounted(replace(radar, frame_id=f"{space}{name}".lstrip("/")))
         except HandwaveError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
+            self._failure = error
+            self.get_logger().error(str(error))
             self._power_down()
             return TransitionCallbackReturn.FAILURE
         self._position = 0  # in the source
@@ -100,6 +130,8 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Resume: frames come from now on."""
+        if self._device is not None:
+            return self._start_feed(self._device) or super().on_activate(state)
         assert self._source is not None
         self._interval_ns = round(self._source.interval * 1e9 / self._speed)
         self._delay_ns = round(self._source.delay * 1e9 / self._speed)
@@ -111,9 +143,38 @@ class DriverNode(StageMixin, LifecycleNode):
         self._timer = self.create_timer(self._interval_ns * _TICK * 1e-9, self._tick)
         return super().on_activate(state)
 
+    def _start_feed(self, device: LiveSource) -> TransitionCallbackReturn | None:
+        """Let the board send; None when it does."""
+        self._feed = LiveFeed(self, device, self._info, self._send)
+        try:
+            self._feed.start()
+        except HandwaveError as error:
+            self._failure = error
+            self.get_logger().error(str(error))
+            self._stop_feed()
+            return TransitionCallbackReturn.FAILURE
+        return None
+
+    def _stop_feed(self) -> None:
+        if self._feed is not None:
+            self._feed.stop()
+            self._feed = None
+
+    def _send(self, data: RadarFrame | PointCloud) -> None:
+        """Publish what a board gave."""
+        if isinstance(data, RadarFrame):
+            self._frames.publish(frame_to_msg(data))
+        else:
+            self._points.publish(cloud_to_msg(data))
+
+    def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
+        """Say what the board reports of itself."""
+        return ({}, []) if self._feed is None else self._feed.figures()
+
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Suspend: no more frames; the source keeps its place."""
         self._stop_timer()
+        self._stop_feed()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -137,12 +198,16 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def _power_down(self) -> None:
         self._stop_timer()
+        self._stop_feed()
         if self._again is not None:
             self.destroy_timer(self._again)
             self._again = None
         if self._source is not None:
             self._source.close()
             self._source = None
+        if self._device is not None:
+            self._device.power_down()
+            self._device = None
 
     def _mounted(self, info: RadarInfo) -> RadarInfo:
         """Put the measured mount into a radar's description; a file about another radar changes nothing, so all drivers may get it."""
@@ -160,11 +225,7 @@ class DriverNode(StageMixin, LifecycleNode):
         info = self._info
         now = self.get_clock().now().nanoseconds
         self._infos.publish(info_to_msg(info, now))
-        x, y, z, w = info.mount.quaternion
-        transform = TransformStamped(header=header(now, "room"), child_frame_id=info.frame_id)
-        transform.transform = Transform(
-            translation=Vector3(x=info.mount.x, y=info.mount.y, z=info.mount.z), rotation=QuaternionMsg(x=x, y=y, z=z, w=w)
-        )
+        transform = mount_to_transform(info, now)
         self._tf.publish(TFMessage(transforms=[transform]))
         if self._pose is not None and self._measured is not None:
             place = PoseMsg(position=Point(x=info.mount.x, y=info.mount.y, z=info.mount.z), orientation=transform.transform.rotation)
@@ -215,6 +276,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._frames.publish(frame_to_msg(frame))
         self.finish(stamp, self._count, started)
         if truth is not None:
+            from radar_sim.messages import truth_to_msg
+
             middle = stamp + self._info.waveform.acquisition_ns // 2
             began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
             moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)

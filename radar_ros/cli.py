@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import calibration_commands, camera_commands, dataset_commands, scene_commands, training_commands
+from radar_ros import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -79,7 +79,7 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[str, typer.Argument(help="live, demo, two_radars, replay, stages or camera (see docs/graph.md)")] = "live",
+    variant: Annotated[str, typer.Argument(help="live, clouds, cloud2, demo, two_radars, replay, stages, camera (docs/graph.md)")] = "live",
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
@@ -310,7 +310,7 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
 
 @app.command("import")
 def import_(
-    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, dca1000 or openradar")],
+    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, dca1000, dca1000_bin or openradar")],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
     option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
@@ -373,7 +373,8 @@ def turntable(
 
 
 _SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
-_COMMANDS = (*_SCENES, training_commands.train, training_commands.evaluate)
+_DEVICES = (device_commands.devices, device_commands.probe)
+_COMMANDS = (*_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)

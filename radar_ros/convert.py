@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from handwave.msg import CloudSource as CloudSourceMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
@@ -93,6 +94,14 @@ def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
         mount_yaw_rad=m.yaw,
         mount_tilt_rad=m.tilt,
     )
+
+
+def mount_to_transform(info: RadarInfo, stamp_ns: int) -> TransformStamped:
+    """Say for tf where a radar stands: its frame in ``room``."""
+    x, y, z, w = info.mount.quaternion
+    place = Vector3(x=info.mount.x, y=info.mount.y, z=info.mount.z)
+    transform = Transform(translation=place, rotation=Quaternion(x=x, y=y, z=z, w=w))
+    return TransformStamped(header=header(stamp_ns, "room"), child_frame_id=info.frame_id, transform=transform)
 
 
 def info_from_msg(msg: Any) -> RadarInfo:

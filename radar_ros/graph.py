@@ -47,6 +47,7 @@ NODES: Mapping[str, NodeSpec] = {
     spec.name: spec
     for spec in (
         NodeSpec("driver", "radar_driver.node"),
+        NodeSpec("cloud2", "radar_driver.nodes.cloud2"),
         NodeSpec("baseband", "radar_dsp.node"),
         NodeSpec("fusion", "radar_tracking.nodes.fusion"),
         NodeSpec("tracking", "radar_tracking.nodes.tracking"),
@@ -90,6 +91,12 @@ _EACH = tuple(f"{radar}/{node}" for radar in _RADARS for node in ("driver", "bas
 VARIANTS: Mapping[str, Variant] = {
     "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
     "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
+    "clouds": Variant(
+        "a board that gives point clouds (handwave devices --boards) to people, gestures and a hand",
+        ("driver", *STAGES[1:], "visualisation"),
+        {"driver": {"source": "ti_demo"}},
+    ),
+    "cloud2": Variant("clouds of somebody else's driver (sensor_msgs/PointCloud2) to the same", ("cloud2", *STAGES[1:], "visualisation")),
     "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
     "camera": Variant("a camera as the reference of the hand, beside a graph that runs", ("camera", "hand_evaluation")),
     "stages": Variant("the bare stages, for lockstep and measurements", STAGES),

@@ -24,7 +24,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from radar_core import HandwaveError, RadarInfo
+from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_ros import qos
 from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
 from radar_ros.params import declare, refuse_unknown
@@ -277,7 +277,8 @@ def run(make_node: Callable[..., Any], argv: Sequence[str] | None = None) -> int
     Returns
     -------
     int
-        Exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense.
+        Exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense; 3 when a device is not there or fails,
+        which may be mended: whoever respawns nodes tries again.
     """
     return run_many([make_node], argv)
 
@@ -308,7 +309,7 @@ def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = N
         pass
     except HandwaveError as error:
         print(f"handwave: {error}", file=sys.stderr, flush=True)
-        status = 2
+        status = 3 if isinstance(error, DeviceError) else 2
     except Exception:
         if rclpy.ok():
             raise

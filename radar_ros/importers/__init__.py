@@ -11,6 +11,7 @@ from radar_core import ConfigError, DataError
 from radar_core.config import describe, load
 from radar_ros.importers.crossing import CrossingOptions, read_crossing
 from radar_ros.importers.dca1000 import Dca1000Options, read_dca1000
+from radar_ros.importers.dca1000_bin import Dca1000BinOptions, read_dca1000_bin
 from radar_ros.importers.mars import MarsOptions, read_mars
 from radar_ros.importers.openradar import OpenRadarOptions, read_openradar
 from radar_ros.importers.recording import ImportReport, Recording, Segment, write_bag
@@ -49,6 +50,9 @@ KINDS: Mapping[str, Kind] = {
     "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", MtransseeOptions, read_mtranssee),
     "mars": Kind("exercises with the joints' truth, MARS (.npz)", MarsOptions, read_mars),
     "dca1000": Kind("network capture of a DCA1000 (.pcap) with the radar's .cfg", Dca1000Options, read_dca1000),
+    "dca1000_bin": Kind(
+        "samples that a DCA1000's tools recorded (.bin file, or folder of one recording) with the .cfg", Dca1000BinOptions, read_dca1000_bin
+    ),
     "openradar": Kind("raw frames of OpenRadar (.npy)", OpenRadarOptions, read_openradar),
 }
 """What can be imported."""

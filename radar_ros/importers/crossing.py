@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
+from radar_driver.clouds import cloud_source_info
+from radar_driver.ti_demo.points import cloud_from_ti
 from radar_ros.importers.files import check_offsets, load_npz, require_numbers
-from radar_ros.importers.points import cloud_from_ti
-from radar_ros.importers.recording import Recording, SourceOptions, Tally, cloud_source_info
+from radar_ros.importers.recording import Recording, SourceOptions, Tally
 
 _HEIGHT: Final = 0.7  # m: the recorded z is range * sin(elevation) plus this (to 0.03 mm): the radar's height over its floor
 _FOV: Final = (np.radians(100.0), np.radians(35.0))  # all points lie within +-50 deg and +-17 deg, but for a few

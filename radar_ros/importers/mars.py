@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError
 from radar_core.config import config, knob
+from radar_driver.clouds import cloud_source_info
+from radar_driver.ti_demo.points import amplitude_db, cloud_from_ti, to_our_axes
 from radar_ros.importers.files import check_offsets, load_npz, require_numbers
-from radar_ros.importers.points import amplitude_db, cloud_from_ti, to_our_axes
-from radar_ros.importers.recording import START_NS, Item, Recording, SourceOptions, Tally, cloud_source_info
+from radar_ros.importers.recording import START_NS, Item, Recording, SourceOptions, Tally
 from radar_sim.truth import Truth
 
 _FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the IWR1443's antennas, roughly

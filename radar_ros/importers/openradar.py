@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, RadarFrame, RadarInfo, Waveform
 from radar_core.config import config, knob
+from radar_driver.dca1000.ti_config import board_array
 from radar_ros.importers.files import require_numbers
 from radar_ros.importers.recording import START_NS, Recording, SourceOptions, Tally
-from radar_ros.importers.ti_config import board_array
 
 
 @config

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rclpy.serialization import serialize_message
 
-from radar_core import AntennaArray, DataError, PointCloud, Pose, RadarFrame, RadarInfo, Waveform
+from radar_core import DataError, PointCloud, Pose, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.convert import cloud_to_msg, frame_to_msg, info_to_msg
@@ -138,23 +138,6 @@ class ImportReport:
         lines += [f"  left out: {count} {reason}" for reason, count in sorted(self.dropped.items()) if count]
         lines += [f"  careful: {warning}" for warning in self.warnings]
         return "\n".join(lines)
-
-
-def cloud_source_info(frame_interval: float, fov: tuple[float, float], mount: Pose) -> RadarInfo:
-    """Describe a radar of which only the point clouds are known (n_sample = 0); its waveform and array are not.
-
-    Parameters
-    ----------
-    frame_interval : float
-        [s].
-    fov : tuple of float, length 2
-        Full field of view in azimuth and elevation [rad].
-    mount : Pose
-        Where it stands.
-    """
-    array = AntennaArray(tx=((0.0, 0.0),), rx=((0.0, 0.0),), fov_azimuth=fov[0], fov_elevation=fov[1])
-    waveform = Waveform(n_tx=1, n_chirp=1, n_sample=0, frame_interval=frame_interval)
-    return RadarInfo(frame_id="radar", waveform=waveform, array=array, mount=mount)
 
 
 def write_bag(recording: Recording, kind: str, source: Path, out: Path, options: Mapping[str, Any]) -> ImportReport:

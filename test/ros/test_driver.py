@@ -116,7 +116,7 @@ def test_many_signals_are_one(ros, start, scene):
     [
         (["scnee:=short"], "no parameter 'scnee'; it knows:"),
         (["at_end:=explode"], "at_end of node driver is 'explode'; choose one of stop, loop, exit"),
-        (["source:=usb"], "choose sim or bag"),
+        (["source:=usb"], "choose sim, bag or a board: there is no board 'usb'"),
         (["rate:=0.0"], "parameter rate of node driver"),
         (["source:=bag", "bag:=/nowhere"], "/nowhere"),
     ],

@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from xml.etree import ElementTree
 
 import psutil
 import pytest
@@ -171,6 +173,18 @@ def test_a_domain_that_is_none(monkeypatch, number):
     monkeypatch.setenv("ROS_DOMAIN_ID", number)
     with pytest.raises(ConfigError, match=rf"ROS_DOMAIN_ID is '{number}'; it must be a number from 0 to 232"):
         environment()
+
+
+def test_discovery_is_quick_unless_the_user_says_otherwise(monkeypatch):
+    """A file of ours that is there and that Fast DDS can read; the user's own, by either name, wins."""
+    for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(name, raising=False)
+    ours = Path(environment()["FASTRTPS_DEFAULT_PROFILES_FILE"])
+    assert ElementTree.parse(ours).getroot().tag == "{http://www.eprosima.com}dds"
+    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", "/mine.xml")
+    assert "FASTRTPS_DEFAULT_PROFILES_FILE" not in environment()
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "/other.xml")
+    assert environment()["FASTRTPS_DEFAULT_PROFILES_FILE"] == "/other.xml"
 
 
 def test_no_place_for_logs(monkeypatch):

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from radar_core import SPEED_OF_LIGHT, AntennaArray, DataError
+from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, DataError, Pose, RadarInfo, Waveform
 
 _ELEMENT: Final = {1: (0.0, 0.0), 2: (2.0, 1.0), 3: (4.0, 0.0)}
 """(y, z) in half wavelengths of the evaluation boards' transmitters: TX2 sits half a wavelength above the line of TX1 and TX3."""
 _TWO_TX: Final = {1: (0.0, 0.0), 2: (4.0, 0.0)}
 """The same of the xWR16xx, which has two."""
 _ARGUMENTS: Final = {"profileCfg": 14, "frameCfg": 7, "chirpCfg": 8, "channelCfg": 3, "adcCfg": 2}
+_OPTIONAL: Final = {"lvdsStreamCfg": 4, "adcbufCfg": 4}
+_FULL_SCALE: Final = 32767.0  # samples are counts of 16 bits
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,12 @@ class TiConfig:
         Chirps per transmitter.
     frame_interval : float
         [s].
+    n_frame : int
+        Frames until the sensor stops by itself; 0: never.
+    streams : bool
+        Whether the raw samples leave through the LVDS lanes (lvdsStreamCfg).
+    order : str
+        Component that comes first in a sample: ``i_first`` or ``q_first`` (sampleSwap of adcbufCfg); empty when the file does not say.
     """
 
     platform: str
@@ -54,6 +63,9 @@ class TiConfig:
     n_rx: int
     n_loop: int
     frame_interval: float
+    n_frame: int = 0
+    streams: bool = False
+    order: str = ""
 
     @property
     def sampled(self) -> float:
@@ -81,6 +93,7 @@ def read_ti_config(path: Path) -> TiConfig:
             raise DataError(f"{path}: lacks the command {name}; give the file that configured the radar")
     line, channel = commands["channelCfg"][-1]
     _require(path, line, channel[0] > 0, "channelCfg switches no receiver on")
+    _require(path, line, (int(channel[0]) + 1).bit_count() == 1, "channelCfg must switch on the first receivers: a mask of 1, 3, 7 or 15")
     line, adc = commands["adcCfg"][-1]
     _require(path, line, adc[0] == 2, "adcCfg asks for samples of other than 16 bits; use adcCfg 2 1")
     _require(path, line, adc[1] in (1, 2), "adcCfg asks for real samples, which are not supported; record with adcCfg 2 1")
@@ -88,6 +101,7 @@ def read_ti_config(path: Path) -> TiConfig:
     _require(path, line, 0 <= frame[0] <= frame[1] < 512 and frame[2] >= 1 and frame[4] > 0, "frameCfg makes no sense")
     tx = tuple(_transmitter(path, commands["chirpCfg"], chirp) for chirp in range(int(frame[0]), int(frame[1]) + 1))
     _require(path, line, len(set(tx)) == len(tx), "a transmitter has several chirps in a loop, which is not supported")
+    stream, buffer = commands.get("lvdsStreamCfg", []), commands.get("adcbufCfg", [])
     line, profile = commands["profileCfg"][0]
     _require(path, line, min(profile[1], profile[4], profile[7], profile[9], profile[10]) > 0, "profileCfg needs positive values")
     config = TiConfig(
@@ -103,9 +117,31 @@ def read_ti_config(path: Path) -> TiConfig:
         n_rx=int(channel[0]).bit_count(),
         n_loop=int(frame[2]),
         frame_interval=frame[4] * 1e-3,
+        n_frame=int(frame[3]),
+        streams=bool(stream) and stream[-1][1][1:4] == [0, 1, 0],  # no headers, raw samples, nothing else
+        order=("q_first" if buffer[-1][1][-3] else "i_first") if buffer else "",
     )
     _require(path, line, config.adc_start + config.sampled <= config.ramp_end + 1e-9, "the samples of profileCfg do not fit into its ramp")
     return config
+
+
+def cli_lines(path: Path) -> list[tuple[int, str]]:
+    """Commands of a .cfg file as the sensor's CLI gets them: numbers of their lines (from 1), and text without comments and blanks.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be read.
+    """
+    lines = ((number, line.strip()) for number, line in enumerate(_text(path).splitlines(), 1))
+    return [(number, line) for number, line in lines if line and not line.startswith("%")]
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as a configuration ({error})") from None
 
 
 def _require(path: Path, line: int, good: bool, problem: str) -> None:
@@ -115,27 +151,31 @@ def _require(path: Path, line: int, good: bool, problem: str) -> None:
 
 def _commands(path: Path) -> tuple[str, dict[str, list[tuple[int, list[float]]]]]:
     """Platform of the heading, and for every command its lines and arguments."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as a configuration ({error})") from None
     platform = ""
     commands: dict[str, list[tuple[int, list[float]]]] = {}
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(_text(path).splitlines(), 1):
         if line.startswith("%"):
             if line.lstrip("% ").startswith("Platform:"):
                 platform = line.partition(":")[2].strip()
             continue
         name, *words = line.split() or [""]
-        if name in _ARGUMENTS:
+        wanted = _ARGUMENTS.get(name) or _OPTIONAL.get(name)
+        if wanted:
             try:
-                arguments = [float(word) for word in words]
+                arguments = [_number(word) for word in words]
             except ValueError:
                 raise DataError(f"{path}:{number}: {name} has an argument that is no number") from None
-            if len(arguments) < _ARGUMENTS[name]:
-                raise DataError(f"{path}:{number}: {name} has {len(arguments)} arguments, expected {_ARGUMENTS[name]}")
+            if len(arguments) < wanted:
+                raise DataError(f"{path}:{number}: {name} has {len(arguments)} arguments, expected {wanted}")
             commands.setdefault(name, []).append((number, arguments))
     return platform, commands
+
+
+def _number(word: str) -> float:
+    number = float(word)
+    if not math.isfinite(number):
+        raise ValueError(f"{word} is not finite")
+    return number
 
 
 def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: int) -> int:
@@ -146,6 +186,56 @@ def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: i
             _require(path, line, mask.bit_count() == 1, "chirpCfg must switch on exactly one transmitter at a time")
             return mask.bit_length()
     raise DataError(f"{path}: frameCfg uses chirp {chirp}, which no chirpCfg describes")
+
+
+def radar_info(
+    ti: TiConfig,
+    tx: Sequence[int] = (),
+    shape: tuple[int, int, int] = (0, 0, 0),
+    *,
+    frame_id: str = "radar",
+    mount: Pose | None = None,
+) -> RadarInfo:
+    """Describe the radar that a .cfg sets up; the waveform is what is sampled of each ramp.
+
+    Parameters
+    ----------
+    ti : TiConfig
+        From `read_ti_config`.
+    tx : sequence of int
+        Transmitters (from 1) in the order of their chirps; empty: as configured.
+    shape : tuple of int, length 3
+        Receivers, chirps per transmitter, samples per chirp; 0: as configured.
+    frame_id : str
+        Name of the sensor frame.
+    mount : Pose or None
+        Where it stands; None: the default.
+
+    Raises
+    ------
+    ConfigError
+        When the samples last longer than a chirp.
+    DataError
+        When the board has no such transmitter.
+    """
+    tx = tuple(tx) or ti.tx
+    n_rx, n_chirp, n_sample = shape[0] or ti.n_rx, shape[1] or ti.n_loop, shape[2] or ti.n_sample
+    sampled = n_sample / ti.sample_rate
+    interval = ti.idle + ti.ramp_end
+    if sampled > interval:
+        raise ConfigError(f"n_sample = {n_sample} take {sampled * 1e6:.1f} us, longer than a chirp of the .cfg ({interval * 1e6:.1f} us)")
+    waveform = Waveform(
+        carrier=ti.start_hz + ti.slope * (ti.adc_start + sampled / 2),
+        bandwidth=ti.slope * sampled,
+        chirp_duration=sampled,
+        chirp_pause=interval - sampled,
+        frame_interval=ti.frame_interval,
+        n_tx=len(tx),
+        n_chirp=n_chirp,
+        n_sample=n_sample,
+    )
+    array = board_array(ti.platform, tx, n_rx, waveform.carrier)
+    return RadarInfo(frame_id=frame_id, waveform=waveform, array=array, mount=mount or Pose(), full_scale=_FULL_SCALE)
 
 
 def board_array(platform: str, tx: Sequence[int], n_rx: int, carrier: float) -> AntennaArray:

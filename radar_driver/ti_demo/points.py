@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import PointCloud
+from radar_core import PointCloud, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import cartesian_to_spherical
 
@@ -35,8 +35,10 @@ def cloud_from_ti(
     radial_speed: NDArray[Any],
     snr: NDArray[Any],
     *,
-    noise: float = 0.0,
+    noise: float | NDArray[Any] = 0.0,
     spherical: NDArray[Any] | None = None,
+    frame_id: str = "radar",
+    quality: Quality = Quality.GOOD,
 ) -> PointCloud:
     """Make a cloud in the sensor frame.
 
@@ -50,16 +52,20 @@ def cloud_from_ti(
         Positive = receding, as TI has it too [m/s].
     snr : ndarray, shape (n,)
         Strength over ``noise`` [dB].
-    noise : float
+    noise : float or ndarray, shape (n,)
         What the strength is relative to [dB].
     spherical : ndarray, shape (n, 3), or None
         Range [m], azimuth (right positive) and elevation [rad] as recorded; None: they follow from the positions.
+    frame_id : str
+        Of the sensor.
+    quality : Quality
+        Of the cloud.
     """
     position = to_our_axes(xyz)
     if spherical is None:
         distance, azimuth, elevation = cartesian_to_spherical(position)
     else:
         distance, azimuth, elevation = spherical[:, 0], -spherical[:, 1], spherical[:, 2]
-    columns = (*position.T, distance, azimuth, elevation, radial_speed, snr, np.full(len(snr), noise))
+    columns = (*position.T, distance, azimuth, elevation, radial_speed, snr, np.broadcast_to(noise, len(snr)))
     named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in zip(ARRAY_FIELDS, columns, strict=False)}
-    return PointCloud(stamp_ns, sequence, "radar", **named)
+    return PointCloud(stamp_ns, sequence, frame_id, quality=quality, **named)

@@ -1,0 +1,206 @@
+"""The DCA1000's receiver against an emulated board in a process of its own, over real UDP on loopback: `boards` merges this."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import choice
+from radar_driver.dca1000.board import Dca1000Source
+from radar_driver.dca1000.decode import decode_frame, frame_bytes
+from radar_driver.dca1000.receiver import Receiver
+from radar_driver.dca1000.settings import Dca1000Config
+from radar_driver.live import Reader
+from radar_ros import qos
+from radar_ros.graph import NodeSpec
+from radar_ros.supervisor import Supervisor
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "driver"))  # the emulated board is the tests'
+import dca1000_emulator as emulator
+
+N_FRAMES = 250
+NAPS = (0.0, 0.001, 0.002, 0.005)
+"""How long packets gather before they are taken together [s]."""
+
+
+@dataclasses.dataclass
+class Run:
+    """What came of one run.
+
+    Attributes
+    ----------
+    lost : int
+        Frames that did not come whole.
+    delay : ndarray, shape (n,)
+        From the sending of a frame's last packet to its delivery [ms].
+    cpu : ndarray, shape (n,)
+        Time that the reading thread computed for each frame [ms].
+    flagged : float
+        Share of the chirps touched by lost packets that were marked; NaN: none was lost.
+    misplaced : int
+        Frames with a wrong sample that is not marked.
+    """
+
+    lost: int
+    delay: np.ndarray
+    cpu: np.ndarray
+    flagged: float
+    misplaced: int
+
+    @property
+    def load(self) -> float:
+        """Share of one core that receiving and decoding take at 50 frames a second."""
+        return float(self.cpu.mean()) / 20
+
+
+def figures(quick: bool) -> dict[str, Any]:
+    """Run the emulated board without and with losses; flat figures, and `choices`: how long packets gather."""
+    n = 50 if quick else N_FRAMES
+    clean, lossy = stream(n), stream(n, {"lose": 0.01})
+    runs = {nap: stream(n, nap=nap) for nap in NAPS}
+    rows = [
+        choice(
+            "dca1000 receive",
+            f"gather {nap * 1e3:g} ms",
+            accuracy=("p99 delivery", float(np.percentile(run.delay, 99)), "ms"),
+            times_ms=run.cpu.tolist(),
+            reference_ms=None if nap == NAPS[0] else runs[NAPS[0]].cpu.tolist(),
+        )
+        for nap, run in runs.items()
+    ]
+    return {
+        "udp_lost": clean.lost,
+        "udp_p99_ms": float(np.percentile(clean.delay, 99)),
+        "udp_cpu": clean.load,
+        "udp_flagged": lossy.flagged,
+        "udp_misplaced": clean.misplaced + lossy.misplaced,
+        "udp_kill9_s": after_kill(),
+        "choices": rows,
+    }
+
+
+def stream(n: int, faults: Mapping[str, float] | None = None, nap: float | None = None) -> Run:
+    """Receive n frames of table 3.1's radar (131,072 bytes, 91 packets) at 50 Hz, and compare them with what was sent."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "radar.cfg"
+        path.write_text(emulator.cfg(64, 64))
+        ports = emulator.free_ports()
+        addresses = {"host_address": emulator.HOST, "board_address": emulator.BOARD, "config_port": ports[0], "data_port": ports[1]}
+        source = Dca1000Source(Dca1000Config(config=str(path), **addresses))
+    size = frame_bytes(source.info, 2)
+    if nap is not None:
+        source._board.port = Receiver(emulator.HOST, emulator.BOARD, ports[1], size, nap=nap)
+    told = {"frame_bytes": size, "ports": ports, "faults": dict(faults or {}), "n_frames": n}
+    command = [sys.executable, emulator.__file__, json.dumps(told)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
+        assert board.stdin is not None
+        assert board.stdout is not None
+        board.stdout.readline()  # it is there
+        taken = _receive(source, board.stdin, n)
+        board.stdin.close()
+        said = json.loads(board.stdout.read())
+    return _judge(taken, said, source, n)
+
+
+def after_kill() -> float:
+    """Kill the driver node with SIGKILL while frames come; time until a subscriber gets the next frame of the respawned one [s]."""
+    import rclpy
+    from handwave.msg import RadarFrame as RadarFrameMsg
+
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        path, tty = Path(folder) / "radar.cfg", Path(folder) / "tty"
+        path.write_text(emulator.cfg(64, 64))
+        cli = stack.enter_context(emulator.SensorCli(tty))
+        card = stack.enter_context(emulator.CaptureCard(emulator.noise(131072)))
+        card.running = lambda: cli.running
+        given = {"config": str(path), "serial_port": str(tty), "host_address": emulator.HOST, "board_address": emulator.BOARD}
+        given |= {"config_port": card.config_port, "data_port": card.data_port}
+        spec = NodeSpec("driver", "radar_driver.node", {"source": "dca1000", **{f"dca1000.{k}": v for k, v in given.items()}})
+        rclpy.init(args=[])
+        stack.callback(rclpy.try_shutdown)
+        node = rclpy.create_node("watcher")
+        stack.callback(node.destroy_node)
+        came: list[float] = []
+        node.create_subscription(RadarFrameMsg, "radar/frame", lambda _: came.append(time.monotonic()), qos.sensor())
+        supervisor = stack.enter_context(Supervisor((spec,), respawn=True, log=lambda *_: None))
+
+        def until(number: int) -> None:
+            end = time.monotonic() + 60
+            while len(came) < number:
+                if time.monotonic() > end:
+                    raise TimeoutError("no frames of the emulated board")
+                rclpy.spin_once(node, timeout_sec=0.01)
+                supervisor.poll()
+
+        until(50)
+        os.kill(supervisor.pid("driver"), signal.SIGKILL)
+        died = time.monotonic()
+        while time.monotonic() < died + 0.1:  # what was on its way
+            rclpy.spin_once(node, timeout_sec=0.01)
+        until(len(came) + 1)
+        return came[-1] - died
+
+
+def _receive(source: Dca1000Source, told: Any, n: int) -> list[tuple[Any, int, int]]:
+    """Frames, when they were delivered, and the reading thread's time until then [ns]."""
+    taken: list[tuple[Any, int, int]] = []
+    done = threading.Event()
+
+    def take() -> None:
+        now, spent = time.monotonic_ns(), time.thread_time_ns()
+        reading = reader.take()
+        if reading is not None:
+            taken.append((reading.data, now, spent))
+            if reading.data.sequence == n - 1:
+                done.set()
+
+    reader = Reader(source, take)
+    source.power_up()
+    reader.start()
+    time.sleep(0.5)  # a sensor that ran already is refused
+    told.write("start\n")
+    told.flush()
+    done.wait(0.02 * n + 3.0)
+    reader.stop()
+    source.power_down()
+    return taken
+
+
+def _judge(taken: list[tuple[Any, int, int]], said: Mapping[str, Any], source: Dca1000Source, n: int) -> Run:
+    size = frame_bytes(source.info, 2)
+    sent = [decode_frame(data, source.info) for data in emulator.noise(size)]
+    n_tx, n_chirp, _, _ = source.info.cube_shape
+    chirps = n_tx * n_chirp
+    touched: set[tuple[int, int]] = set()
+    for place, length in said["lost"]:
+        touched |= {divmod(chirp, chirps) for chirp in range(place * chirps // size, (place + length - 1) * chirps // size + 1)}
+    marked = {(frame.sequence, int(k)) for frame, _, _ in taken for k in frame.missing}
+    came = {frame.sequence for frame, _, _ in taken}
+    touched = {(number, chirp) for number, chirp in touched if number in came}
+    misplaced = 0
+    for frame, _, _ in taken:
+        good = np.ones(chirps, bool)
+        good[frame.missing] = False
+        same = (frame.cube == sent[frame.sequence % len(sent)]).all(axis=(2, 3)).swapaxes(0, 1).ravel()
+        misplaced += not same[good].all()
+    return Run(
+        lost=n - sum(len(frame.missing) == 0 for frame, _, _ in taken),
+        delay=np.array([now - said["sent_ns"][frame.sequence] for frame, now, _ in taken]) * 1e-6,
+        cpu=np.diff([spent for _, _, spent in taken]) * 1e-6,
+        flagged=len(touched & marked) / len(touched) if touched else math.nan,
+        misplaced=misplaced,
+    )

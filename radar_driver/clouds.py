@@ -1,0 +1,22 @@
+"""Radars of which only the point clouds are known."""
+
+from __future__ import annotations
+
+from radar_core import AntennaArray, Pose, RadarInfo, Waveform
+
+
+def cloud_source_info(frame_interval: float, fov: tuple[float, float], mount: Pose) -> RadarInfo:
+    """Describe a radar of which only the point clouds are known (n_sample = 0); its waveform and array are not.
+
+    Parameters
+    ----------
+    frame_interval : float
+        [s].
+    fov : tuple of float, length 2
+        Full field of view in azimuth and elevation [rad].
+    mount : Pose
+        Where it stands.
+    """
+    array = AntennaArray(tx=((0.0, 0.0),), rx=((0.0, 0.0),), fov_azimuth=fov[0], fov_elevation=fov[1])
+    waveform = Waveform(n_tx=1, n_chirp=1, n_sample=0, frame_interval=frame_interval)
+    return RadarInfo(frame_id="radar", waveform=waveform, array=array, mount=mount)

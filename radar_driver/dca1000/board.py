@@ -1,0 +1,266 @@
+"""A sensor with its capture board: what is powered in which sequence, and what comes out of it."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+from radar_core import ConfigError, DeviceError, RadarFrame, RadarInfo
+from radar_driver.components import Component, Radar, Report
+from radar_driver.dca1000.commands import Event, Lvds, advice
+from radar_driver.dca1000.control import Control
+from radar_driver.dca1000.decode import ORDERS, decode_frame, frame_bytes, looks_mirrored
+from radar_driver.dca1000.packets import RawFrame
+from radar_driver.dca1000.receiver import Receiver
+from radar_driver.dca1000.serial_cli import SerialCli
+from radar_driver.dca1000.settings import Dca1000Config, check_settings
+from radar_driver.dca1000.stamps import Stamps
+from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
+from radar_driver.live import Reading
+
+_STOP_WAIT: Final = 0.5  # s: for a sensor that may not be there any more
+_SETTLE: Final = 0.1  # s, and a frame: samples that come sooner are of a sensor that ran already
+_OWN_LINES: Final = ("sensorStop", "flushCfg", "sensorStart")  # sent when it is time for them, wherever they stand in the file
+_ENDS: Final = {Event.MODE_FAILURE, Event.RECORD_COMPLETED}  # after these the board has to be set up anew
+
+
+class CaptureBoard(Component):
+    """The DCA1000EVM.
+
+    Parameters
+    ----------
+    settings : Dca1000Config
+        Addresses, lanes, delays.
+    size : int
+        Bytes of a frame.
+    """
+
+    name = "capture board"
+
+    def __init__(self, settings: Dca1000Config, size: int) -> None:
+        self._settings = settings
+        self.port = Receiver(settings.host_address, settings.board_address, settings.data_port, size)
+        self._control = Control(settings.host_address, settings.board_address, settings.config_port, settings.timeout)
+
+    def power_up(self) -> None:
+        """Open both ports, and set the board up."""
+        try:
+            self.port.open()
+            if self._settings.control:
+                self._control.open()
+                self._control.configure(Lvds.TWO_LANES if self._settings.lanes == 2 else Lvds.FOUR_LANES, self._settings.packet_delay)
+        except DeviceError:
+            self.power_down()
+            raise
+
+    def power_down(self) -> None:
+        """Close both ports."""
+        self._control.close()
+        self.port.close()
+
+    def resume(self) -> None:
+        """Record: the next sample of the sensor is the first of a frame."""
+        self.port.start_afresh()
+        if self._settings.control:
+            self._control.start()
+
+    def suspend(self) -> None:
+        """Record no more."""
+        if self._settings.control:
+            self._control.stop()
+
+    def events(self) -> tuple[Event, ...]:
+        """Take what the board told unasked."""
+        return self._control.events()
+
+    def report(self) -> Report:
+        """Give what both ports know."""
+        return {**self._control.report(), **self.port.report()}
+
+
+class Sensor(Component):
+    """The radar sensor, through its command line.
+
+    Parameters
+    ----------
+    settings : Dca1000Config
+        Port, time, .cfg file.
+    """
+
+    name = "sensor"
+
+    def __init__(self, settings: Dca1000Config) -> None:
+        self._file = settings.config
+        self._cli = SerialCli(settings.serial_port, settings.cli_timeout)
+        self._lines = [(number, line) for number, line in cli_lines(Path(settings.config)) if line.split()[0] not in _OWN_LINES]
+        self._configured = self._running = False
+
+    def power_up(self) -> None:
+        """Open the port, stop what may run, send the configuration."""
+        self._cli.open()
+        try:
+            self._configure()
+        except DeviceError:
+            self.power_down()
+            raise
+
+    def power_down(self) -> None:
+        """Stop the sensor if it may run, and close the port."""
+        if self._running:
+            with suppress(DeviceError):
+                self._cli.send("sensorStop", timeout=_STOP_WAIT)
+        self._running = self._configured = False
+        self._cli.close()
+
+    def resume(self) -> None:
+        """Start; a sensor that was stopped wants its configuration again."""
+        if not self._configured:
+            self._configure()
+        self._running = True
+        self._cli.send("sensorStart")
+
+    def suspend(self) -> None:
+        """Stop."""
+        self._configured = False
+        self._cli.send("sensorStop", timeout=_STOP_WAIT)
+        self._running = False
+
+    def report(self) -> Report:
+        """Give what the command line knows."""
+        return self._cli.report()
+
+    def _configure(self) -> None:
+        for line in ("sensorStop", "flushCfg"):
+            self._cli.send(line)
+        for number, line in self._lines:
+            self._cli.send(line, f"{self._file}:{number}")
+        self._configured = True
+
+
+class Dca1000Source:
+    """A sensor with a capture board, as a source of frames.
+
+    The capture board is set up and records before the sensor starts: the first byte of a recording is then the first of a frame, and stays
+    so by the byte counts, whatever is lost.
+
+    Parameters
+    ----------
+    settings : Dca1000Config
+        Where they are and what they do.
+
+    Raises
+    ------
+    ConfigError, DataError
+        When the .cfg is missing, does not stream raw samples for ever, or contradicts the settings; naming file and line.
+    """
+
+    def __init__(self, settings: Dca1000Config) -> None:
+        if not settings.config:
+            raise ConfigError(
+                "dca1000.config is empty; name the sensor's .cfg file, e.g. from TI's visualizer, with lvdsStreamCfg -1 0 1 0"
+            )
+        ti = read_ti_config(Path(settings.config))
+        self.info: RadarInfo = radar_info(ti, frame_id=settings.frame_id, mount=settings.mount)
+        self._settings = settings
+        size = frame_bytes(self.info, settings.lanes)
+        check_settings(settings, ti, size)
+        self._board = CaptureBoard(settings, size)
+        parts: list[Component] = [self._board] + ([Sensor(settings)] if settings.serial_port else [])
+        self._radar = Radar(parts)
+        self._silence = max(settings.silence, 3 * ti.frame_interval)
+        self._stamps = Stamps(self.info.waveform)
+        self._resumed = 0.0
+        self._heard = False
+        self._mirrored = False
+
+    def power_up(self) -> None:
+        """Set up the capture board, then the sensor."""
+        self._radar.power_up()
+
+    def resume(self) -> None:
+        """Record, then start the sensor."""
+        self._radar.resume()
+        self._resumed = time.monotonic()
+        self._stamps = Stamps(self.info.waveform)
+        self._heard = False
+
+    def suspend(self) -> None:
+        """Stop the sensor, then the recording."""
+        self._radar.suspend()
+
+    def power_down(self) -> None:
+        """Let go of sensor and capture board."""
+        self._radar.power_down()
+
+    def report(self) -> dict[str, Any]:
+        """Give what both know; ``advice`` where something should be changed."""
+        values = self._radar.report()
+        if self._mirrored:
+            other = ORDERS[1 - ORDERS.index(self._settings.order)]
+            values["advice"] = f"the echoes lie at negative ranges: I and Q seem to be swapped; set order to {other}"
+        return values
+
+    def read(self, timeout: float) -> Reading | None:
+        """Wait for the next frame; a `DeviceError` says what the capture board told, or why there is silence."""
+        end = time.monotonic() + timeout
+        while True:
+            self._listen()
+            raw = self._board.port.read(max(0.0, end - time.monotonic()))
+            if raw is None:
+                self._judge_silence()
+                return None
+            if not self._heard:
+                self._first(raw)
+            if raw.received >= self._settings.min_received * len(raw.data):
+                return Reading(self._decode(raw))
+
+    def _decode(self, raw: RawFrame) -> RadarFrame:
+        n_tx, n_chirp, _, _ = self.info.cube_shape
+        cube = decode_frame(raw.data, self.info, order=self._settings.order, lanes=self._settings.lanes)
+        if not self._heard:
+            self._mirrored = looks_mirrored(cube)
+            self._heard = True
+        return RadarFrame(cube, self._stamps.of(raw), raw.number, self.info.frame_id, raw.missing(n_tx * n_chirp))
+
+    def _first(self, raw: RawFrame) -> None:
+        """Refuse samples of a sensor that ran before the recording began: nobody knows where its frames begin."""
+        wait = _SETTLE + self.info.waveform.frame_interval
+        if self._settings.control and not self._settings.serial_port and raw.arrived_ns * 1e-9 < self._resumed + wait:
+            raise DeviceError(
+                "samples came as soon as the recording began: the sensor was running already, so that nobody knows where its frames begin. "
+                "Stop the sensor, and start it when this driver waits for it; or set serial_port, and the driver does it",
+                gone=True,
+            )
+
+    def _listen(self) -> None:
+        events = self._board.events()
+        told = advice(events)
+        if told:
+            raise DeviceError(told, gone=self._settings.control and not _ENDS.isdisjoint(events))
+
+    def _judge_silence(self) -> None:
+        heard = self._board.port.heard
+        if time.monotonic() - max(heard, self._resumed) < self._silence:
+            return
+        self._board.port.after_silence()
+        if not self._settings.control:
+            raise DeviceError(
+                f"no samples come to UDP port {self._settings.data_port} of {self._settings.host_address}: start the capture board's "
+                "recording, then the sensor, with the program that controls them"
+            )
+        if not self._settings.serial_port and not heard:
+            raise DeviceError(
+                "the capture board records, and waits for the sensor: start it now (or set serial_port, and this driver does it)"
+            )
+        raise DeviceError(
+            f"no samples for {self._silence:g} s: all is set up anew. If that does not help: does lanes suit the sensor, is the 60-pin "
+            f"cable between both boards plugged in, do both have power, does a firewall drop UDP port {self._settings.data_port}?",
+            gone=True,
+        )
+
+
+def open_dca1000(settings: Dca1000Config) -> Dca1000Source:
+    """Make the source of a configuration; nothing is touched before its `power_up`."""
+    return Dca1000Source(settings)

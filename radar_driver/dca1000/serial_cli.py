@@ -1,0 +1,207 @@
+"""The sensor's command line on a serial port: a line in, words and a prompt out."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import termios
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Final
+
+import serial
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
+
+from radar_core import DeviceError
+from radar_driver.components import Device, Report
+
+BAUD: Final = 115200
+_PROMPT: Final = re.compile(rb"(\w*):/>\s*$")
+_FIRMWARE: Final = "mmwDemo"
+_GONE: Final = (OSError, termios.error)  # what pyserial raises, its own errors among them
+_GREETINGS: Final = 3
+_SLICE: Final = 0.02  # s
+_LONGEST: Final = 1 << 14  # bytes of an answer
+_REFUSED: Final = re.compile(r"^(error|.*not recognized)", re.IGNORECASE)
+_CHIPS: Final = {(0x0451, 0xBEF3): "XDS110", (0x0451, 0xBEF4): "XDS110", (0x10C4, 0xEA70): "CP2105"}
+_NAMES: Final = {"XDS110": "application", "CP2105": "enhanced"}
+
+
+class SerialCli(Device):
+    """The command line of TI's mmWave demo.
+
+    Parameters
+    ----------
+    port : str
+        E.g. ``/dev/ttyACM0``; ``auto``: the only one that is plugged in.
+    timeout : float
+        How long the answer to one line may take [s].
+    firmware : str
+        What its prompt has to begin with; empty: any will do.
+    """
+
+    name = "sensor's command line"
+
+    def __init__(self, port: str, timeout: float, firmware: str = _FIRMWARE) -> None:
+        self._port, self._timeout, self._firmware = port, timeout, firmware
+        self._link: serial.Serial | None = None
+        self._used = port
+        self._sent = 0
+
+    def open(self) -> None:
+        """Open the port and see whether the sensor's demo answers.
+
+        Raises
+        ------
+        DeviceError
+            When the port is not there, not allowed or held by somebody else; when nobody answers, or another firmware does.
+        """
+        port = _only_port() if self._port == "auto" else self._port
+        try:
+            self._link = serial.Serial(port, BAUD, timeout=_SLICE, write_timeout=self._timeout, exclusive=True)
+        except _GONE as error:
+            raise DeviceError(_why_not(port, error), gone=True) from None
+        self._used = port
+        try:
+            self._greet()
+        except DeviceError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the port."""
+        link, self._link = self._link, None
+        if link is not None:
+            with suppress(*_GONE):  # it is unplugged
+                link.close()
+
+    def report(self) -> Report:
+        """Give the lines sent."""
+        return {"lines_sent": self._sent}
+
+    def send(self, line: str, where: str = "", *, timeout: float = 0.0) -> None:
+        """Send one line and wait until it is done.
+
+        Parameters
+        ----------
+        line : str
+            A command.
+        where : str
+            File and number of the line, for the message.
+        timeout : float
+            How long the answer may take [s]; 0: as given in the beginning.
+
+        Raises
+        ------
+        DeviceError
+            When the sensor refuses the line (with its own words), does not answer in time, or is gone.
+        """
+        timeout = timeout or self._timeout
+        said, firmware = self._exchange(line, timeout)
+        self._sent += 1
+        origin = f"{where}: " if where else ""
+        if firmware is None:
+            heard = f"; it said only: {' / '.join(said)}" if said else ""
+            raise DeviceError(
+                f"{origin}the sensor did not finish {line!r} within {timeout:g} s{heard}. It hangs: switch it off and on; this driver "
+                "then sends its configuration again",
+                gone=True,
+            )
+        refused = [text for text in said if _REFUSED.match(text)]
+        if refused:
+            raise DeviceError(
+                f"{origin}the sensor refuses {line!r}: {' / '.join(refused)}. Correct the line: see the mmWave SDK's guide of the version "
+                "that the sensor runs",
+                gone=True,
+            )
+
+    def _greet(self) -> None:
+        """See who is there."""
+        heard: list[str] = []
+        firmware = None
+        for _ in range(_GREETINGS):  # the first one may end a line that somebody began
+            said, firmware = self._exchange("", self._timeout / _GREETINGS)
+            heard += said
+            if firmware is not None:
+                break
+        if firmware is not None and firmware.startswith(self._firmware):
+            return
+        if firmware is not None:
+            problem = f"runs another firmware (its prompt is {firmware}:/>)"
+        elif heard:
+            problem = f"says {' / '.join(dict.fromkeys(heard))[:100]!r} and gives no prompt"
+        else:
+            problem = "does not answer"
+        raise DeviceError(
+            f"the sensor on {self._used} {problem}. It needs the demo of the mmWave SDK in its flash, jumpers for functional mode "
+            "(SOP 001), power, and the right port: that of the command line (Application/User UART, or Enhanced), not that of the data",
+            gone=True,
+        )
+
+    def _exchange(self, line: str, timeout: float) -> tuple[list[str], str | None]:
+        """Send a line; what was said before the prompt, echo left out, and the prompt's name, None where none came in time."""
+        link = self._link
+        if link is None:
+            raise DeviceError("the sensor's serial port is not open", gone=True)
+        heard = b""
+        found = None
+        try:
+            link.reset_input_buffer()
+            link.write(line.encode("ascii", "replace") + b"\n")
+            end = time.monotonic() + timeout
+            while found is None and time.monotonic() < end:
+                heard = (heard + link.read(max(1, link.in_waiting)))[-_LONGEST:]
+                found = _PROMPT.search(heard)
+        except _GONE as error:
+            raise DeviceError(f"the sensor's serial port {self._used} is gone ({error}): plug its USB cable in again", gone=True) from None
+        text = heard[: found.start()] if found else heard
+        said = [word.strip() for word in text.decode("ascii", "replace").splitlines()]
+        return [word for word in said if word and word != line], found.group(1).decode() if found else None
+
+
+def cli_ports() -> list[ListPortInfo]:
+    """List the serial ports that are a TI sensor's command line: one for each board that is plugged in."""
+    boards: dict[tuple[str, str], list[ListPortInfo]] = {}
+    for port in list_ports.comports():
+        chip = _CHIPS.get((port.vid, port.pid))
+        if chip is not None:
+            boards.setdefault((chip, (port.location or port.device).partition(":")[0]), []).append(port)
+    return [_of_commands(chip, ports) for (chip, _), ports in sorted(boards.items())]
+
+
+def _of_commands(chip: str, ports: Sequence[ListPortInfo]) -> ListPortInfo:
+    """Choose the port of the command line among those of one board: by its name, else the first interface."""
+    ports = sorted(ports, key=lambda port: (port.location or "", port.device))
+    named = [port for port in ports if _NAMES[chip] in f"{port.interface or ''} {port.description or ''}".lower()]
+    return (named or ports)[0]
+
+
+def _only_port() -> str:
+    ports = [str(port.device) for port in cli_ports()]
+    if len(ports) == 1:
+        return ports[0]
+    found = f"there are several: {', '.join(ports)}; set serial_port to one of them" if ports else "plug the sensor's USB cable in"
+    raise DeviceError(f"serial_port is auto, but {found}", gone=True)
+
+
+def access_problem(port: str) -> str:
+    """Say why a port cannot be opened by this user, and what to do; empty: it can."""
+    if os.access(port, os.R_OK | os.W_OK):
+        return ""
+    return f"this user may not open {port}: sudo usermod -aG dialout $USER, then log in anew"
+
+
+def _why_not(port: str, error: Exception) -> str:
+    if not os.path.exists(port):
+        return (
+            f"there is no serial port {port}: plug the sensor's USB cable in and switch it on; "
+            "python -m serial.tools.list_ports lists what is there"
+        )
+    if problem := access_problem(port):
+        return problem
+    if "exclusively lock" in str(error) or getattr(error, "errno", None) == errno.EBUSY:
+        return f"another program holds {port}: end it (another driver, a terminal, TI's visualizer); this finds it: fuser -v {port}"
+    return f"{port} cannot be opened as a serial port ({error}); check serial_port"

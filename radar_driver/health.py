@@ -1,0 +1,329 @@
+"""Health of a radar from a few seconds of what it gives: each check a measured value, a verdict and what to do.
+
+Nothing here talks to a device: frames or clouds go in, with when they arrived, and the source's own report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import theilslopes
+
+from radar_core import PointCloud, RadarFrame, RadarInfo
+from radar_core.config import config, knob
+from radar_driver.spectra import Levels, Spectra
+
+Float64Array = NDArray[np.float64]
+
+_ROUNDING: Final = 1e-6  # of the largest sample; less is no noise but the rounding of single precision
+_LINE: Final = 300  # frames that the line is made of; it takes the square of them
+_ENOUGH: Final = 3  # frames; with fewer there is no rate and no jitter
+
+
+class Verdict(Enum):
+    """What a check found."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+    UNKNOWN = "-"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+        Of the check.
+    value : float or None
+        What was measured, in ``unit``; None: nothing could be.
+    unit : str
+        Of the value.
+    text : str
+        The value for people.
+    verdict : Verdict
+        Whether it is all right.
+    advice : str
+        What to do; empty where nothing is to be done.
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    text: str
+    verdict: Verdict
+    advice: str = ""
+
+
+@config
+class HealthConfig:
+    """From where on something is worth a warning, or a failure."""
+
+    temperature_warn: float = knob(75.0, unit="degC", low=-50.0, high=200.0, doc="warm")
+    temperature_fail: float = knob(95.0, unit="degC", low=-50.0, high=200.0, doc="too hot for most radar chips")
+    channel_spread: float = knob(6.0, unit="dB", low=0.1, high=100.0, doc="between the noise floors of two receivers")
+    coupling_warn: float = knob(
+        -12.0, unit="dBFS", low=-200.0, high=0.0, doc="leakage at zero range that takes a quarter of the converter's range"
+    )
+    coupling_fail: float = knob(-3.0, unit="dBFS", low=-200.0, high=0.0, doc="leakage that leaves no range for echoes")
+    saturated_fail: float = knob(1e-3, low=0.0, high=1.0, doc="share of samples at the converter's limit; any at all is warned of")
+    rate_warn: float = knob(0.02, low=0.0, high=1.0, doc="deviation of the frame rate from what the radar says")
+    rate_fail: float = knob(0.1, low=0.0, high=1.0, doc="the same")
+    jitter_warn: float = knob(0.5, low=0.0, high=10.0, doc="99th percentile of how late data comes, in frame intervals")
+    jitter_fail: float = knob(2.0, low=0.0, high=100.0, doc="the same")
+    lost_fail: float = knob(0.01, low=0.0, high=1.0, doc="share of frames (or chirps) lost; any at all is warned of")
+
+
+class Arrivals:
+    """Counts what comes: rate, jitter, losses."""
+
+    def __init__(self) -> None:
+        self._times: list[int] = []
+        self._numbers: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def add(self, sequence: int, arrived_ns: int) -> None:
+        """Note one frame or cloud: its number and when it came [ns]."""
+        if self._numbers and sequence <= self._numbers[-1]:  # the device started again: what was before says nothing about gaps
+            self._times.clear()
+            self._numbers.clear()
+        self._times.append(arrived_ns)
+        self._numbers.append(sequence)
+
+    @property
+    def lost(self) -> int:
+        """Numbers that never came."""
+        return self._numbers[-1] - self._numbers[0] + 1 - len(self._numbers) if self._numbers else 0
+
+    def pace(self) -> tuple[float, Float64Array]:
+        """Fit a straight line through numbers and times.
+
+        Returns
+        -------
+        interval : float
+            Between two frames that the device made [s].
+        late : ndarray, shape (n,)
+            How late each came, against the earliest that the line allows [s].
+        """
+        numbers = np.array(self._numbers, np.float64)
+        times = (np.array(self._times) - self._times[0]) * 1e-9
+        some = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), _LINE)).astype(int))
+        interval = theilslopes(times[some], numbers[some]).slope  # one stall must not bend the line
+        late = times - interval * (numbers - numbers[0])
+        return float(interval), late - late.min()
+
+
+class Health:
+    """Takes in what a source gives and judges it.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        Of the source.
+    settings : HealthConfig
+        The limits.
+    """
+
+    def __init__(self, info: RadarInfo, settings: HealthConfig | None = None) -> None:
+        self._info, self._settings = info, settings if settings is not None else HealthConfig()
+        self._arrivals = Arrivals()
+        self._spectra: Spectra | None = None
+        self._chirps = self._chirps_lost = 0
+        self._points: list[int] = []
+        self._snr: list[float] = []
+        self._problem = ""
+
+    def process(self, data: RadarFrame | PointCloud, arrived_ns: int) -> None:
+        """Take in a frame or a cloud that arrived then [ns, any clock].
+
+        Raises
+        ------
+        DataError
+            When a frame contradicts the radar's description.
+        """
+        if isinstance(data, RadarFrame):
+            data.check(self._info)
+            if self._spectra is None:
+                self._spectra = Spectra(self._info)
+            self._spectra.add(data)
+            self._chirps += data.cube.shape[0] * data.cube.shape[1]
+            self._chirps_lost += len(data.missing)
+        else:
+            self._points.append(len(data))
+            self._snr += data.snr[np.isfinite(data.snr)].tolist()
+        self._arrivals.add(data.sequence, arrived_ns)
+
+    def trouble(self, problem: str) -> None:
+        """Take in that the device reported an error."""
+        self._problem = self._problem or problem
+
+    def checks(self, report: Mapping[str, Any], seconds: float) -> tuple[Check, ...]:
+        """Judge what came.
+
+        Parameters
+        ----------
+        report : mapping
+            What the source says of itself; values named ``temperature`` (of any part) are degrees Celsius.
+        seconds : float
+            How long it was listened to.
+
+        Returns
+        -------
+        tuple of Check
+            The link first; what cannot be measured of this source is `Verdict.UNKNOWN`.
+        """
+        found = [self._link(seconds), *self._temperature(report)]
+        if not len(self._arrivals):
+            return tuple(found)
+        if self._spectra is not None:
+            levels = self._spectra.measure()
+            found += [*self._noise(self._spectra, levels), self._coupling(self._spectra, levels), self._saturation(self._spectra)]
+        else:
+            found += [self._cloud_sizes(), self._strength()]
+        return (*found, *self._rate(), self._lost_frames(), *self._lost_chirps())
+
+    def _link(self, seconds: float) -> Check:
+        n = len(self._arrivals)
+        what = "frames" if self._spectra is not None or not self._points else "clouds"
+        text = f"{n} {what} in {seconds:.1f} s"
+        if n == 0:
+            advice = self._problem or "check the cable and the power, and whether another program uses the board; then try again"
+            return Check("link", 0.0, what, text, Verdict.FAIL, advice)
+        return Check("link", float(n), what, text, Verdict.WARN if self._problem else Verdict.OK, self._problem)
+
+    def _temperature(self, report: Mapping[str, Any]) -> list[Check]:
+        limits = self._settings
+        named = {key: value for key, value in report.items() if key.rpartition(".")[2] == "temperature"}
+        found = []
+        for key, value in named.items():
+            if not isinstance(value, (int, float)) or not np.isfinite(value):
+                continue
+            verdict = _above(value, limits.temperature_warn, limits.temperature_fail)
+            advice = "let air reach the board, or make it transmit less of the time" if verdict is not Verdict.OK else ""
+            found.append(Check(key, float(value), "degC", f"{value:.1f} °C", verdict, advice))
+        return found or [Check("temperature", None, "degC", "not told by this source", Verdict.UNKNOWN)]
+
+    def _noise(self, spectra: Spectra, levels: Levels | None) -> list[Check]:
+        if levels is None:
+            return [Check("noise floor", None, "dB", "no frame is whole", Verdict.UNKNOWN)]
+        floor = np.where(levels.noise > (_ROUNDING * spectra.peak) ** 2, levels.noise, 0.0)
+        if not np.any(floor > 0):
+            return [_noiseless(spectra.peak)]
+        unit = "dBFS" if self._info.full_scale else "dB"
+        level = 10 * np.log10(np.where(floor > 0, floor, np.nan)) - spectra.reference
+        mean, spread = float(np.nanmean(level)), float(np.nanmax(level) - np.nanmin(level))
+        dead = np.flatnonzero(~(floor > 0))
+        verdict, advice = Verdict.OK, ""
+        if len(dead):
+            verdict, advice = Verdict.FAIL, f"receiver {', '.join(str(k + 1) for k in dead)} gives zeros: broken, or switched off"
+        elif spread > self._settings.channel_spread:
+            low, high = int(np.nanargmin(level)) + 1, int(np.nanargmax(level)) + 1
+            verdict, advice = Verdict.WARN, f"receiver {low} hears {spread:.1f} dB less noise than receiver {high}: one of them is bad"
+        return [
+            Check("noise floor", mean, unit, f"{mean:.1f} {unit} a sample", Verdict.OK),
+            Check("noise spread", spread, "dB", f"{spread:.1f} dB between receivers", verdict, advice),
+        ]
+
+    def _coupling(self, spectra: Spectra, levels: Levels | None) -> Check:
+        """Leakage at zero range: what stands there still, as an amplitude of the samples."""
+        if self._info.waveform.modulation != "fmcw":
+            return Check("coupling", None, "dB", "only measured of FMCW", Verdict.UNKNOWN)
+        if levels is None or levels.near <= 0:
+            return Check("coupling", None, "dB", "none to be seen", Verdict.UNKNOWN if levels is None else Verdict.OK)
+        level = 10 * math.log10(levels.near) - spectra.reference
+        floor = float(np.mean(levels.noise))
+        over = f", {10 * math.log10(levels.near / floor):.0f} dB over the noise of a sample" if floor > 0 else ""
+        if not self._info.full_scale:
+            return Check("coupling", level, "dB", f"{level:.1f} dB{over}", Verdict.UNKNOWN)
+        verdict = _above(level, self._settings.coupling_warn, self._settings.coupling_fail)
+        advice = "something right before the antennas (a cover, a table) throws the signal back, or the gain is too high: change either"
+        return Check("coupling", level, "dBFS", f"{level:.1f} dBFS{over}", verdict, advice if verdict is not Verdict.OK else "")
+
+    def _saturation(self, spectra: Spectra) -> Check:
+        share = spectra.saturated
+        if share is None:
+            return Check("saturation", None, "", "the converter's limit is not known", Verdict.UNKNOWN)
+        verdict = Verdict.FAIL if share > self._settings.saturated_fail else Verdict.WARN if share > 0 else Verdict.OK
+        advice = (
+            "the converter is at its limit and makes false points: lower the receiver's gain, or move strong reflectors away"
+            if share > 0
+            else ""
+        )
+        return Check("saturation", share, "", f"{share:.2%} of the samples at full scale", verdict, advice)
+
+    def _rate(self) -> list[Check]:
+        interval = self._info.waveform.frame_interval
+        if len(self._arrivals) < _ENOUGH:
+            return [Check("frame rate", None, "Hz", "too few to tell", Verdict.WARN, "listen longer (--duration)")]
+        measured, late = self._arrivals.pace()
+        rate = 1 / measured if measured > 0 else float("inf")
+        off = abs(rate * interval - 1)
+        verdict = _above(off, self._settings.rate_warn, self._settings.rate_fail)
+        advice = ""
+        if verdict is not Verdict.OK:
+            advice = f"the radar's description says {1 / interval:.4g} Hz: correct that (.cfg, frame_interval), or the link is too slow"
+        jitter = float(np.percentile(late, 99))
+        shaky = _above(jitter / interval, self._settings.jitter_warn, self._settings.jitter_fail)
+        hint = "data comes in bursts: another USB port without a hub, or less load on this machine" if shaky is not Verdict.OK else ""
+        return [
+            Check("frame rate", rate, "Hz", f"{rate:.2f} Hz (expected {1 / interval:.2f})", verdict, advice),
+            Check("jitter", jitter * 1e3, "ms", f"{jitter * 1e3:.1f} ms late at most (99 %)", shaky, hint),
+        ]
+
+    def _lost_frames(self) -> Check:
+        lost, n = self._arrivals.lost, len(self._arrivals)
+        advice = "the machine or the link is too slow: close other programs, use a port of its own, or a lower frame rate"
+        return self._losses("lost frames", lost, lost + n, advice)
+
+    def _lost_chirps(self) -> list[Check]:
+        if self._spectra is None:
+            return []
+        advice = "the link loses data: use a shorter cable, a port of its own, larger network buffers (net.core.rmem_max)"
+        return [self._losses("lost chirps", self._chirps_lost, self._chirps, advice)]
+
+    def _losses(self, name: str, lost: int, total: int, advice: str) -> Check:
+        share = lost / total if total else 0.0
+        verdict = Verdict.FAIL if share > self._settings.lost_fail else Verdict.WARN if lost else Verdict.OK
+        return Check(name, share, "", f"{lost} of {total}", verdict, advice if lost else "")
+
+    def _cloud_sizes(self) -> Check:
+        sizes = np.array(self._points)
+        text = f"{np.median(sizes):.0f} (from {sizes.min()} to {sizes.max()})"
+        empty = not sizes.any()
+        advice = "nothing was seen: walk before the radar; then look at the demo's thresholds (cfarCfg) and field of view" if empty else ""
+        return Check("points per cloud", float(np.median(sizes)), "", text, Verdict.WARN if empty else Verdict.OK, advice)
+
+    def _strength(self) -> Check:
+        if not self._snr:
+            return Check("snr", None, "dB", "not given by this source", Verdict.UNKNOWN)
+        snr = float(np.median(self._snr))
+        return Check("snr", snr, "dB", f"{snr:.1f} dB median of all points", Verdict.OK)
+
+
+def _noiseless(peak: float) -> Check:
+    """Say what it means that there is no noise."""
+    if peak == 0:
+        advice = "all samples are zero: is the radar configured, and does it transmit? Power it off and on, then try again"
+        return Check("noise floor", None, "dB", "none", Verdict.FAIL, advice)
+    advice = "there is no noise at all: a simulation without the effect noise, or a board in a test mode"
+    return Check("noise floor", None, "dB", "none", Verdict.WARN, advice)
+
+
+def _above(value: float, warn: float, fail: float) -> Verdict:
+    return Verdict.FAIL if value > fail else Verdict.WARN if value > warn else Verdict.OK
+
+
+def worst(checks: tuple[Check, ...]) -> Verdict:
+    """Give the worst verdict of all."""
+    order = (Verdict.UNKNOWN, Verdict.OK, Verdict.WARN, Verdict.FAIL)
+    return max((check.verdict for check in checks), key=order.index, default=Verdict.UNKNOWN)

@@ -1,0 +1,1 @@
+"""Nodes of the driver besides the driver itself."""

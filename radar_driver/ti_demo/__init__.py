@@ -1,0 +1,1 @@
+"""TI radars whose demo software sends point clouds over a serial port: packets, ports, clouds."""

@@ -1,0 +1,256 @@
+"""A TI radar with one of the demos as a source of point clouds."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radar_core import ConfigError, DeviceError, PointCloud, Pose, Quality, RadarInfo
+from radar_core.config import config, knob
+from radar_core.geometry import spherical_to_cartesian
+from radar_driver.clouds import cloud_source_info
+from radar_driver.components import Component, Radar, Report
+from radar_driver.live import Reading
+from radar_driver.ti_demo.cli import SendConfig, send_config
+from radar_driver.ti_demo.config_file import describe, static_removed
+from radar_driver.ti_demo.items import Points
+from radar_driver.ti_demo.points import cloud_from_ti
+from radar_driver.ti_demo.tlv import Packet, Parser
+from radar_driver.ti_demo.uart import Uart
+
+_WAITING: Final = 64  # packets that wait to be read: several may come in one go
+_BITS: Final = 10  # on the line for a byte: start, 8, stop
+
+
+@config
+class TiDemoConfig:
+    """A TI radar whose demo sends point clouds over a serial port."""
+
+    port: str = knob("", doc="data port, e.g. /dev/ttyACM1; empty: the only one that is plugged in")
+    baud: int = knob(921_600, unit="Bd", low=9600, high=4_000_000, doc="of the data port; some newer chips use 1,250,000")
+    cli_port: str = knob("", doc="command port to which the .cfg is sent, e.g. /dev/ttyACM0; empty: the sensor runs already")
+    config: str = knob("", doc="the demo's .cfg: says what the radar transmits; sent to cli_port if that is given")
+    frame_interval: float = knob(0.1, unit="s", low=1e-3, high=10.0, doc="from one cloud to the next; not used with a .cfg, which says it")
+    fov_azimuth: float = knob(2.09, unit="rad", low=1e-3, high=6.28, doc="full field of view in azimuth")
+    fov_elevation: float = knob(1.05, unit="rad", low=1e-3, high=3.14, doc="full field of view in elevation")
+    latency: float = knob(
+        0.0, unit="s", low=0.0, high=1.0, doc="from the end of the chirps until a packet is sent, where the demo does not say it (item 6)"
+    )
+    silence: float = knob(
+        2.0, unit="s", low=0.2, high=60.0, doc="no packet for so long is an error; with cli_port the sensor is started anew"
+    )
+    frame_id: str = knob("radar", doc="name of the sensor frame")
+    mount: Pose = Pose()
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when there is a port for a .cfg but no .cfg."""
+        if self.cli_port and not self.config:
+            raise ConfigError("TiDemoConfig.cli_port is given but no config; name the .cfg to send, or leave cli_port empty")
+
+
+class _Port(Component):
+    """The data port."""
+
+    name = "data port"
+
+    def __init__(self, uart: Uart) -> None:
+        self._uart = uart
+
+    def power_up(self) -> None:
+        self._uart.open()
+
+    def power_down(self) -> None:
+        self._uart.close()
+
+    def resume(self) -> None:
+        self._uart.flush()
+
+    def report(self) -> Report:
+        return self._uart.report()
+
+
+class _Sensor(Component):
+    """The radar behind the command port; without one it runs already and is left alone."""
+
+    name = "sensor"
+
+    def __init__(self, settings: TiDemoConfig, send: SendConfig) -> None:
+        self._settings, self._send = settings, send
+
+    def power_up(self) -> None:
+        """Nothing: it has its power from USB."""
+
+    def power_down(self) -> None:
+        """Nothing, likewise."""
+
+    def resume(self) -> None:
+        if self._settings.cli_port:
+            self._send(self._settings.cli_port, Path(self._settings.config))
+
+    def report(self) -> Report:
+        return {"started": "by us" if self._settings.cli_port else "runs already"}
+
+
+class TiDemo:
+    """Reads packets of a demo and makes clouds of them; a `radar_driver.live.LiveSource`.
+
+    Parameters
+    ----------
+    settings : TiDemoConfig
+        Ports and place.
+    find_port : callable
+        Gives the path of the only data port that is plugged in, for an empty ``port``.
+    send : callable
+        Sends the .cfg to the command port.
+
+    Attributes
+    ----------
+    info : RadarInfo
+        From the .cfg where one is given, else of a radar of which only the field of view is known.
+
+    Raises
+    ------
+    DataError
+        When the .cfg makes no sense, naming file and line.
+    """
+
+    def __init__(self, settings: TiDemoConfig, find_port: Callable[[], str], send: SendConfig = send_config) -> None:
+        self._settings, self._find_port, self._send = settings, find_port, send
+        fov = (settings.fov_azimuth, settings.fov_elevation)
+        info = replace(cloud_source_info(settings.frame_interval, fov, settings.mount), frame_id=settings.frame_id)
+        self.info: RadarInfo = describe(Path(settings.config), info) if settings.config else info
+        self._half = self.info.waveform.acquisition_ns // 2 if settings.config else 0
+        self._quality = Quality.STATIC_REMOVED if settings.config and static_removed(Path(settings.config)) else Quality.GOOD
+        self._parser = Parser()
+        self._ready: deque[PointCloud] = deque(maxlen=_WAITING)
+        self._counts: Counter[str] = Counter()
+        self._about: dict[str, Any] = {}
+        self._uart = Uart(settings.port, settings.baud)
+        self._radar = Radar(())
+        self._heard = 0.0
+        self._stamp = 0
+        self._bytes = 0
+        self._refused = 0
+        self._number: int | None = None
+
+    def power_up(self) -> None:
+        """Open the data port."""
+        self._uart = Uart(self._settings.port or self._find_port(), self._settings.baud)
+        self._radar = Radar((_Port(self._uart), _Sensor(self._settings, self._send)))
+        self._radar.power_up()
+
+    def resume(self) -> None:
+        """Throw away what is old, start the sensor if that is ours to do, and listen."""
+        self._radar.resume()
+        self._parser.reset()
+        self._ready.clear()
+        self._listen()
+
+    def suspend(self) -> None:
+        """Stop listening; the sensor goes on by itself."""
+        self._radar.suspend()
+
+    def power_down(self) -> None:
+        """Close the port."""
+        self._radar.power_down()
+
+    def _listen(self) -> None:
+        self._heard, self._bytes, self._refused = time.monotonic(), self._parser.received, self._parser.counts["refused"]
+
+    def read(self, timeout: float) -> Reading | None:
+        """Wait for the next cloud.
+
+        Raises
+        ------
+        DeviceError
+            When the port has gone, or nothing useful came for ``silence``; the message says what came instead.
+        """
+        if not self._ready:
+            data = self._uart.read(timeout)
+            arrived = time.monotonic_ns()
+            for packet in self._parser.feed(data):
+                self._take(packet, arrived)
+        if self._ready:
+            return Reading(self._ready.popleft())
+        if time.monotonic() - self._heard > self._settings.silence:
+            problem = self._silent()
+            self._listen()
+            raise DeviceError(problem, gone=bool(self._settings.cli_port))
+        return None
+
+    def _silent(self) -> str:
+        """Say what came instead of packets."""
+        came, refused = self._parser.received - self._bytes, self._parser.counts["refused"] - self._refused
+        port, long = self._uart.port, f"{self._settings.silence:g} s"
+        if refused:
+            return f"{port}: {refused} packets in {long}, none of which makes sense: {self._parser.reason}"
+        if came:
+            return (
+                f"{port}: {came} bytes in {long} but no packet in them: is it the data port (Auxiliary Data Port), not the command port, "
+                f"and does the demo send with {self._uart.baud} Bd (knob baud)?"
+            )
+        again = "it is started anew" if self._settings.cli_port else "start it with its .cfg, or give cli_port and config, or press reset"
+        return f"{port}: silent for {long}; the sensor does not run, or hangs: {again}"
+
+    def _take(self, packet: Packet, arrived_ns: int) -> None:
+        """Make a cloud of a packet.
+
+        The packet's first byte left ``behind`` bytes before the last one that has come, at the line's speed.
+        """
+        self._listen()
+        sdk = ".".join(map(str, packet.version.to_bytes(4, "big")))
+        self._about = {"demo": packet.family, "platform": f"{packet.platform:X}", "sdk": sdk}
+        if self._number is not None and packet.number > self._number + 1:
+            self._counts["lost"] += packet.number - self._number - 1
+        self._number = packet.number
+        behind = self._parser.received - packet.end + packet.length
+        wait = self._settings.latency if np.isnan(packet.processing) else packet.processing
+        stamp = arrived_ns - round((behind * _BITS / self._settings.baud + wait) * 1e9) - self._half
+        self._stamp = max(stamp, self._stamp + 1)  # bytes that come in bursts must not turn time back
+        self._ready.append(self._cloud(packet, self._stamp))
+        self._counts["points"] += 0 if packet.points is None else len(packet.points)
+        self._counts["points_refused"] += 0 if packet.points is None else packet.points.refused
+
+    def _cloud(self, packet: Packet, stamp_ns: int) -> PointCloud:
+        points = packet.points if packet.points is not None else Points(np.empty((0, 3)), None, *(np.empty(0),) * 3)
+        place, spherical = points.cartesian, points.spherical
+        if place is None:
+            assert spherical is not None
+            place = _right_forward_up(spherical)
+        return cloud_from_ti(
+            stamp_ns,
+            packet.number,
+            place,
+            points.radial_speed,
+            points.snr,
+            noise=points.noise,
+            spherical=spherical,
+            frame_id=self.info.frame_id,
+            quality=self._quality,
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Say which demo it is, and what was lost."""
+        parser = self._parser.counts
+        return {
+            **self._radar.report(),
+            **self._about,
+            "packets": parser["packets"],
+            **{name: self._counts[name] for name in ("points", "points_refused", "lost")},
+            "refused": parser["refused"],
+            "garbage_bytes": parser["garbage_bytes"],
+            "items_not_used": ", ".join(f"{name[5:]}: {count}" for name, count in sorted(parser.items()) if name.startswith("item_")),
+        }
+
+
+def _right_forward_up(spherical: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Positions of ranges, azimuths (right positive) and elevations; a radar that measures no elevation sees all at its own height."""
+    distance, azimuth, elevation = spherical.T
+    ours = spherical_to_cartesian(distance, -azimuth, np.nan_to_num(elevation, nan=0.0))
+    return np.stack([-ours[:, 1], ours[:, 0], ours[:, 2]], axis=-1)

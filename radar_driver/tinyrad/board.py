@@ -1,0 +1,222 @@
+"""The parts of a TinyRad, in the order in which they get power (3.4): the vendor's start sequence, one part a step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Final
+
+from radar_core import DeviceError
+from radar_driver.components import Component, Device
+from radar_driver.tinyrad import eeprom, registers, wire
+from radar_driver.tinyrad.config import TinyRadConfig
+from radar_driver.tinyrad.link import UsbLink
+
+_AFTER_RESET: Final = 0.2  # s: the board takes that long
+_STOP: Final = 0.3  # s: so long may a command take that stops it; a board that hangs must not hold up the end of the program
+FIRMWARE: Final = 3
+"""Major version of the firmware whose protocol this is."""
+
+
+class Chip(Device):
+    """A radio chip behind the board's serial bus; a reset of the board takes its registers away."""
+
+    def __init__(self, name: str, link: UsbLink, number: wire.Chip, groups: Sequence[Sequence[int]]) -> None:
+        self.name, self._link, self._number, self._groups = name, link, number, groups
+
+    def open(self) -> None:
+        """Write its registers."""
+        for group in self._groups:
+            self._link.ask(wire.registers(self._number, group))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Controller(Component):
+    """The signal processor that runs the firmware, and the USB link to it.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        What its memory says; None: nothing that can be used.
+    """
+
+    name = "controller"
+
+    def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
+        self._link, self._config = link, config
+        self.calibration: eeprom.Calibration | None = None
+        self._known: dict[str, Any] = {}
+
+    def power_up(self) -> None:
+        """Open the link, come in step, see what firmware it is, read the calibration."""
+        try:
+            self._link.open()
+            self._synchronise()
+            self._identify()
+            self._calibrate()
+            self.measure_temperature()
+        except DeviceError:
+            self._link.close()
+            raise
+
+    def power_down(self) -> None:
+        """Close the link."""
+        self._link.close()
+
+    def resume(self) -> None:
+        """Reset the radar: nothing is left of what it did before."""
+        self._link.ask(wire.reset())
+        time.sleep(_AFTER_RESET)
+
+    def suspend(self) -> None:
+        """Reset it again: nothing else silences the transmitter."""
+        self._link.ask(wire.reset(), timeout=_STOP)
+
+    def _synchronise(self) -> None:
+        try:
+            self._link.synchronise()
+        except DeviceError:
+            self._link.reset()  # the last resort; opening it again finds it where it is then
+            self._link.open()
+            self._link.synchronise()
+        self._link.drain()
+
+    def _identify(self) -> None:
+        (word,) = self._link.ask(wire.version(), 1)[:1]
+        version = (word >> 16 & 0xFF, word >> 8 & 0xFF, word & 0xFF)
+        name = ".".join(map(str, version))
+        low, high = self._link.ask(wire.unique_id(), 2)[:2]
+        self._known |= {"firmware": name, "uid": f"{high << 32 | low:016x}"}
+        if version[0] != FIRMWARE and not self._config.any_firmware:
+            raise DeviceError(
+                f"the TinyRad has firmware {name}, but this driver was written for {FIRMWARE}.x: write the vendor's current one to it, "
+                "or set tinyrad.any_firmware to try it all the same"
+            )
+
+    def _calibrate(self) -> None:
+        """Read the calibration; a radar without one still works, but its angles are off."""
+        memory = bytearray()
+        for address in range(eeprom.N_BYTES):
+            answer = self._link.ask(wire.eeprom(address))
+            if not answer:
+                break
+            memory.append(answer[0] & 0xFF)
+        try:
+            self.calibration = eeprom.parse(bytes(memory))
+            self._known["calibration"] = f"of {self.calibration.date}"
+        except DeviceError as error:
+            self.calibration = None
+            self._known["calibration"] = f"none: the memory {error}; measure the array yourself (handwave calibrate)"
+
+    def measure_temperature(self) -> None:
+        """Ask for the temperature, for `report`."""
+        self._known["temperature"] = wire.temperature(self._link.ask(wire.info(), 2)[1])
+
+    def report(self) -> dict[str, Any]:
+        """Say what the board is; temperature in degree Celsius."""
+        return {**self._known, **self._link.report()}
+
+
+class FrontEnd(Component):
+    """Receiver and transmitter; the transmitter radiates from `resume` on."""
+
+    name = "front_end"
+
+    def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
+        self.receiver = Chip("ADF5904", link, wire.Chip.RECEIVER, (registers.receiver(),))
+        self.transmitter = Chip("ADF5901", link, wire.Chip.TRANSMITTER, registers.transmitter(config.power))
+        self._config = config
+
+    def power_up(self) -> None:
+        """Nothing: its power comes with the board's."""
+
+    def power_down(self) -> None:
+        """Nothing."""
+
+    def resume(self) -> None:
+        """Set up both chips."""
+        self.receiver.open()
+        self.transmitter.open()
+
+    def report(self) -> dict[str, Any]:
+        """Say how strong it sends."""
+        return {"power": self._config.power}
+
+
+class Converter(Component):
+    """The four analog-to-digital converters and their clock."""
+
+    name = "converter"
+
+    def __init__(self, link: UsbLink) -> None:
+        self._link, self._locked = link, False
+
+    def power_up(self) -> None:
+        """Nothing: its power comes with the board's."""
+
+    def power_down(self) -> None:
+        """Its clock stops with the board."""
+        self._locked = False
+
+    def resume(self) -> None:
+        """Start its clock."""
+        answer = self._link.ask(wire.converter_clock(), 1)
+        self._locked = 1 in answer[:2]  # one old version of the vendor's library looks at the second word
+        if not self._locked:
+            raise DeviceError("the converter's clock did not lock: unplug the TinyRad, wait ten seconds, plug it in again", gone=True)
+
+    def suspend(self) -> None:
+        """Its clock stops when the board is reset."""
+        self._locked = False
+
+    def report(self) -> dict[str, Any]:
+        """Say whether its clock runs."""
+        return {"locked": self._locked}
+
+
+class Synthesiser(Component):
+    """The chip that makes the chirps."""
+
+    name = "synthesiser"
+
+    def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
+        words = registers.synthesiser(config.start_frequency, config.bandwidth, config.ramp)
+        self.chip = Chip("ADF4159", link, wire.Chip.SYNTHESISER, (words,))
+
+    def power_up(self) -> None:
+        """Nothing: its power comes with the board's."""
+
+    def power_down(self) -> None:
+        """Nothing."""
+
+    def resume(self) -> None:
+        """Set it up."""
+        self.chip.open()
+
+
+class Sequencer(Component):
+    """The part of the firmware that fires chirps in turn and collects their samples."""
+
+    name = "sequencer"
+
+    def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
+        self._link, self._config = link, config
+
+    def power_up(self) -> None:
+        """Nothing: it is part of the firmware."""
+
+    def power_down(self) -> None:
+        """Nothing."""
+
+    def resume(self) -> None:
+        """Say what a frame is, and start."""
+        c = self._config
+        self._link.ask(wire.sizes(len(c.sequence), c.frame_chirps, c.chirps, c.buffers))
+        self._link.ask(wire.sequence(c.sequence))
+        self._link.ask(wire.start(c.period, c.samples))
+
+    def suspend(self) -> None:
+        """Take what is still on its way, so that commands are heard; it goes on until the controller is reset."""
+        self._link.synchronise(1, self._config.frame_interval + _STOP)

@@ -1,0 +1,233 @@
+"""Commands about boards: what is plugged in, and how well it works."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from radar_core import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from radar_driver.boards import Board, Found
+    from radar_driver.live import LiveSource
+    from radar_driver.probing import Probe
+
+_COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
+_STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
+
+
+def devices(
+    boards: Annotated[bool, typer.Option("--boards", help="list every board that is known, with its knobs, plugged in or not")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """List the boards that are plugged in, how to use each, and what is in the way.
+
+    Looking changes nothing on a board, and another program may be using it meanwhile. The exit status is 0 when a board is there that can
+    be used, 1 when there is none. Boards of other Python packages are found too (docs/adding-a-board.md).
+
+    Examples: `handwave devices` · `handwave devices --boards` · `handwave devices --json`
+    """
+    from radar_driver.boards import boards as known
+    from radar_driver.boards import broken
+
+    if boards:
+        _list_known(known(), broken(), as_json)
+        return
+    found = [one for board in known().values() for one in _look(board)]
+    if as_json:
+        print(json.dumps({"devices": [_plain(one) for one in found], "broken": dict(broken())}))
+    else:
+        _show_found(found, known(), broken())
+    if not any(not one.problem for one in found):
+        raise typer.Exit(1)
+
+
+def _look(board: Board) -> Sequence[Found]:
+    """List the devices of one kind; whatever goes wrong is this board's problem alone."""
+    from radar_driver.boards import Found
+
+    try:
+        return board.find()
+    except Exception as error:  # a board may be somebody else's code, and its libraries may be missing
+        return [Found(board.name, "?", {}, f"looking for it failed: {type(error).__name__}: {error}")]
+
+
+def _plain(found: Found) -> dict[str, Any]:
+    return {"board": found.board, "address": found.address, "options": dict(found.options), "problem": found.problem, "use": _use(found)}
+
+
+def _use(found: Found) -> str:
+    """Give the command that starts a graph with a device."""
+    from radar_driver.boards import board
+
+    variant = "clouds" if board(found.board).clouds else "live"
+    words = [f"handwave up {variant} --param driver.source={found.board}"]
+    return " ".join(words + [f"--param driver.{found.board}.{name}={value}" for name, value in found.options.items()])
+
+
+def _show_found(found: Sequence[Found], known: Mapping[str, Board], broken: Mapping[str, str]) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    for one in found:
+        console.print(f"{one.board}: {one.address}", style="bold", markup=False)
+        if one.problem:
+            console.print(f"  problem: {one.problem}", style="yellow", markup=False)
+        else:
+            console.print(f"  check:   handwave probe {one.board}{_sets(one)}\n  use:     {_use(one)}", markup=False)
+    for name, reason in broken.items():
+        console.print(f"{name}: {reason}", style="yellow", markup=False)
+    if not found:
+        console.print("No board is plugged in, or none that answers. Looked for:")
+        for board in known.values():
+            console.print(f"  {board.name}: {board.title}", markup=False)
+        console.print(
+            "Check the cable (some carry power only), the power supply, and that the board starts its program, not its flash loader.\n"
+            "On a network? Such boards are not looked for: name them (handwave devices --boards lists the knobs).\n"
+            "Without a board: handwave demo, or handwave probe sim."
+        )
+
+
+def _sets(found: Found) -> str:
+    return "".join(f" --set {name}={value}" for name, value in found.options.items())
+
+
+def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: bool) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    if as_json:
+        rows = [
+            {"board": board.name, "title": board.title, "clouds": board.clouds, "knobs": _knobs(board.config)} for board in known.values()
+        ]
+        print(json.dumps({"boards": rows, "broken": dict(broken)}))
+        return
+    console = Console(highlight=False)
+    for board in known.values():
+        gives = "point clouds" if board.clouds else "raw frames"
+        title = Text(f"{board.name}: {board.title}; gives {gives}", style="bold")
+        table = Table("knob", "default", "unit", "meaning", title=title, title_justify="left")
+        for knob in _knobs(board.config):
+            table.add_row(*(Text(word) for word in (knob["name"], json.dumps(knob["default"]), knob["unit"], knob["doc"])))
+        console.print(table)
+    for name, reason in broken.items():
+        console.print(f"{name}: {reason}", style="yellow", markup=False)
+    console.print(
+        "In a graph a knob is a parameter of the driver: --param driver.BOARD.KNOB=value; in handwave probe: --set KNOB=value.",
+        markup=False,
+    )
+
+
+def _knobs(config: type) -> list[dict[str, Any]]:
+    import dataclasses
+
+    from radar_core.config import describe
+
+    return [
+        {
+            "name": name,
+            "default": None if field.default is dataclasses.MISSING else field.default,
+            "unit": field.metadata.get("unit", ""),
+            "doc": field.metadata.get("doc", ""),
+        }
+        for name, field, _ in describe(config)
+    ]
+
+
+def probe(
+    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), or sim")],
+    settings: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
+    scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
+    duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
+    limit: Annotated[
+        list[str] | None, typer.Option(help="name=value, a limit of radar_driver.health.HealthConfig; may be repeated")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Check a board's health: link, temperature, noise floor, coupling, saturation, frame rate, losses; each with plain advice.
+
+    Nobody else may use the board meanwhile: stop the graph first. For a board that gives point clouds: points per cloud and SNR instead of
+    noise floor, coupling and saturation. Point the radar at a still room for figures that can be compared.
+
+    The exit status is 0 when all is well, 1 when something deserves a look, 2 when something failed, or the command makes no sense.
+
+    Examples: `handwave probe sim` · `handwave probe sim --scene five_people` · `handwave probe ti_demo --set port=/dev/ttyACM1`
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from radar_core.config import load, nest
+    from radar_driver.health import HealthConfig
+    from radar_driver.probing import probe as listen
+
+    limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
+    source = _source(board, _parse(settings, "--set"), scene)
+    with Progress(console=Console(stderr=True), disable=as_json, transient=True) as bar:
+        task = bar.add_task(f"listening to {board}", total=1.0)
+        found = listen(source, duration, settings=limits, progress=lambda share: bar.update(task, completed=share))
+    if as_json:
+        checks = [
+            {"check": c.name, "value": c.value, "unit": c.unit, "text": c.text, "verdict": c.verdict.value, "advice": c.advice}
+            for c in found.checks
+        ]
+        print(json.dumps({"board": board, "verdict": found.verdict.value, "checks": checks, "report": found.report}, default=str))
+    else:
+        _show(board, found)
+    raise typer.Exit(_STATUS[found.verdict.value])
+
+
+def _parse(given: list[str] | None, option: str) -> dict[str, Any]:
+    """Read ``name=value`` settings.
+
+    Raises
+    ------
+    ConfigError
+        When one is not of that form.
+    """
+    import yaml
+
+    result: dict[str, Any] = {}
+    for text in given or []:
+        name, equals, value = text.partition("=")
+        if not (name and equals):
+            raise ConfigError(f"{option} {text!r}: write knob=value, e.g. {option} port=/dev/ttyACM1")
+        parsed = yaml.safe_load(value)
+        result[name] = "" if parsed is None else parsed
+    return result
+
+
+def _source(name: str, settings: dict[str, Any], scene: str | None) -> LiveSource:
+    from radar_core.config import load, nest
+    from radar_driver.boards import board
+
+    if name == "sim":
+        if settings:
+            raise ConfigError("sim has no knobs: give --scene")
+        from radar_driver.simulated import SimLive
+
+        return SimLive(scene or "demo")
+    if scene is not None:
+        raise ConfigError(f"--scene is for sim; {name} is a board: give --set knob=value (handwave devices --boards lists the knobs)")
+    found = board(name)
+    return found.open(load(found.config, nest(settings), "--set"))
+
+
+def _show(board: str, found: Probe) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("check", "measured", "", "what to do", title=f"health of {board}", title_justify="left")
+    for check in found.checks:
+        mark = Text(check.verdict.value, style=_COLOURS[check.verdict.value])
+        table.add_row(Text(check.name), Text(check.text), mark, Text(check.advice))
+    console = Console(highlight=False)
+    console.print(table)
+    known = ", ".join(f"{key} {value}" for key, value in found.report.items() if value not in ("", None))
+    if known:
+        console.print(f"the board says: {known}", markup=False)
