@@ -82,6 +82,25 @@ def draw_openradar(data: Path, out: Path) -> None:
     save(fig, out / "openradar.png")
 
 
+def draw_dca1000(data: Path, out: Path) -> None:
+    """Range profile of the frame in the DCA1000's packets, in both orders of I and Q, with the baseband's detections."""
+    source = "dca1000/test_one_frame.pcap"
+    fig, axes = plt.subplots(figsize=(7, 3.2))
+    for order, colour in (("q_first", "tab:blue"), ("i_first", "0.6")):
+        info, frame, cloud = raw_cloud(data, "dca1000", source, tx=(1,), n_rx=1, order=order)
+        n = info.waveform.n_sample
+        power = (np.abs(np.fft.fft(frame.cube * np.hanning(n), axis=3)) ** 2).sum((0, 1, 2))
+        level = 10 * np.log10(np.fft.fftshift(power))
+        axes.plot(np.arange(-n // 2, n // 2), level, color=colour, lw=1, label=f"order={order}")
+        if order == "q_first":
+            bins = cloud.range / info.waveform.range_resolution
+            at = np.interp(bins, np.arange(-n // 2, n // 2), level)
+            axes.scatter(bins, at, s=20, facecolors="none", edgecolors="tab:red", label="detections")
+    axes.set(xlabel="range bin (negative: no echo can be there)", ylabel="power [dB]", title="DCA1000: test_one_frame.pcap")
+    axes.legend(fontsize=8)
+    save(fig, out / "dca1000.png")
+
+
 def draw_gestures(data: Path, out: Path) -> None:
     """Range rates of the points of one push and one pull of mHomeGes, over time."""
     fig, panels = plt.subplots(1, 2, figsize=(9, 3.2), sharey=True)
@@ -213,7 +232,7 @@ def main() -> None:
         print(json.dumps(figures(arguments.data, arguments.segments), indent=1))
         return
     arguments.out.mkdir(parents=True, exist_ok=True)
-    for draw in (draw_openradar, draw_gestures):
+    for draw in (draw_dca1000, draw_openradar, draw_gestures):
         draw(arguments.data, arguments.out)
     print("\n".join(f"{p.name}: {p.stat().st_size // 1000} kB" for p in sorted(arguments.out.glob("*.png"))))
 
