@@ -93,7 +93,7 @@ def draw_dca1000(data: Path, out: Path) -> None:
         level = 10 * np.log10(np.fft.fftshift(power))
         axes.plot(np.arange(-n // 2, n // 2), level, color=colour, lw=1, label=f"order={order}")
         if order == "q_first":
-            bins = cloud.range / info.waveform.range_resolution
+            bins = (cloud.range / info.waveform.range_resolution + n / 2) % n - n / 2
             at = np.interp(bins, np.arange(-n // 2, n // 2), level)
             axes.scatter(bins, at, s=20, facecolors="none", edgecolors="tab:red", label="detections")
     axes.set(xlabel="range bin (negative: no echo can be there)", ylabel="power [dB]", title="DCA1000: test_one_frame.pcap")
