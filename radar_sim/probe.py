@@ -15,6 +15,7 @@ from radar_core import ConfigError
 from radar_sim.effects import config as vocabulary
 from radar_sim.effects.chain import ECHO, SCENE, SIGNAL
 from radar_sim.effects.config import PHYSICS, Effects
+from radar_sim.places import displacement, places
 from radar_sim.scene import Fidelity, Scene
 from radar_sim.simulator import Simulator
 
@@ -42,6 +43,29 @@ def is_named(effects: Effects, name: str) -> bool:
     return bool(getattr(effects, name)) if name in PHYSICS else getattr(effects, name) is not None
 
 
+@dataclass(frozen=True)
+class Change:
+    """What an effect changes.
+
+    Attributes
+    ----------
+    samples : float
+        Rms of the change of samples over the rms of the echoes.
+    decisive : float
+        What is held against the scene's tolerance. It is the change of samples where the scene is for samples, and of effects on samples
+        always: they set the floor that everything is detected against. Else it is how far the effect moves the strongest echoes, over
+        their range: see `radar_sim.places`.
+    """
+
+    samples: float
+    decisive: float
+
+    def __str__(self) -> str:
+        """Say both where they differ."""
+        moves = f" and moves the strongest echoes by {self.decisive:.2g} of their range" if self.decisive != self.samples else ""
+        return f"it changes the samples by {self.samples:.2g}{moves}"
+
+
 @dataclass(frozen=True, eq=False)
 class Probe:
     """Some frames of a scene as one radar would see them, with any set of effects.
@@ -61,9 +85,16 @@ class Probe:
         """Simulate the scene with other effects."""
         return Simulator(replace(self.scene, effects=effects, **more), self.radar)
 
-    def frames(self, effects: Effects) -> NDArray[np.complex128]:
-        """Simulate the probed frames [V], shape (frame, tx, chirp, rx, sample), chirp by chirp whatever the scene's fidelity."""
-        simulator = self.simulator(effects, fidelity=Fidelity(model="exact"))
+    def frames(self, effects: Effects, *, exact: bool = True) -> NDArray[np.complex128]:
+        """Simulate the probed frames [V], shape (frame, tx, chirp, rx, sample).
+
+        Chirp by chirp, whatever the scene's fidelity; or not ``exact``: quickly, without what happens to echoes within a frame.
+        """
+        if exact:
+            simulator = self.simulator(effects, fidelity=Fidelity(model="exact"))
+        else:
+            still: dict[str, Any] = dict.fromkeys(PHYSICS, False)
+            simulator = self.simulator(replace(effects, **still), fidelity=Fidelity())
         n = simulator.n_frames
         chosen = sorted({round((k + 0.5) * n / _PROBES - 0.5) for k in range(_PROBES)}) if n else []
         converter = effects.converter
@@ -79,6 +110,10 @@ class Probe:
     @cached_property
     def _echoes(self) -> NDArray[np.complex128]:
         return self.frames(self.bare())
+
+    @cached_property
+    def _quick_echoes(self) -> NDArray[np.complex128]:
+        return self.frames(self.bare(), exact=False)
 
     def can(self, name: str) -> bool:
         """Whether this radar can have an effect; some are made for FMCW only.
@@ -98,13 +133,26 @@ class Probe:
 
     def change(self, name: str) -> float:
         """Measure an effect: the rms of what it changes over the rms of the echoes; infinite where there are no echoes."""
+        return self.measure(name).samples
+
+    def measure(self, name: str) -> Change:
+        """Measure what an effect changes in the samples, and in the quantity that the scene is for."""
         if not self.can(name):
-            return 0.0
-        echoes = self._echoes
-        with_it = self.frames(switched(self.bare(), name, True))
-        without = echoes if name in SIGNAL or not is_named(self.scene.effects, name) else self.frames(switched(self.bare(), name, False))
+            return Change(0.0, 0.0)
+        exact = name in PHYSICS  # nothing else needs the true path of every chirp
+        echoes = self._echoes if exact else self._quick_echoes
+        with_it, without = echoes, echoes
+        if name in SIGNAL or not is_named(self.scene.effects, name):
+            with_it = self.frames(switched(self.bare(), name, True), exact=exact)
+        else:
+            without = self.frames(switched(self.bare(), name, False), exact=exact)
         changed, reference = (float(np.linalg.norm(x)) for x in (with_it - without, echoes))
-        return changed / reference if reference > 0.0 else (math.inf if changed > 0.0 else 0.0)
+        samples = changed / reference if reference > 0.0 else (math.inf if changed > 0.0 else 0.0)
+        purpose = self.scene.purpose
+        if purpose == "samples" or name in SIGNAL or samples == 0.0:
+            return Change(samples, samples)
+        info, moving = self.simulator(Effects()).info, purpose != "detections"
+        return Change(samples, displacement(places(with_it, info, moving=moving), places(without, info, moving=moving)))
 
     def cost(self, name: str, repeat: int = 9) -> float:
         """Measure what an effect adds to the time of a frame, with the scene's own fidelity and other effects; at least 0 [ms]."""
