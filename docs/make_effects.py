@@ -40,7 +40,7 @@ def parts_of(deviation: dict[str, float]) -> str:
 
 
 def times(result: dict[str, Any]) -> str:
-    """Times of a frame and what the runs agree on, scene by scene."""
+    """Write times of a frame and what the runs agree on, scene by scene."""
     head = ["scene", "for", "as written", "`auto`", "all real", "everything", "`auto` / everything", "deviation of `auto`", "tolerance"]
     rows = []
     for found in result["scenes"]:
@@ -54,7 +54,7 @@ def times(result: dict[str, Any]) -> str:
 
 
 def costs(result: dict[str, Any]) -> str:
-    """What each effect adds to the time of a frame, scene by scene [ms]."""
+    """Write what each effect adds to the time of a frame, scene by scene [ms]."""
     scenes = [found for found in result["scenes"] if found["cost_ms"]]
     rows = [[f"`{name}`", *(f"{found['cost_ms'][name]:.2f}" for found in scenes)] for name in NAMES]
     return markdown(["effect", *(found["label"].replace("_", " ") for found in scenes)], rows)

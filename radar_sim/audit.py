@@ -79,7 +79,8 @@ def audit(label: str, scene: Scene, radar: str = "") -> Audit:
     choice, probe = choose_effects(called_for(scene), radar), Probe(scene, radar)
     findings = []
     for name in NAMES:
-        change = choice.changes[name] if name in choice.changes else probe.measure(name)
+        measure = probe.missed if name in CANDIDATES else probe.measure
+        change = choice.changes[name] if name in choice.changes else measure(name)
         findings.append(Finding(name, is_named(scene.effects, name), is_named(choice.scene.effects, name), change))
     return Audit(label, scene, radar, tuple(findings))
 
