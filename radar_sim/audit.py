@@ -101,10 +101,15 @@ def table(audits: Sequence[Audit]) -> str:
 def _cell(finding: Finding) -> str:
     """Write the change of samples and, where another quantity decides, that in brackets; bold when on, with a star when added."""
     change = finding.change
-    size = f"{change.samples:.1g}" + (f" ({change.decisive:.1g})" if change.decisive != change.samples else "")
+    size = _short(change.samples) + (f" ({_short(change.decisive)})" if change.decisive != change.samples else "")
     if not finding.on:
         return size
     return f"**{size}**" if finding.named else f"**{size}**\\*"
+
+
+def _short(value: float) -> str:
+    """Round to two digits; what is below 1e-4 is nothing."""
+    return f"{float(f'{value:.2g}'):g}" if value >= 1e-4 else "0"
 
 
 def _with(effects: Effects, names: Iterable[str]) -> Effects:
