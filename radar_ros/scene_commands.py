@@ -29,8 +29,9 @@ def scenes() -> None:
 
 
 def explain(
-    scene: Name,
+    scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")] = "",
     radar: Annotated[str, typer.Option(help="which radar of the scene, e.g. left; default: the first")] = "",
+    everywhere: Annotated[bool, typer.Option("--all", help="every effect in each of our scenes, under effects: auto")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Show for every effect whether the scene names it, how large it is (or would be), what it changes and what it costs.
@@ -38,11 +39,17 @@ def explain(
     "change" is the rms of what the effect changes in the samples, relative to the echoes. An effect that is missing and changes more than
     the scene's `tolerance` is warned about; `effects: auto` in a scene names those that every room and radar has.
 
-    Examples: `handwave explain demo` · `handwave explain two_radars --radar left --json`
+    Examples: `handwave explain demo` · `handwave explain two_radars --radar left --json` · `handwave explain --all`
     """
     from rich.progress import track
 
     from radar_sim import load_scene
+
+    if bool(scene) == everywhere:
+        raise ConfigError("explain: name one scene, e.g. demo, or give --all for a table of our scenes")
+    if everywhere:
+        _audit(as_json)
+        return
     from radar_sim.explain import Explainer, Explanation
     from radar_sim.probe import NAMES
 
@@ -54,6 +61,18 @@ def explain(
         print(json.dumps({"effects": rows, "reasons": result.reasons, "tolerance": result.scene.tolerance}))
     else:
         _show(result)
+
+
+def _audit(as_json: bool) -> None:
+    from rich.progress import track
+
+    from radar_sim.audit import audit, ours, table
+
+    audits = [audit(*one) for one in track(list(ours()), "measuring effects", disable=as_json, transient=True)]
+    if as_json:
+        print(json.dumps({a.label: {f.name: dataclasses.asdict(f) for f in a.findings} for a in audits}))
+    else:
+        print(table(audits), end="")
 
 
 def _show(result: Explanation) -> None:

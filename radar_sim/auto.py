@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 from radar_sim.effects.config import PHYSICS
-from radar_sim.probe import Probe, is_named, switched
+from radar_sim.probe import Change, Probe, is_named, switched
 from radar_sim.scene import Scene
 
 CANDIDATES: Final[tuple[str, ...]] = (
@@ -32,17 +33,21 @@ class Choice:
         With effects named, no longer auto.
     reasons : tuple of str
         One line per effect that was considered.
+    changes : mapping of str to Change
+        What was measured for it, by effect; those that the scene names are not measured.
     """
 
     scene: Scene
     reasons: tuple[str, ...]
+    changes: Mapping[str, Change]
 
 
 def choose_effects(scene: Scene, radar: str = "") -> Choice:
     """Choose effects for a scene that says ``effects: auto``.
 
-    What the scene names stays. Of the others in `CANDIDATES`, those are named whose change of the samples, relative to the echoes and with
-    the effect's defaults, is larger than the scene's tolerance. The choice depends on the scene only, not on the machine.
+    What the scene names stays. Of the others in `CANDIDATES`, those are left out, smallest first, that together change what the scene is
+    for by no more than its tolerance (root sum of squares of `radar_sim.probe.Change`); where it is for samples, each is held against the
+    tolerance by itself. The rest is named, with its defaults. The choice depends on the scene only, not on the machine.
 
     Parameters
     ----------
@@ -53,12 +58,33 @@ def choose_effects(scene: Scene, radar: str = "") -> Choice:
     """
     plain = replace(scene, effects=replace(scene.effects, auto=False))
     probe, effects, reasons = Probe(plain, radar), plain.effects, []
+    open_ones = [name for name in CANDIDATES if not is_named(effects, name)]
+    changes = _measure(probe, open_ones)
+    out = _left_out(scene.tolerance, changes)
     for name in CANDIDATES:
-        if is_named(plain.effects, name):
+        if name not in changes:
             reasons.append(f"{name}: on, the scene names it")
             continue
-        change = probe.change(name)
-        on = change > scene.tolerance
-        reasons.append(f"{name}: {'on' if on else 'off'}, it changes the samples by {change:.2g} (tolerance {scene.tolerance:g})")
+        on = name not in out
+        reasons.append(f"{name}: {'on' if on else 'off'}, {changes[name]} (tolerance {scene.tolerance:g})")
         effects = switched(effects, name, on)
-    return Choice(replace(plain, effects=effects), tuple(reasons))
+    return Choice(replace(plain, effects=effects), tuple(reasons), changes)
+
+
+def _measure(probe: Probe, names: list[str]) -> dict[str, Change]:
+    """Measure each effect; those on how echoes travel at once, as long as they do not matter even together."""
+    together = probe.travel()
+    travel = together.decisive > probe.scene.tolerance
+    return {name: together if name in PHYSICS and not travel else probe.missed(name) for name in names}
+
+
+def _left_out(tolerance: float, changes: Mapping[str, Change]) -> set[str]:
+    """Choose what is left out: by samples one by one, of what moves echoes as much as stays within the tolerance together."""
+    out: set[str] = set()
+    counted: set[Change] = set()  # what was measured together counts once
+    for name, change in sorted(changes.items(), key=lambda item: item[1].decisive):
+        together = counted if change.decisive == change.samples else counted | {change}
+        if change.decisive <= tolerance and sum(c.decisive**2 for c in together) <= tolerance**2:
+            out.add(name)
+            counted = together
+    return out

@@ -74,6 +74,8 @@ class EffectReport:
         How large it is (or would be, with its defaults) in its own unit: bins, dB, degrees.
     change : float
         Rms of what it changes in the samples over that of the echoes.
+    decisive : float
+        What is held against the tolerance, as of `radar_sim.probe.Change`.
     cost_ms : float
         What it adds to the time of a frame [ms].
     warning : str
@@ -84,6 +86,7 @@ class EffectReport:
     on: bool
     size: str
     change: float
+    decisive: float
     cost_ms: float
     warning: str
 
@@ -137,12 +140,12 @@ class Explainer:
         effects, tolerance = self.scene.effects, self.scene.tolerance
         on = is_named(effects, name)
         knobs = getattr(effects, name) if on or name in PHYSICS else default(name)
-        change = self._probe.change(name)
+        change = self._probe.measure(name)
         warning = ""
-        if not on and change > tolerance:
-            warning = f"missing: it would change the samples by {change:.2g} (tolerance {tolerance:g}); name it if yours has it"
+        if not on and change.decisive > tolerance:
+            warning = f"missing: {change} (tolerance {tolerance:g}); name it if yours has it"
         size = SIZES[name](knobs, self._setting, self._echoes)
-        return EffectReport(name, on, size, change, self._probe.cost(name, self._repeat), warning)
+        return EffectReport(name, on, size, change.samples, change.decisive, self._probe.cost(name, self._repeat), warning)
 
 
 def explain(scene: Scene, radar: str = "", repeat: int = 9) -> Explanation:

@@ -19,6 +19,9 @@ from radar_sim.things import Corner, Furniture, Point, Wall
 MODELS = ("separable", "nufft", "blocks", "exact", "reference")
 """How echoes are computed, cheapest first."""
 
+PURPOSES = ("samples", "detections", "tracks", "gestures")
+"""What a scene can be for: raw samples, or what is made of them."""
+
 
 @config
 class Fidelity:
@@ -110,7 +113,13 @@ class Scene:
         0.02,
         low=1e-6,
         high=1.0,
-        doc="relative rms error of samples that may be made, by fidelity auto and by leaving effects out",
+        doc="relative rms error that may be made: of samples by fidelity auto, of what the scene is for by leaving effects out",
+    )
+    purpose: str = knob(
+        "samples",
+        choices=PURPOSES,
+        doc="what the scene is for, by which effects: auto judges: raw samples; or what is made of them, to which an effect on echoes "
+        "matters by how far it moves the strongest ones, relative to their range",
     )
 
     def validate(self) -> None:

@@ -31,6 +31,8 @@ class Simulator:
         What to simulate.
     radar : str
         Which radar, by its frame_id or its namespace (``left`` for ``left/radar``); empty: the first.
+    world : World or None
+        People and things of another simulator of this scene and radar, with whatever effects; None: they are made.
 
     Attributes
     ----------
@@ -55,7 +57,7 @@ class Simulator:
         When there is no such radar, a person's script cannot be kept, or effects and fidelity do not go together.
     """
 
-    def __init__(self, scene: Scene, radar: str = "") -> None:
+    def __init__(self, scene: Scene, radar: str = "", world: World | None = None) -> None:
         if scene.effects.auto:
             from radar_sim.auto import choose_effects  # it uses simulators itself
 
@@ -66,7 +68,7 @@ class Simulator:
         effects = scene.effects
         if effects.converter is not None:
             self.info = dataclasses.replace(self.info, full_scale=full_scale(effects.converter))
-        self.world = World(scene, self.setting.radar)
+        self.world = World(scene, self.setting.radar) if world is None else world
         self._chain = make_chain(self.setting)
         self.propagator: Propagator = make_propagator(scene.fidelity, Physics.of(effects), self._sampling(), scene.tolerance)
         self.radar = self.setting.radar
