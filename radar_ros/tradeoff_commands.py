@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radar_core import HandwaveError
+
 if TYPE_CHECKING:
     from radar_ros.tradeoff.run import Job
 
@@ -76,6 +78,10 @@ def _measure(job: Job, command: str) -> None:
             conclude(job, command)
         print(f"stopped: {len(done)} of {len(names)} stages are in {job.out}; the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
+    except HandwaveError:
+        if done:
+            conclude(job, command)
+        raise
     unexplained = conclude(job, command)
     print(f"report in {job.out / REPORT}")
     if unexplained:

@@ -22,7 +22,9 @@ brackets; one thread. A choice on the front (●) is one that no other beats in 
 The default is in bold.
 
 A default counts as beaten when another choice is no worse in both, and clearly better in one: quicker by more than a tenth, or more
-accurate by more than two standard errors of the figure (±). Figures in this page are of {amount}.
+accurate by more than ±, two standard errors of the figure (of GOSPA: of its difference from the default's on the same seconds). Where the
+frame rate is a choice, and for the whole chain, times are those that one second of radar takes. Figures in this page are of
+{amount}.
 {notes}
 """
 

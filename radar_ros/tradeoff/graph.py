@@ -14,9 +14,9 @@ from radar_core import HandwaveError
 from radar_gestures.pipeline import Pipeline
 from radar_ros.graph import NodeSpec, graph
 from radar_ros.supervisor import Supervisor, environment, refuse_busy_domain
-from radar_ros.tradeoff.people import frames
 from radar_ros.tradeoff.rows import Found, Panel, of_share
 from radar_ros.tradeoff.settings import Settings
+from radar_sim import Simulator, load_scene
 
 PANEL = Panel("processes", "frames that gave tracks", "", "higher", "each node a process", "the library on the same frames, no graph")
 _SETTLE: Final = 2.0  # s: start-up and discovery are not measured
@@ -95,9 +95,10 @@ def composed(scene: str, seconds: float, domain: int | None) -> Heard:
 
 def library(settings: Settings) -> list[float]:
     """Time the library on frames of a scene, one after the other [ms]."""
-    pipeline, times = None, []
-    for simulator, made in frames(settings.scene or _SCENE, settings):
-        pipeline = pipeline or Pipeline(simulator.info)
+    simulator, times = Simulator(load_scene(settings.scene or _SCENE)), []
+    pipeline = Pipeline(simulator.info)
+    for k in range(min(simulator.n_frames, settings.pick(250, 1000))):
+        made = simulator.process(k)
         start = time.perf_counter_ns()
         pipeline.process(made.frame)
         times.append((time.perf_counter_ns() - start) * 1e-6)

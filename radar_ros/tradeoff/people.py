@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +48,7 @@ def seconds(settings: Settings) -> float:
 
 
 def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
-    """Load a scene, with another seed; one of ours in the cheapest model of propagation.
+    """Load a scene, with another seed than its own unless ``seed`` is 1; one of ours in the cheapest model of propagation.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
     if not scene.people or len(scene.radars) < radars:
         has = f"{len(scene.people)} people and {len(scene.radars)} radars"
         raise ConfigError(f"--scene {name}: it has {has}; this needs somebody in it, and {radars} or more radars")
-    scene = dataclasses.replace(scene, seed=scene.seed + seed)
+    scene = dataclasses.replace(scene, seed=scene.seed + seed - 1)
     return dataclasses.replace(scene, fidelity=Fidelity(model="separable")) if ours else scene
 
 
@@ -107,28 +107,28 @@ def timed(baseband: Baseband, frame: RadarFrame) -> tuple[PointCloud, float]:
 
 
 class Judge:
-    """GOSPA of one tracker, moment by moment, on the floor plane, and its times."""
+    """GOSPA of one tracker on the floor plane, moment by moment, and its times."""
 
     def __init__(self) -> None:
-        self.metric = GospaMetric()
-        self.gospa: list[float] = []
+        self._metric = GospaMetric()
+        self._by_second: dict[tuple[str, int], list[float]] = {}
         self.times_ms: list[float] = []
 
-    def compare(self, truth: Truth, seen: NDArray[np.bool_], tracks: Tracks) -> None:
-        """Take in one moment; ``seen`` says who counts, shape (n_people,)."""
-        step = self.metric.process(ObjectSet.of(truth.position[:, :2], truth.person_id, seen), people(tracks))
-        self.gospa.append(step.distance)
+    def compare(self, scene: str, truth: Truth, seen: NDArray[np.bool_], tracks: Tracks) -> None:
+        """Take in one moment of a scene; ``seen`` says who counts, shape (n_people,)."""
+        step = self._metric.process(ObjectSet.of(truth.position[:, :2], truth.person_id, seen), people(tracks))
+        self._by_second.setdefault((scene, truth.stamp_ns // 1_000_000_000), []).append(step.distance)
 
     @property
     def mean(self) -> float:
         """Mean GOSPA over all moments [m]."""
-        return float(np.mean(self.gospa))
+        return self._metric.summary().mean
 
-
-def margin(one: Sequence[float], interval: float) -> float:
-    """Two standard errors of a mean over moments, of which those within a second tell the same."""
-    independent = max(len(one) * interval, 2.0)
-    return float(2 * np.std(one) / independent**0.5)
+    def margin(self, default: Judge) -> float:
+        """Two standard errors of the mean difference from another judge's, on the same seconds: neighbouring moments tell the same [m]."""
+        both = [key for key in self._by_second if key in default._by_second]
+        apart = [float(np.mean(self._by_second[key]) - np.mean(default._by_second[key])) for key in both]
+        return float(2 * np.std(apart) / max(len(both), 1) ** 0.5)
 
 
 def track(configs: dict[str, TrackerConfig], settings: Settings, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
@@ -164,5 +164,5 @@ def track(configs: dict[str, TrackerConfig], settings: Settings, every: int = 1)
                 start = time.perf_counter_ns()
                 tracks = tracker.process(moment.cloud)
                 judges[name].times_ms.append((time.perf_counter_ns() - start) * 1e-6)
-                judges[name].compare(moment.truth, moment.visible, tracks)
+                judges[name].compare(scene, moment.truth, moment.visible, tracks)
     return judges, interval, spent

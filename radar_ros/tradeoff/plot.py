@@ -77,6 +77,8 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def _panel(axis: Any, picture: Picture) -> None:
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
     front = sorted((p.time_ms, p.value) for p in picture.points if p.on_front)
     axis.step(*zip(*front, strict=True), where="post", color=COLOUR, alpha=0.3, linewidth=1)
     for point, marker in zip(picture.points, _MARKERS * len(picture.points), strict=False):
@@ -88,11 +90,16 @@ def _panel(axis: Any, picture: Picture) -> None:
         if point.ring:
             axis.plot(point.time_ms, point.value, "o", markersize=15, markerfacecolor="none", markeredgecolor="tab:red")
             axis.annotate(point.name, (point.time_ms, point.value), xytext=(8, 9), textcoords="offset points", fontsize=7, color="tab:red")
-    axis.set(xscale="log", xlabel="time [ms], bar to the 95th percentile", title=picture.title)
+    medians = [point.time_ms for point in picture.points]
+    limits = (0.6 * min(medians), 1.7 * max(medians))  # bars of a busy machine end where the picture does
+    axis.set(xscale="log", xlim=limits, xlabel="time [ms], bar to the 95th percentile", title=picture.title)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_ylabel(picture.label, fontsize=8)
     axis.set_yscale("log" if picture.log else "linear")
     axis.grid(alpha=0.3)
-    axis.margins(0.12)
+    axis.margins(y=0.15)
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
 
 
@@ -105,5 +112,5 @@ def _bars(axis: Any, rows: Sequence[Row]) -> None:
         axis.barh(names, width, left=left, color=colour, label=part)
         left = [a + b for a, b in zip(left, width, strict=True)]
     axis.invert_yaxis()
-    axis.set(xlabel="median time of a frame [ms]", title="what the time goes to")
+    axis.set(xlabel="median time for a second of radar [ms]", title="what the time goes to")
     axis.legend(fontsize=7, frameon=False)

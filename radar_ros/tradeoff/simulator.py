@@ -72,7 +72,7 @@ def measure(settings: Settings) -> Found:
     truth = reference.sums(echoes)
     calls: dict[str, Callable[[], Any]] = {"": bare_product(info, len(echoes))}
     calls |= {name: partial(model.process, echoes) for name, model in models.items()}
-    times = measure_together(calls, repeat=settings.pick(7, 40))
+    times = measure_together(calls, repeat=settings.pick(15, 60))
     slow = measure_together({"": calls[""], "reference": partial(reference.process, echoes)}, repeat=settings.pick(1, 3), warmup=0)
     rows = [PANEL.row(name, error(model.process(echoes), truth), times[name], times[""]) for name, model in models.items()]
     rows.append(PANEL.row("reference", error(reference.process(echoes), truth), slow["reference"], slow[""]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from radar_core.config import load, nest
-from radar_ros.tradeoff.people import margin, track
+from radar_ros.tradeoff.people import track
 from radar_ros.tradeoff.rows import Found, Panel
 from radar_ros.tradeoff.settings import Settings
 from radar_tracking import TrackerConfig
@@ -33,9 +33,10 @@ def measure(settings: Settings) -> Found:
     """Compare trackers, estimators and clusterings within the tracker on the same clouds."""
     found = Found()
     configs = {f"{panel.name}: {name}": load(TrackerConfig, nest(knobs)) for panel, own in KNOBS.items() for name, knobs in own.items()}
-    judges, interval, baseband = track(configs, settings)
+    judges, _, baseband = track(configs, settings)
     for panel, own in KNOBS.items():
+        default = judges[f"{panel.name}: {panel.default}"]
         for name in own:
             judge = judges[f"{panel.name}: {name}"]
-            found.rows.append(panel.row(name, judge.mean, judge.times_ms, baseband, margin=margin(judge.gospa, interval)))
+            found.rows.append(panel.row(name, judge.mean, judge.times_ms, baseband, margin=judge.margin(default)))
     return found

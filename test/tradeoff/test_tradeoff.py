@@ -357,7 +357,7 @@ def test_help_teaches():
 
 def test_who_cannot_be_seen_does_not_count():
     """In front of the radar they count; with the radar turned away they do not."""
-    scene = dataclasses.replace(short("two_crossing", 0, True), duration=0.1)
+    scene = dataclasses.replace(short("two_crossing", 1, True), duration=0.1)
     simulator = Simulator(scene)
     truth = simulator.process(0).truth
     assert visible(truth, simulator.info).any()
@@ -377,10 +377,26 @@ def test_a_judge_without_tracks_pays_for_who_is_there():
     """GOSPA of nobody against one visible person is the cut-off over the root of two."""
     from radar_tracking import Tracks
 
-    simulator = Simulator(dataclasses.replace(short("short", 0, True), duration=0.1))
+    simulator = Simulator(dataclasses.replace(short("short", 1, True), duration=0.1))
     truth, judge = simulator.process(0).truth, Judge()
-    judge.compare(truth, np.array([True]), Tracks(0, 0, "room", (), np.empty(0, np.int32)))
+    judge.compare("short", truth, np.array([True]), Tracks(0, 0, "room", (), np.empty(0, np.int32)))
     assert judge.mean == pytest.approx(math.sqrt(0.5))
+
+
+def test_trackers_are_compared_second_by_second():
+    """Two that always differ by the same are told apart whatever the scene does; the margin is of the difference."""
+    from radar_tracking import Tracks
+
+    truth = Simulator(dataclasses.replace(short("short", 1, True), duration=0.1)).process(0).truth
+    nothing = Tracks(0, 0, "room", (), np.empty(0, np.int32))
+    one, other = Judge(), Judge()
+    for second in range(10):
+        now = dataclasses.replace(truth, stamp_ns=second * 1_000_000_000)
+        one.compare("a", now, np.array([second % 2 == 0]), nothing)  # 0 or 0.71 m, in turn
+        other.compare("a", now, np.array([True]), nothing)
+    assert one.margin(one) == 0.0
+    # Differences are 0 and 0.71 m in turn: standard deviation half of it, ten seconds.
+    assert one.margin(other) == pytest.approx(2 * math.sqrt(0.5) / 2 / math.sqrt(10))
 
 
 def test_the_graph_that_is_measured_loops():
