@@ -26,15 +26,12 @@ class Stage:
         Whose code its figures depend on.
     scene : bool
         Whether `Settings.scene` replaces its own.
-    effort : float
-        Share of the time of a whole run, about, for the progress bar.
     """
 
     name: str
     title: str
     packages: tuple[str, ...]
     scene: bool
-    effort: float
 
     @property
     def measure(self) -> Callable[[Settings], Found]:
@@ -50,17 +47,17 @@ _ALL: Final = (*_PEOPLE, "radar_gestures")
 STAGES: Final[dict[str, Stage]] = {
     stage.name: stage
     for stage in (
-        Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True, 2),
-        Stage("transforms", "Baseband: sample type, FFT back end, word length", _DSP, False, 1),
-        Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False, 4),
-        Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False, 6),
-        Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False, 2),
-        Stage("tracking", "Tracking: trackers, estimators, clustering", _PEOPLE, True, 6),
-        Stage("radar", "Radar: frame rate, number of transmitters", _PEOPLE, True, 6),
-        Stage("hand", "Hand: number of radars, filter", _PEOPLE, True, 3),
-        Stage("gestures", "Gestures: feature source, classifier", _ALL, False, 16),
-        Stage("graph", "Graph: processes", _ALL, True, 8),
-        Stage("chain", "The whole chain", _ALL, True, 8),
+        Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True),
+        Stage("transforms", "Baseband: sample type, FFT back end, word length", _DSP, False),
+        Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False),
+        Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False),
+        Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False),
+        Stage("tracking", "Tracking: trackers, estimators, clustering", _PEOPLE, True),
+        Stage("radar", "Radar: frame rate, number of transmitters", _PEOPLE, True),
+        Stage("hand", "Hand: number of radars, filter", _PEOPLE, True),
+        Stage("gestures", "Gestures: feature source, classifier", _ALL, False),
+        Stage("graph", "Graph: processes", _ALL, True),
+        Stage("chain", "The whole chain", _ALL, True),
     )
 }
 """By name."""
