@@ -10,7 +10,15 @@ from typing import Annotated, Any
 import typer
 
 from radar_core import HandwaveError
-from radar_ros import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
+from radar_ros import (
+    calibration_commands,
+    camera_commands,
+    dataset_commands,
+    device_commands,
+    scene_commands,
+    tradeoff_commands,
+    training_commands,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -374,7 +382,7 @@ def turntable(
 
 _SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
 _DEVICES = (device_commands.devices, device_commands.probe)
-_COMMANDS = (*_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate)
+_COMMANDS = (*_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate, tradeoff_commands.tradeoff)
 for command in _COMMANDS:
     app.command()(command)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)
