@@ -37,8 +37,10 @@ def solve_spd(matrix: NDArray[np.float64], rhs: NDArray[np.float64], *, max_cond
     Raises
     ------
     SingularError
-        Naming the condition number.
+        Naming the condition number, or that A holds a number that is none.
     """
+    if not np.isfinite(matrix).all():
+        raise SingularError("matrix holds a NaN or an infinity")
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.all(diagonal > 0):
         raise SingularError("matrix is not positive definite: its diagonal is not positive")
