@@ -23,7 +23,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from hazards import HERE, ROOT, Mutation, mutations
 
-_PRELOAD = ["numpy", "scipy.optimize", "scipy.special", "scipy.signal", "scipy.spatial", "numba", "pytest", "hypothesis", "yaml", "pydantic"]
+_PRELOAD = [
+    "numpy",
+    "scipy.optimize",
+    "scipy.special",
+    "scipy.signal",
+    "scipy.spatial",
+    "numba",
+    "pytest",
+    "hypothesis",
+    "yaml",
+    "pydantic",
+]
 _LIMIT = 120  # s: of one test; a guard against endless loops is one too
 _POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

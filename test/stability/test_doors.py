@@ -143,7 +143,9 @@ REFUSED: dict[str, Callable[[float], object]] = {
         RadarFrame(spoilt(noise(INFO, np.random.default_rng(0)), bad), 0, 0, "radar")
     ),
     "Calibrator": lambda bad: Calibrator(Calibration(), INFO).process(snapshots(bad)),
-    "Refiner": lambda bad: Refiner(INFO).process(spoilt(np.ones(INFO.cube_shape, np.complex64), bad), *np.array([[2.0], [0.0], [0.0], [0.0]])),
+    "Refiner": lambda bad: Refiner(INFO).process(
+        spoilt(np.ones(INFO.cube_shape, np.complex64), bad), *np.array([[2.0], [0.0], [0.0], [0.0]])
+    ),
     "Unfolder": lambda bad: Unfolder(INFO).process(spoilt(np.ones((2, 2, 4), np.complex64), bad), np.zeros(2), np.ones(2)),
     **{
         f"DirectionFinder {method} {backend}": lambda bad, m=method, b=backend: DirectionFinder(DoaConfig(method=m), INFO, b).process(

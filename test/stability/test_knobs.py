@@ -25,7 +25,11 @@ def configurations() -> list[type]:
             if ".nodes" in info.name or info.name.endswith((".node", ".messages")) or info.name.startswith(OPTIONAL):
                 continue
             for value in vars(importlib.import_module(info.name)).values():
-                if isinstance(value, type) and dataclasses.is_dataclass(value) and any("doc" in f.metadata for f in dataclasses.fields(value)):
+                if (
+                    isinstance(value, type)
+                    and dataclasses.is_dataclass(value)
+                    and any("doc" in f.metadata for f in dataclasses.fields(value))
+                ):
                     found[f"{value.__module__}.{value.__name__}"] = value
     return list(found.values())
 
