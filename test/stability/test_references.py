@@ -198,7 +198,7 @@ def test_moments_of_turn_noise(angle):
         way = (
             [s**2 * (a * s - mpmath.sin(a * s)) / (a * s) ** 2, s**2 * (1 - mpmath.cos(a * s)) / (a * s) ** 2] if a and s else [0, s**2 / 2]
         )
-        return [-way[0] * dt**2, way[1] * dt**2, 0, s * dt, 1]  # along shrinks: the arc bends inwards
+        return [way[0] * dt**2, way[1] * dt**2, 0, s * dt, 1]
 
     found = turn_moments(np.array([angle]), 0.5)[0]
     exact = np.array(
