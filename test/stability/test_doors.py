@@ -244,7 +244,7 @@ def test_nan_may_stand_for_what_was_not_measured_but_infinity_may_not(door):
 @BAD
 @pytest.mark.parametrize("name", ARRAY_FIELDS)
 def test_a_bad_field_leaves_the_hand_and_the_events_whole(name, bad):
-    """The stages behind the people tracker get the same cloud and look at fields of their own: whatever one point holds, results are finite."""
+    """The stages behind the people tracker look at fields of their own: whatever one point holds there, results are finite."""
     people, hand, events = PeopleTracker(), HandTracker(), EventStage(GestureConfig(), Pose())
     hand.start(None, 300_000_000)
     for k in range(30):

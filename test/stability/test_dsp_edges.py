@@ -1,4 +1,4 @@
-"""Edges of the baseband: ends of the spectrum, ratios of nothing, denormal samples, directions at 90 degrees, ambiguous arrays and speeds."""
+"""Edges of the baseband: ends of the spectrum, ratios of nothing, denormal samples, directions at 90 degrees, ambiguities."""
 
 import dataclasses
 import itertools

@@ -34,7 +34,7 @@ def healthy(belief: Belief) -> None:
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_hundred_thousand_steps(name):
-    """Of a target at rest in noise that repeats: what is known after 1e5 steps is what was known after 2,000 at the same phase of the noise.
+    """Of a target at rest in noise that repeats: what is known after 1e5 steps is what was known after 2,000.
 
     A filter forgets; so the state is a function of the last seconds alone, and whatever differs is rounding that has piled up. Of a state
     of 3 m float64 resolves 4e-16 m; 1e-9 leaves room for what the nonlinear filters multiply it by, and is far below any drift that counts.

@@ -63,7 +63,7 @@ def test_ranges_and_angles_of_any_place(x, y, z):
 @pytest.mark.parametrize("n", [2, 4, 6])
 @pytest.mark.parametrize("units", [0.0, 6.0, 12.0])
 def test_solving_hilbert_s_matrices(n, units):
-    """The classic of bad condition, up to 1.5e7, with rows in units 10^±units apart: an error of condition times rounding, whatever the units."""
+    """The classic of bad condition, up to 1.5e7, rows in units 10^±units apart: an error of condition times rounding, whatever the units."""
     hilbert = np.array([[1 / (i + j + 1) for j in range(n)] for i in range(n)])
     scale = 10 ** np.linspace(-units, units, n)
     matrix, rhs = hilbert * np.outer(scale, scale), scale[:, None] * np.arange(1, n + 1)[:, None]
@@ -125,7 +125,7 @@ def test_logarithms_of_determinants_that_underflow(size):
 @pytest.mark.parametrize("apart", [0.0, 1.0, 700.0, 1e5, -1e5])
 @pytest.mark.parametrize("level", [0.0, -1e6, 1e6])
 def test_probabilities_of_modes_down_to_1e_300(prior, apart, level):
-    """Likelihoods of exp(-1e6) are zero as floats and exp(1e6) infinite: weights and the mixture's likelihood come right from logarithms."""
+    """Likelihoods of exp(-1e6) are zero as floats and exp(1e6) infinite: weights and their sum come right from logarithms."""
     weight = np.array([[prior, 1.0 - prior]])
     score = np.array([[level + apart, level]])
     least = 1e-6
