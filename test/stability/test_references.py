@@ -63,7 +63,7 @@ def test_ranges_and_angles_of_any_place(x, y, z):
 @pytest.mark.parametrize("n", [2, 4, 6])
 @pytest.mark.parametrize("units", [0.0, 6.0, 12.0])
 def test_solving_hilbert_s_matrices(n, units):
-    """The classic of bad condition, up to 1.5e7, rows in units 10^±units apart: an error of condition times rounding, whatever the units."""
+    """The classic of bad condition, up to 1.5e7, rows in units 10^±units apart: an error of condition times rounding, in any unit."""
     hilbert = np.array([[1 / (i + j + 1) for j in range(n)] for i in range(n)])
     scale = 10 ** np.linspace(-units, units, n)
     matrix, rhs = hilbert * np.outer(scale, scale), scale[:, None] * np.arange(1, n + 1)[:, None]
