@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -88,12 +89,21 @@ def load() -> list[tuple[str, list[Hazard]]]:
         (
             chapter["chapter"],
             [
-                Hazard(row["hazard"], row["fails"], tuple(row["tests"]), tuple(Mutation(**m) for m in row.get("mutations", ())))
+                Hazard(row["hazard"], row["fails"], _tests(row["tests"]), tuple(_mutation(**m) for m in row.get("mutations", ())))
                 for row in chapter["hazards"]
             ],
         )
         for chapter in chapters
     ]
+
+
+def _tests(by_file: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    return tuple(f"test_{file}.py::test_{name}" for file, names in by_file.items() for name in names)
+
+
+def _mutation(*, test: str, **rest: Any) -> Mutation:
+    file, name = test.split("::", 1)
+    return Mutation(test=f"test_{file}.py::test_{name}", **rest)
 
 
 def hazards() -> list[Hazard]:
@@ -123,8 +133,9 @@ nothing, so guards are taken out of the code one at a time: each such mutation b
     make mutations                                  # take out every guard, one after the other (ARGS="--help" tells more)
     python test/stability/mutations.py --some 10    # the ten quick ones that every run of the tests proves
 
-This page is written from `hazards.yaml` by `python test/stability/hazards.py`; `test_hazards.py` fails when the two differ, when a test
-is in no row, or when a mutation no longer fits the code. A new test goes into a row of the table, a new hazard gets a row.
+Tests are named without `test_`: `core::solve_in_a_batch` is `test_solve_in_a_batch` of `test_core.py`. This page is written from
+`hazards.yaml` by `python test/stability/hazards.py`; `test_hazards.py` fails when the two differ, when a test is in no row, or when a
+mutation no longer fits the code. A new test goes into a row of the table, a new hazard gets a row.
 
 """
 
@@ -137,14 +148,19 @@ def readme() -> str:
     for chapter, own in load():
         parts.append(f"\n## {chapter}\n\n| hazard | without the guard | tests | mutations |\n|---|---|---|---|\n")
         for row in own:
-            tests = "<br>".join(f"`{test.removesuffix('.py')}`".replace(".py::", "::") for test in row.tests)
+            tests = "<br>".join(f"`{_short(test)}`" for test in row.tests)
             taken = "<br>".join(f"`{m.name}`{' *' if m.some else ''}" for m in row.mutations)
             parts.append(f"| {row.hazard} | {row.fails} | {tests} | {taken} |\n")
     parts.append("\n## Mutations\n\n`*`: one of the ten.\n\n| mutation | file | guard taken out | must fail |\n|---|---|---|---|\n")
     for m in all_mutations:
         old, new = (_code(text) for text in (m.old, m.new))
-        parts.append(f"| `{m.name}`{' *' if m.some else ''} | `{m.file}` | {old} → {new} | `{m.test}` |\n")
+        parts.append(f"| `{m.name}`{' *' if m.some else ''} | `{m.file}` | {old} → {new} | `{_short(m.test)}` |\n")
     return "".join(parts)
+
+
+def _short(test: str) -> str:
+    """Name of a test without what all have."""
+    return test.removeprefix("test_").replace(".py::test_", "::")
 
 
 def _code(text: str) -> str:

@@ -21,7 +21,7 @@ from echoes import frame, noise
 from radar_core import HandwaveError, PointCloud, Pose, RadarFrame, RadarInfo, merge
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.linalg import solve_spd
-from radar_dsp import Baseband, BasebandConfig, DoaConfig
+from radar_dsp import Baseband, BasebandConfig, DoaConfig, SpectrumConfig
 from radar_dsp.bounds import Bound
 from radar_dsp.calibration import Calibration, Calibrator, Snapshots
 from radar_dsp.doa import DirectionFinder
@@ -140,6 +140,9 @@ UNIT = np.eye(3)[:2]
 # What refuses NaN and infinities alike.
 REFUSED: dict[str, Callable[[float], object]] = {
     "Baseband": lambda bad: Baseband(BasebandConfig(), INFO).process(
+        RadarFrame(spoilt(noise(INFO, np.random.default_rng(0)), bad), 0, 0, "radar")
+    ),
+    "Baseband fixed": lambda bad: Baseband(BasebandConfig(spectrum=SpectrumConfig(fft="fixed")), INFO).process(
         RadarFrame(spoilt(noise(INFO, np.random.default_rng(0)), bad), 0, 0, "radar")
     ),
     "Calibrator": lambda bad: Calibrator(Calibration(), INFO).process(snapshots(bad)),
