@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,6 +83,7 @@ class Hazard:
     mutations: tuple[Mutation, ...] = ()
 
 
+@functools.cache
 def load() -> list[tuple[str, list[Hazard]]]:
     """Read the table: chapters with their hazards."""
     chapters = yaml.safe_load(TABLE.read_text(encoding="utf-8"))
@@ -140,6 +142,20 @@ mutation no longer fits the code. A new test goes into a row of the table, a new
 """
 
 
+_CONDITIONS = """
+## Where condition numbers are told
+
+| of what | where |
+|---|---|
+| bounds, unfolding, NEES, distances (`solve_spd`) | `SingularError` with the number beyond 1e12, units scaled away |
+| innovations of the filters | refused with the track's row below a pivot of 1e-12 of the scaled covariance |
+| tracks' covariances | `covariance_condition` in the diagnostics of tracking |
+| velocity of the hand | `SnapshotVelocity.condition`, `velocity_condition` of `hand`; shares by rank in its diagnostics |
+| alignment of two radars | `condition` of the result, `handwave calibrate-pair`; `NotObservableError` beyond `max_condition` |
+| calibration of an array | `CalibratedArray.condition`, its file, `handwave calibrate`; refused beyond a limit |
+"""
+
+
 def readme() -> str:
     """Write the page."""
     rows, all_mutations = hazards(), mutations()
@@ -151,6 +167,7 @@ def readme() -> str:
             tests = "<br>".join(f"`{_short(test)}`" for test in row.tests)
             taken = "<br>".join(f"`{m.name}`{' *' if m.some else ''}" for m in row.mutations)
             parts.append(f"| {row.hazard} | {row.fails} | {tests} | {taken} |\n")
+    parts.append(_CONDITIONS)
     parts.append("\n## Mutations\n\n`*`: one of the ten.\n\n| mutation | file | guard taken out | must fail |\n|---|---|---|---|\n")
     for m in all_mutations:
         old, new = (_code(text) for text in (m.old, m.new))
