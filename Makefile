@@ -10,7 +10,7 @@ export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help demo test setup lint typecheck bench clean
+.PHONY: help demo test stability mutations setup lint typecheck bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
@@ -30,6 +30,14 @@ demo: setup
 ## make test       all tests but the slow ones (options: make test ARGS="test/core -x")
 test: setup
 	$(VENV)/bin/python -m pytest $(ARGS)
+
+## make stability  the numerically hard cases alone (test/stability/README.md lists them)
+stability: setup
+	$(VENV)/bin/python -m pytest test/stability $(ARGS)
+
+## make mutations  take every numerical guard out of the code, one at a time, and see that a test fails (make mutations ARGS="--some 10")
+mutations: setup
+	$(VENV)/bin/python test/stability/mutations.py $(ARGS)
 
 ## make lint       ruff and mypy
 lint: setup

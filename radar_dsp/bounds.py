@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radar_core import SPEED_OF_LIGHT, ConfigError, RadarInfo, Waveform
+from radar_core import SPEED_OF_LIGHT, ConfigError, DataError, RadarInfo, Waveform
 from radar_core.linalg import solve_spd
 
 FloatArray = NDArray[np.float64]
@@ -237,14 +237,21 @@ class Bound:
             Signal-to-noise power ratio of the peak cell behind untapered transforms, mean of the virtual channels:
             |A|^2 n_chirp n_sample / sigma^2. Windows lower what a chain measures by their losses.
         azimuth, elevation : array_like, shape (n_points,)
-            Direction [rad]; NaN elevations count as 0.
+            Direction [rad]; NaN counts as 0.
 
         Returns
         -------
         Bounds
             Standard deviations; infinite at a ratio of 0.
+
+        Raises
+        ------
+        DataError
+            When an angle is infinite.
         """
         ratio, az, el = np.broadcast_arrays(*(np.asarray(a, np.float64) for a in (snr, azimuth, elevation)))
+        if np.isinf(az).any() or np.isinf(el).any():
+            raise DataError("azimuth or elevation holds an infinity; NaN is the mark for what was not measured")
         az, el = np.nan_to_num(az), np.nan_to_num(el)
         with np.errstate(divide="ignore"):
             scale = np.sqrt(1.0 / np.maximum(ratio, 0.0))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, RadarInfo
+from radar_core.checks import require_finite
 from radar_dsp import doa_numpy
 from radar_dsp.capon_kernels import locate_capon
 from radar_dsp.config import BACKENDS, DoaConfig
@@ -110,7 +111,7 @@ class DirectionFinder:
         Raises
         ------
         DataError
-            When the shapes do not fit each other or the array.
+            When the shapes do not fit each other or the array, or a snapshot is not finite.
         """
         n = len(snapshot)
         if snapshot.ndim not in (2, 3) or snapshot.shape[-1] != self._n_channel or len(snr) != n:
@@ -118,6 +119,7 @@ class DirectionFinder:
                 f"snapshot has shape {snapshot.shape} and snr {snr.shape}; expected (n_points, {self._n_channel}) or "
                 f"(n_points, n_snapshot, {self._n_channel}) and (n_points,)"
             )
+        require_finite("snapshot", snapshot)  # comparisons with NaN would make a direction of it
         if self.steering is None or n == 0:
             nan = np.full(n, np.nan)
             return Directions(nan, nan, nan, nan, np.ones(n, np.bool_), np.arange(n))

@@ -191,7 +191,7 @@ def _estimate(power: Any, speed_bin: Any, range_bin: Any, noise: Any, tables: An
     for p in range(len(speed_bin)):
         s, r = speed_bin[p], range_bin[p]
         at = float(power[s, r])
-        snr = max(at / max(noise[p], np.float32(TINY)) - 1, LEAST_SNR)
+        snr = max(at / np.float64(max(noise[p], np.float32(TINY))) - 1, LEAST_SNR)  # of two float32 it may overflow
         offset, std = _interpolate(
             power[s - 1, r], at, power[s + 1 if s + 1 < n_speed else 0, r], snr * n_channel, snr, tables[0], edges[0]
         )

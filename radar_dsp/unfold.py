@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError, RadarInfo
-from radar_core.checks import require_shape
+from radar_core import ConfigError, DataError, RadarInfo
+from radar_core.checks import require_finite, require_shape
 from radar_core.linalg import solve_spd
 from radar_dsp.bounds import measurable
 
@@ -106,13 +106,16 @@ class Unfolder:
         Raises
         ------
         DataError
-            When the shapes disagree.
+            When the shapes disagree, a snapshot is not finite, or a range rate or ratio is infinite.
         """
         array, w = self.info.array, self.info.waveform
         n = len(snapshot)
         require_shape("snapshot", snapshot, (None, array.n_tx, array.n_rx))
         require_shape("speed", speed, (n,))
         require_shape("snr", snr, (n,))
+        require_finite("snapshot", snapshot)
+        if np.isinf(speed).any() or np.isinf(snr).any():
+            raise DataError("speed or snr holds an infinity; NaN is the mark for what was not measured")
         folded = np.asarray(speed, np.float64)
         tx = np.arange(w.n_tx)
         turn = -4 * math.pi * w.chirp_interval / w.wavelength * np.nan_to_num(folded)

@@ -274,7 +274,8 @@ def _is_arm(cloud: Detections, snr: NDArray[np.float64], settings: FeatureConfig
     slow = np.flatnonzero(speed < settings.body_speed)
     if not len(slow) or not moving.any():
         return np.asarray(moving)
-    near = np.abs(cloud.range[:, None] - cloud.range[None, slow]) <= _SIDELOBE_RANGE
+    with np.errstate(invalid="ignore"):  # two infinite ranges: not near
+        near = np.abs(cloud.range[:, None] - cloud.range[None, slow]) <= _SIDELOBE_RANGE
     strongest = np.where(near, snr[None, slow], -np.inf).max(axis=1)
     return np.asarray(moving & (snr >= strongest - settings.sidelobe))
 

@@ -138,7 +138,7 @@ class TrackedCloud:
     Raises
     ------
     DataError
-        When the two do not belong together.
+        When the two do not belong together, or a track is nowhere.
     """
 
     cloud: PointCloud
@@ -150,6 +150,9 @@ class TrackedCloud:
             raise DataError(
                 f"the cloud's stamp is {self.cloud.stamp_ns} ns but the tracks' is {self.tracks.stamp_ns} ns; pair them by stamp"
             )
+        for track in self.tracks.tracks:  # what smooths over places would keep a NaN for ever
+            if not all(map(math.isfinite, track.position.tolist())):
+                raise DataError(f"Track.position of track {track.id} is not finite: {track.position}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
+from radar_core.checks import require_finite
 
 _TINY: Final[float] = 1e-12  # a probability of 0 would make any temperature infinitely unlikely
 _TEMPERATURES: Final[tuple[float, float]] = (0.05, 20.0)
@@ -61,7 +62,7 @@ def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64
     Raises
     ------
     DataError
-        When there are no samples.
+        When there are no samples, or a probability is not finite.
 
     References
     ----------
@@ -71,6 +72,7 @@ def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64
 
     if len(label) == 0:
         raise DataError("calibration needs at least one sample that was not in the training")
+    require_finite("probabilities", probabilities)
     low, high = (math.log(value) for value in _TEMPERATURES)
     found = minimize_scalar(lambda t: log_loss(soften(probabilities, math.exp(t)), label), bounds=(low, high), method="bounded")
     return math.exp(found.x)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from radar_core import SPEED_OF_LIGHT, ConfigError
 from radar_sim.propagation.base import NEAR, Float64Array, Physics, Sampling
@@ -14,6 +15,7 @@ from radar_sim.scatterers import Echoes
 
 _CHUNK = 4096
 """Echoes whose factors are held at once: 12 MB with the default radar."""
+_POOLS = ThreadpoolController()
 
 
 def require_separable(model: str, physics: Physics) -> None:
@@ -64,7 +66,8 @@ class Separable:
             factors(legs, echoes.strength[part], self._wave, since, self._fast, self._tx, self._rx, slow, fast)
             if echoes.envelope is not None:
                 slow *= echoes.envelope[:, :, part].transpose(2, 1, 0)
-            product = slow.reshape(n, -1).T @ fast.reshape(n, -1)
+            with _POOLS.limit(limits=1, user_api="blas"):  # with another number of threads rounding differs; at this size they only fight
+                product = slow.reshape(n, -1).T @ fast.reshape(n, -1)
             total = product if n == len(echoes) else total + product
         return total.reshape(self._shape)
 

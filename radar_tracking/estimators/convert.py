@@ -57,7 +57,7 @@ def from_polar(
     Raises
     ------
     DataError
-        When a number is not finite (except a rate), a range is negative or a standard deviation is not positive.
+        When a number is not finite (a rate may be NaN), a range is negative or a standard deviation is not positive.
     """
     r = np.atleast_1d(np.asarray(range_, np.float64))
     n, d = len(r), 2 if elevation is None else 3
@@ -77,6 +77,8 @@ def from_polar(
         position, covariance = position @ turn.T, turn @ covariance @ turn.T
     start = np.broadcast_to(np.zeros(d) if origin is None else np.asarray(origin, np.float64), (n, d)).copy()
     rates = np.broadcast_to(np.asarray(rate, np.float64), (n,)).copy()
+    if np.isinf(rates).any() or not np.isfinite(start).all():
+        raise DataError("rate is infinite or origin not finite; NaN is the mark for a rate that was not measured")
     return Measurement(position + start, symmetrise(covariance), rates, _variance("rate_std", rate_std, n), start)
 
 

@@ -19,6 +19,7 @@ _MAX_POINTS = 500  # a hand has a handful of points; more than this of one perso
 _SHOULDER = 0.2  # m: above the middle of what is seen of the body
 _LEAST = 1e-6  # m: a point at the very place of its sensor has no line of sight
 _FASTEST = 100.0  # m/s: what is faster is no measurement of a hand
+_HIGHEST = 5.0  # m: what is farther above or below the middle of the body is no hand of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +92,7 @@ def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: F
     position = cloud.position.astype(np.float64)
     axis = np.hypot(position[:, 0] - body[0], position[:, 1] - body[1])
     usable = ((owner == parent) | (owner == -1)) & (axis <= config.split.reach)  # NaN compares False
+    usable &= ~(np.abs(cloud.z - body[2]) > _HIGHEST)  # NaN stays: not measured
     index = np.flatnonzero(usable)[:_MAX_POINTS]
     position, owned = position[index], owner[index] == parent
     origins, sensor = _sensors(cloud, origin)

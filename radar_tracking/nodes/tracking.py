@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
+from numpy.typing import NDArray
 from std_msgs.msg import UInt32
 
 from radar_core import HandwaveError, PointCloud, RadarInfo
 from radar_core.config import config, knob
+from radar_core.linalg import SingularError, balanced
 from radar_ros import qos
 from radar_ros.convert import cloud_from_msg
 from radar_ros.params import declare_config
@@ -61,6 +63,7 @@ class Tally:
         self._deleted: Counter[Reason] = Counter()
         self._people: dict[str, int] = dict.fromkeys(zones.counted, 0)
         self._consistency: Consistency | None = None
+        self._covariances: list[NDArray[np.float64]] = []
 
     def add(self, tracks: Tracks) -> None:
         """Take in the tracks after one cloud.
@@ -73,6 +76,7 @@ class Tally:
         self._status = Counter(track.status for track in tracks.tracks)
         self._deleted.update(track.reason for track in tracks.deleted)
         self._people = self._zones.process(tracks)
+        self._covariances = [track.covariance for track in tracks.tracks]
         updated = [track for track in tracks.tracks if track.status is TrackStatus.CONFIRMED and track.dof > 0]
         nis, dof = np.array([track.nis for track in updated]), np.array([track.dof for track in updated], np.int64)
         self._consistency = self._monitor.process(tracks.stamp_ns, nis, dof)
@@ -82,6 +86,7 @@ class Tally:
         values: dict[str, Any] = {f"tracks_{status.name.lower()}": self._status[status] for status in TrackStatus}
         values |= {f"deleted_{reason.name.lower()}": self._deleted[reason] for reason in Reason}
         values |= {f"zone.{name}": count for name, count in self._people.items()}
+        values["covariance_condition"] = _worst_condition(self._covariances)
         found = self._consistency
         if found is None or not found.samples:
             return {**values, "nis_ratio": "unknown", "nis_accepted": "unknown", "consistency": "unknown"}, []
@@ -91,6 +96,14 @@ class Tally:
             "consistency": found.state,
         }
         return values, [found.warning] if found.warning else []
+
+
+def _worst_condition(covariances: Sequence[NDArray[np.float64]]) -> str:
+    """Say how nearly one state of a track follows from its others; units are scaled away."""
+    try:
+        return f"{max(float(np.linalg.cond(balanced(P)[0])) for P in covariances):.3g}" if covariances else "unknown"
+    except SingularError:
+        return "singular"
 
 
 class TrackingNode(StageNode):

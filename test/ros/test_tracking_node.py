@@ -125,6 +125,7 @@ def test_diagnostics_of_a_healthy_run(ros):
     bench = Bench(ros, **zones)
     _, _, values = bench.report()
     assert (values["consistency"], values["nis_ratio"], values["zone.sofa"]) == ("unknown", "unknown", "0")
+    assert values["covariance_condition"] == "unknown"
     for k in range(60):
         bench.send(cloud(k, [(2.5, 0.6), (2.5, -0.6)]))
     level, message, values = bench.report()
@@ -133,6 +134,7 @@ def test_diagnostics_of_a_healthy_run(ros):
     assert (values["zone.sofa"], values["zone.door"]) == ("2", "0")
     assert values["dropped_points"] == "0"
     assert values["consistency"] == "consistent"
+    assert 1.0 <= float(values["covariance_condition"]) < 1e3  # a velocity hangs together with its position
     assert 0.01 <= float(values["nis_ratio"]) <= 2.0
     assert values["nis_accepted"] == "0.01 to 2"
     spoilt = cloud(60, [(2.5, 0.6), (2.5, -0.6)])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import DataError, PointCloud
+from radar_core import ConfigError, DataError, PointCloud
 from radar_gestures.classifiers.calibration import calibration_error, choose_reject, fit_temperature, soften
 from radar_gestures.classifiers.model import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
@@ -93,6 +93,14 @@ def test_constant_features_train():
     report = train_on(samples(features, np.arange(80) % 2), BRIEF, labels=("push", "pull"))
     assert np.isfinite(report.model.probabilities(features)).all()
     assert np.isfinite(report.model.score(features, report.model.probabilities(features))).all()
+
+
+def test_deviations_of_zero_are_refused_where_they_would_divide():
+    """A scale of zero, or none at all: the model says so when it is made, not when it is used."""
+    weights, biases = (np.zeros((2, 3)),), (np.zeros(3),)
+    for scale in ([1.0, 0.0], [1.0, -1.0], [1.0, math.nan]):
+        with pytest.raises(ConfigError, match="scale has"):
+            GestureModel(np.zeros(2), np.array(scale), weights, biases, labels=("a", "b", "c"), names=("x", "y"))
 
 
 def test_huge_and_tiny_scales_of_features_train_alike():
