@@ -176,8 +176,9 @@ def two_heaps_reference(group: IndexArray, value: Float64Array, weight: Float64A
         low, first, second = (np.cumsum(part)[:-1] for part in (w, w * v, w * v * v))
         high, total = np.maximum(w.sum() - low, np.finfo(float).tiny), w.sum()
         left, right = first / low, ((w * v).sum() - first) / high
-        best = int((low * high * (right - left) ** 2).argmax())
-        gap = right[best] - left[best]
+        apart = right - left
+        best = int((low * high * apart * apart).argmax())  # multiplied in the kernel's order: rounding decides between equal splits
+        gap = apart[best]
         spread = [
             max(second[best] / low[best] - left[best] ** 2, 0.0),
             max(((w * v * v).sum() - second[best]) / high[best] - right[best] ** 2, 0.0),

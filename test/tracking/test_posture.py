@@ -8,7 +8,7 @@ import pytest
 from postures import FRAME_NS, ORIGIN, SMALL, mirrored, recording, tracked
 
 from radar_core import ConfigError, DataError, Pose, RadarInfo
-from radar_ros.importers.recording import cloud_source_info
+from radar_driver.clouds import cloud_source_info
 from radar_tracking import TrackedCloud, Tracks, TrackStatus
 from radar_tracking.hand.posture import PostureConfig, PostureTracker
 from radar_tracking.hand.posture_features import BodyFrame, PostureFeatureConfig, PostureFeatures, mirror
