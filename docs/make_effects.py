@@ -76,11 +76,11 @@ def costs(result: dict[str, Any]) -> str:
 
 def total(result: dict[str, Any]) -> str:
     """Say what `auto` saves over all scenes."""
+    within, audited = result["scenes_within_tolerance"], result["scenes_audited"]
     return (
-        f"`auto_over_all` **{result['auto_over_all_without_choosing']:.2f}** for the frames (demanded: at most 0.5), "
-        f"**{result['auto_over_all']:.2f}** with the {result['auto_choosing_s']:.1f} s of choosing once per scene; "
-        f"{result['auto_over_real']:.2f} against all that is real. {result['scenes_within_tolerance']} of "
-        f"{result['scenes_audited']} are within the tolerance itself, the rest within the spread of another draw of the noise.\n"
+        f"`auto_over_all` is **{result['auto_over_all']:.2f}** (demanded: at most 0.5), the {result['auto_choosing_s']:.1f} s of choosing once per "
+        f"scene included; {result['auto_over_real']:.2f} against all that is real. {within} of {audited} are within the tolerance itself, the "
+        "rest within the spread of another draw of the noise.\n"
     )
 
 
