@@ -77,10 +77,11 @@ def costs(result: dict[str, Any]) -> str:
 def total(result: dict[str, Any]) -> str:
     """Say what `auto` saves over all scenes."""
     within, audited = result["scenes_within_tolerance"], result["scenes_audited"]
+    whole, real, choosing = result["auto_over_all"], result["auto_over_real"], result["auto_choosing_s"]
     return (
-        f"`auto_over_all` is **{result['auto_over_all']:.2f}** (demanded: at most 0.5), the {result['auto_choosing_s']:.1f} s of choosing once per "
-        f"scene included; {result['auto_over_real']:.2f} against all that is real. {within} of {audited} are within the tolerance itself, the "
-        "rest within the spread of another draw of the noise.\n"
+        f"`auto_over_all` is **{whole:.2f}** (demanded: at most 0.5), the {choosing:.1f} s of choosing once per scene included; {real:.2f} "
+        f"against all that is real. {within} of {audited} are within the tolerance itself, the rest within the spread of another draw of "
+        "the noise.\n"
     )
 
 
