@@ -21,10 +21,12 @@ scene that does not name another radar has none.
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -238,12 +240,26 @@ def rows(found: dict[str, Any]) -> list[dict[str, Any]]:
     return result
 
 
-def run(quick: bool) -> dict[str, Any]:
+def kept(label: str, scene: Scene, radar: str, quick: bool, keep: Path | None) -> dict[str, Any]:
+    """Measure one scene, or read what an earlier run of the same kind left in a folder."""
+    if keep is None:
+        return measure(scene, radar, label, quick)
+    path = keep / f"{label.replace(' ', '_')}{'_quick' if quick else ''}.json"
+    if not path.exists():
+        keep.mkdir(parents=True, exist_ok=True)
+        made = json.dumps(measure(scene, radar, label, quick))
+        path.with_suffix(".part").write_text(made, encoding="utf-8")
+        path.with_suffix(".part").replace(path)
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure every scene; quick: three of them."""
     some = ("single_target", "short", "two_crossing")
     chosen = [one for one in ours() if not quick or one[0] in some]
     shown = track(chosen, "simulating scenes", console=Console(stderr=True), transient=True)
-    found = [measure(scene, radar, label, quick) for label, scene, radar in shown]
+    found = [kept(label, scene, radar, quick, keep) for label, scene, radar in shown]
     total = {name: sum(f["frames"] * f["frame_ms"][name] for f in found) * 1e-3 for name in found[0]["frame_ms"]}
     choosing = sum(f["choosing_s"] for f in found)
     figures = {
