@@ -183,6 +183,9 @@ def test_thresholds_over_many_orders(false_alarm, n_channel):
     np.fill_diagonal(alike, 1)
     found = thresholds.design(alike, average, false_alarm, n_channel)[0]
     assert found > factor
+    copies = np.ones((25, 25), complex)  # exact copies: all eigenvalues but one are rounding, of either sign
+    copies[0, 1:] = copies[1:, 0] = 0
+    assert thresholds.design(copies, average, false_alarm, n_channel)[0] == pytest.approx(found, rel=0.05)
     if n_channel >= 8 and false_alarm >= 1e-6:  # beyond, the tail of one cell is heavier than the draws reach
         assert found == pytest.approx(thresholds.ca_factor(false_alarm, np.array([1.0]), n_channel)[0], rel=0.05)
 

@@ -70,20 +70,18 @@ def test_cfar_at_every_edge_is_what_its_definition_says(algorithm, window, backe
     usable = np.ones(SHAPE, bool)
     usable[0, :2] = usable[15, 0] = False
     detector = detector_of(config, usable, backend)
-    power = noise_map(1)
-    mask = detector.detect(power)
-    assert mask.any()
-    judged = 0
-    for s, r in itertools.product(range(SHAPE[0]), range(SHAPE[1])):
-        if not np.isfinite(detector.factor[s, r]):
-            assert not mask[s, r]
-            continue
-        level = level_by_hand(config, usable, power, s, r)
-        threshold = detector.factor[s, r] * level
-        judged += 1
-        if abs(power[s, r] - threshold) > 1e-5 * threshold:
-            assert mask[s, r] == (power[s, r] > threshold), (s, r)
-    assert judged > 300
+    assert np.isfinite(detector.factor).sum() > 300
+    # plain noise; and a step in it beside the wrap of speed and the ends of range, so that a training cell more or less decides
+    for step in (1.0, 5.0):
+        power = noise_map(1)
+        power[12:] *= step
+        power[:, 20:] *= step
+        mask = detector.detect(power)
+        assert mask.any()
+        for s, r in itertools.product(range(SHAPE[0]), range(SHAPE[1])):
+            threshold = detector.factor[s, r] * level_by_hand(config, usable, power, s, r) if np.isfinite(detector.factor[s, r]) else np.inf
+            if not abs(power[s, r] - threshold) <= 1e-5 * threshold:
+                assert mask[s, r] == (power[s, r] > threshold), (s, r)
 
 
 @pytest.mark.parametrize("algorithm", ["os", "ca", "go", "so"])
@@ -172,10 +170,12 @@ def test_a_frame_at_full_scale(value):
 
 
 @pytest.mark.parametrize("distance", [0.0, WAVE.max_range - 0.1, WAVE.max_range - 0.05, WAVE.max_range - 0.001, WAVE.max_range])
-def test_echoes_in_the_first_and_in_the_last_cell(distance):
+@BACKENDS
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_echoes_in_the_first_and_in_the_last_cell(distance, speed, backend):
     """Beyond the last cell's middle an echo leaks around the circle of the transform: finite, not negative, within the axis."""
-    config = BasebandConfig(grouping="peak", coupling=CouplingConfig(range_extent=0.0))
-    given = frame(INFO, noise(INFO, np.random.default_rng(4)), echo(INFO, distance, 1.0, 0.1, 0.0, amplitude_for(35, INFO)))
+    config = BasebandConfig(grouping="peak", coupling=CouplingConfig(range_extent=0.0), backend=backend)
+    given = frame(INFO, noise(INFO, np.random.default_rng(4)), echo(INFO, distance, speed, 0.1, 0.0, amplitude_for(35, INFO)))
     cloud = Baseband(config, INFO).process(given)
     assert len(cloud)
     assert all(np.isfinite(getattr(cloud, name)).all() for name in ARRAY_FIELDS)
@@ -208,7 +208,8 @@ def test_unfolded_speeds_up_to_both_transmitters_end(times):
     if abs(abs(times) - 1.0) > 0.01:
         assert cloud.radial_speed[i] == pytest.approx(speed, abs=0.05)
     assert abs(math.remainder(cloud.radial_speed[i] - speed, 2 * WAVE.max_speed)) < 0.05
-    assert cloud.range[i] == pytest.approx(3.0, abs=0.05)
+    # 2 max_speed carrier / slope = 28 mm is what a range shifts by when the wrong speed is taken out; at 35 dB the deviation is 1 mm
+    assert abs(abs(times) - 1.0) < 0.01 or cloud.range[i] == pytest.approx(3.0, abs=0.01)
     assert cloud.azimuth[i] == pytest.approx(0.2, abs=0.05)
 
 

@@ -235,7 +235,7 @@ def test_covariances_of_converted_measurements(std):
     np.testing.assert_allclose(found.position[0], [float(place * c), float(place * s)], rtol=1e-14)
     # the direction across is worth the most care: nothing of the range's error may leak into it
     turn = np.array([-math.sin(azimuth), math.cos(azimuth)])
-    assert turn @ found.covariance[0] @ turn == pytest.approx(float(across), rel=1e-6 if std > 1e-8 else 0.1)
+    assert turn @ found.covariance[0] @ turn == pytest.approx(float(across), rel=1e-6 if std > 1e-8 else 0.1, abs=0.0)
 
 
 @pytest.mark.parametrize("false_alarm", [1e-2, 1e-6, 1e-12])
@@ -246,7 +246,7 @@ def test_thresholds_of_averages(false_alarm, n, cells):
     factor = float(ca_factor(false_alarm, np.array([cells]), n)[0])
     x = mpf(cells) / (mpf(cells) + mpf(factor))
     tail = mpmath.betainc(n * mpf(cells), n, 0, x, regularized=True)
-    assert float(tail) == pytest.approx(false_alarm, rel=1e-8)
+    assert float(tail) == pytest.approx(false_alarm, rel=1e-8, abs=0.0)
 
 
 @pytest.mark.parametrize("dof", [1, 7, 1000])

@@ -1,6 +1,7 @@
 """Hazards of comparing clocks: long runs, stamps at the ends of time, bursts, arrivals out of order, clocks that jump about."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -45,6 +46,17 @@ def test_offsets_of_any_size_keep_their_microseconds():
         (_, found) = monitor.offsets()
         # a double of 2e9 s has a resolution of 0.24 us, the smallest delays differ by up to 40 us
         assert abs(found.offset - offset * 1e-9) < 41e-6
+
+
+@pytest.mark.parametrize("offset_ns", [0, 1, 1000])
+def test_small_offsets_beside_large_ones_keep_every_digit(offset_ns):
+    """Radars whose clouds wait alike, but 50 years behind the clock of arrival: a nanosecond is a nanosecond, not the 240 of a double."""
+    monitor, behind = ClockMonitor(("left", "right")), 16 * 10**17 + 123_456_789
+    waits = np.random.default_rng(4).exponential(2 * MS, 600).astype(np.int64).tolist()
+    for k, wait in enumerate(waits):
+        monitor.hear("left", k * 20 * MS, behind + k * 20 * MS + wait)
+        monitor.hear("right", k * 20 * MS + offset_ns, behind + k * 20 * MS + wait)
+    assert monitor.offsets()[1].offset == pytest.approx(offset_ns * 1e-9, abs=1e-15)
 
 
 def test_arrivals_out_of_order_and_a_clock_that_goes_back():

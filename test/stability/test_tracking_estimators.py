@@ -85,11 +85,43 @@ def test_singular_geometry(config, d):
 
 
 @pytest.mark.parametrize("config", ALL)
-@pytest.mark.parametrize("std", [1e-6, 1e3])
+@pytest.mark.parametrize("d", [2, 3])
+def test_surprises_across_the_wrap_of_azimuth(config, d):
+    """Believed 5 cm to one side of azimuth pi, measured as far to the other: 10 cm beside a deviation of 14 cm, not a circle."""
+    estimator = make_estimator(config, d)
+    belief = estimator.start(measured(np.array([[-3.0, 0.05, 0.2]])[:, :d]), 0.1)
+    belief, innovation = estimator.update(estimator.predict(belief, 0.02), measured(np.array([[-3.0, -0.05, 0.2]])[:, :d], rate=0.0))
+    assert healthy(belief)
+    assert innovation.nis[0] < 3.0
+    assert np.abs(estimator.kinematics(belief)[0][0, :2] - [-3.0, 0.0]).max() < 0.05
+
+
+@pytest.mark.parametrize("config", ALL)
+@pytest.mark.parametrize("std", [1e-9, 1e-6, 1e3])
 def test_huge_and_tiny_covariances(config, std):
-    """Measurements known to a micrometre, or to a kilometre, of targets at 3 m."""
+    """Measurements known to a nanometre, to a micrometre, or to a kilometre, of targets at 3 m."""
     places = np.tile([3.0, 1.0, 0.5], (30, 2, 1)) + 0.01 * np.arange(30)[:, None, None]
     chase(make_estimator(config), places, 0.05, std=std, rate_std=max(std, 1e-4) / 10)
+
+
+@pytest.mark.parametrize("name", ["extended", "unscented"])
+@pytest.mark.parametrize("sure", [1e-4, 1e-8, 1e-9])
+def test_measurements_a_billion_times_surer_than_the_prediction(name, sure):
+    """What is left of 200 random covariances is semidefinite to 1e-14, where P - K S K' has lost five digits more.
+
+    The covariance shrinks to 1e-18 of itself along the measured directions, below float64's resolution: zero is all that can be asked.
+    """
+    rng, n = np.random.default_rng(0), 200
+    root, spread = rng.normal(size=(n, 4, 4)), rng.normal(size=(n, 2, 2)) + 2 * np.eye(2)
+    P = root @ np.swapaxes(root, 1, 2) + 1e-3 * np.eye(4)
+    mean = np.concatenate([rng.uniform(50, 60, (n, 2)), rng.normal(size=(n, 2))], axis=1)
+    R = sure**2 * spread @ np.swapaxes(spread, 1, 2)
+    z = Measurement(mean[:, :2] + 0.01, R, np.full(n, 0.1), np.full(n, sure**2), np.zeros((n, 2)))
+    belief, _ = make_estimator(EstimatorConfig(name=name), 2).update(Belief(mean[:, None], P[:, None], np.ones((n, 1))), z)
+    C = belief.covariance[:, 0]
+    scale = 1 / np.sqrt(np.diagonal(C, axis1=1, axis2=2))
+    assert np.array_equal(C, np.swapaxes(C, 1, 2))
+    assert np.linalg.eigvalsh(C * scale[:, :, None] * scale[:, None, :]).min() > -1e-14
 
 
 @pytest.mark.parametrize("config", ALL)
@@ -214,6 +246,48 @@ def test_measurements_without_noise_are_refused_not_hidden():
     unscented = make_estimator(EstimatorConfig(name="unscented"), 2)
     with pytest.raises(DataError, match="positive"):
         unscented.update(belief, measured(np.ones((1, 2)), std=0.1))
+
+
+@pytest.mark.parametrize("name", ["unscented", "imm", "mmae"])
+@pytest.mark.parametrize("kind", ["zero", "one known state", "rank one", "negative"])
+def test_semi_definite_covariances_have_no_sigma_points(name, kind):
+    """A root that does not exist is refused by name, not replaced: nobody would know that the state is none."""
+    estimator = make_estimator(EstimatorConfig(name=name, filter="unscented"), 2)
+    belief = estimator.start(measured(np.ones((1, 2))), 1.0)
+    n = belief.mean.shape[-1]
+    P = {"zero": np.zeros((n, n)), "one known state": np.diag([0.0] + [1.0] * (n - 1)), "rank one": np.ones((n, n)), "negative": -np.eye(n)}
+    broken = Belief(belief.mean, np.broadcast_to(P[kind], belief.covariance.shape).copy(), belief.weight)
+    with pytest.raises(DataError, match="positive"):
+        estimator.update(broken, measured(np.ones((1, 2))))
+    with pytest.raises(DataError, match="positive"):
+        estimator.predict(broken, 0.1)
+
+
+@pytest.mark.parametrize("small", [1e-300, 1e-30, 1e-12])
+def test_nearly_semi_definite_covariances_stay_definite(small):
+    """A variance of 1e-300 m^2 beside one of 1 m^2 is positive, and stays so through a step and an update."""
+    estimator = make_estimator(EstimatorConfig(name="unscented"), 2)
+    belief = estimator.start(measured(np.ones((1, 2))), 1.0)
+    P = np.diag([small, 1.0, small, 1.0])[None, None]
+    belief, _ = estimator.update(estimator.predict(Belief(belief.mean, P, belief.weight), 0.02), measured(np.ones((1, 2))))
+    assert healthy(belief)
+
+
+@pytest.mark.parametrize("name", ["imm", "mmae"])
+@pytest.mark.parametrize("dt", [0.0, 1e-9, 0.02, 1e3])
+def test_modes_of_probability_1e_300_are_mixed_and_come_back(name, dt):
+    """The mixture that leads to such a mode divides by its probability; afterwards all are at the floor or above, and sum to one."""
+    estimator = make_estimator(EstimatorConfig(name=name), 2)
+    belief = estimator.start(measured(np.tile([3.0, 1.0], (2, 1))), 1.0)
+    k = belief.weight.shape[1]
+    weight = np.full((2, k), 1e-300)
+    weight[0, 0] = weight[1, -1] = 1.0
+    belief = Belief(belief.mean, belief.covariance, weight)
+    for _ in range(3):
+        belief, innovation = estimator.update(estimator.predict(belief, dt), measured(np.tile([3.0, 1.0], (2, 1))))
+        assert healthy(belief)
+        assert np.isfinite(innovation.log_likelihood).all()
+    assert belief.weight.min() >= 0.99e-6
 
 
 def test_wide_angles():
