@@ -7,7 +7,6 @@ It has as many weights as a perceptron on the same numbers, and needs fewer peop
 from __future__ import annotations
 
 import json
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
+from radar_core.arrays import save_arrays
 from radar_core.paths import find_config
 from radar_gestures.curves import TOTALS
 
@@ -202,15 +202,7 @@ def save_net(net: CurveNet, path: str | Path) -> None:
     }
     for kind, parts in (("kernel", net.kernels), ("offset", net.offsets), ("weights", net.weights), ("bias", net.biases)):
         arrays |= {f"{kind}_{number}": part.astype(np.float16) if (half(part) == part).all() else part for number, part in enumerate(parts)}
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its switch
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise DataError(f"{path}: the network cannot be written ({error.strerror}); name another place") from None
+    save_arrays(path, arrays, "network")
 
 
 def load_net(name_or_path: str | Path) -> CurveNet:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError, DataError
+from radar_core import ConfigError
+from radar_core.arrays import save_arrays
 from radar_core.paths import find_config
 from radar_gestures.classifiers.perceptron import ADVICE, RANDOM, GestureModel
 from radar_gestures.classifiers.rejection import make_rejector
@@ -67,16 +66,7 @@ def save_model(model: GestureModel, path: str | Path) -> None:
     for number, (weights, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
         arrays |= {f"weights_{number}": weights, f"bias_{number}": bias}
     arrays |= {f"rejector_{name}": array for name, array in model.rejector.arrays().items()}
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its switch
-        partial.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
-        raise DataError(f"{path}: the model cannot be written ({error.strerror}); name another place") from None
+    save_arrays(path, arrays, "model")
 
 
 def load_model(name_or_path: str | Path = "gestures") -> GestureModel:

@@ -5,11 +5,9 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
+from radar_core.arrays import save_arrays
 from radar_core.config import load, plain
 from radar_tracking.hand.posture_features import PostureFeatureConfig
 
@@ -146,16 +145,7 @@ def save_postures(model: PostureModel, path: str | Path) -> None:
     }
     for number, (weight, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
         arrays |= {f"weights_{number}": weight, f"bias_{number}": bias}
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its switch
-        partial.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
-        raise DataError(f"{path}: the model cannot be written ({error.strerror}); name another place") from None
+    save_arrays(path, arrays, "model")
 
 
 def load_postures(path: str | Path) -> PostureModel:
