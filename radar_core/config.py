@@ -282,3 +282,23 @@ def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
             place = place.setdefault(parent, {})
         place[last] = value
     return result
+
+
+def override(instance: T, flat: Mapping[str, Any], source: str = "configuration") -> T:
+    """Make a configuration like another one, some of its knobs set to other values.
+
+    Parameters
+    ----------
+    instance : dataclass
+        The other one; it stays as it is.
+    flat : mapping of str to value
+        By dotted name, as `describe` lists them.
+    source : str
+        Who says so, for the error message.
+
+    Raises
+    ------
+    ConfigError
+        Naming the knob that there is not, or whose value makes no sense.
+    """
+    return load(type(instance), _merged(plain(instance), nest(flat)), source)

@@ -6,6 +6,7 @@ import contextlib
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from radar_core import HandwaveError, PointCloud, Quality, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.array_file import calibrate_info, load_array
 from radar_ros import qos
+from radar_ros.budget import Budget
 from radar_ros.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
 from radar_ros.params import declare, declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, run
@@ -62,13 +64,14 @@ class Tally:
 
 
 class BasebandNode(StageNode):
-    """Turns raw frames into point clouds; its configuration may be changed while it runs."""
+    """Turns raw frames into point clouds; its configuration may be changed while it runs, and gives way to a time budget."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("baseband", **kwargs)
         self._config = declare_config(self, BasebandConfig, changeable=True)
         self._calibration = str(declare(self, "calibration", "", "file of handwave calibrate for this radar's array (.npz); empty: none"))
-        self._baseband: Baseband | None = None
+        self._budget = Budget(self, self._config, self._prepare_levels)
+        self._levels: tuple[Baseband | None, ...] = (None,)
         self._warm_up()
         self._tally = Tally()
         self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
@@ -80,29 +83,43 @@ class BasebandNode(StageNode):
     def _warm_up(self) -> None:
         """Compile and design thresholds before subscribing: a driver that waits for its readers then loses no frame meanwhile."""
         with contextlib.suppress(HandwaveError):  # what suits no usual radar may suit the one that comes, and is refused there
-            Baseband(self._config, RadarInfo())
+            for config in set(self._budget.configs):
+                Baseband(config, RadarInfo())
 
     def _configure(self, info: RadarInfo) -> None:
-        self._baseband = self._make(self._config, info)
+        self._levels = self._make(self._budget.configs, info)
 
     def _prepare(self, config: BasebandConfig) -> Callable[[], None]:
         """Make a new chain for the radar that is there; refused (`ConfigError`) when it does not suit that radar."""
-        unusable = self._info.unusable  # it may be the configuration that the radar did not suit
-        info = self._info.info or unusable
-        baseband = self._make(config, info) if info is not None else None
+        place = self._prepare_levels(self._budget.configs_of(config))
 
         def apply() -> None:
-            self._config, self._baseband = config, baseband
+            self._config = config
+            self._budget.rebase(config)
+            place()
+
+        return apply
+
+    def _prepare_levels(self, configs: tuple[BasebandConfig, ...]) -> Callable[[], None]:
+        """Make new chains for all levels of the budget, likewise."""
+        unusable = self._info.unusable  # it may be the configuration that the radar did not suit
+        info = self._info.info or unusable
+        levels = self._make(configs, info) if info is not None else (None,) * len(configs)
+
+        def apply() -> None:
+            self._levels = levels
             if unusable is not None:
                 self._info.accept(unusable)
 
         return apply
 
-    def _make(self, config: BasebandConfig, info: RadarInfo) -> Baseband | None:
-        """Make the chain for the calibrated radar; None for a source that gives ready point clouds only."""
+    def _make(self, configs: Sequence[BasebandConfig], info: RadarInfo) -> tuple[Baseband | None, ...]:
+        """Make the chains for the calibrated radar; None for a source that gives ready point clouds only."""
         if info.waveform.n_sample == 0:
-            return None
-        return Baseband(config, calibrate_info(info, load_array(self._calibration)) if self._calibration else info)
+            return (None,) * len(configs)
+        calibrated = calibrate_info(info, load_array(self._calibration)) if self._calibration else info
+        made = {config: Baseband(config, calibrated) for config in set(configs)}  # levels may differ in how many frames they leave out only
+        return tuple(made[config] for config in configs)
 
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
@@ -110,18 +127,23 @@ class BasebandNode(StageNode):
         if not self._info.usable():
             self.dropped += 1
             return
-        if self._baseband is None:
+        baseband, every = self._levels[self._budget.number], self._budget.every
+        if baseband is None:
             self.dropped += 1
             self.problem("raw frames come, but radar/info says that this source gives no frames (n_sample = 0)")
             return
+        if msg.sequence % every:  # left out to keep within the budget: not lost, and said so on stage_budget
+            return
         try:
-            cloud = self._baseband.process(frame_from_msg(msg))
+            cloud = replace(baseband.process(frame_from_msg(msg)), every=every)
         except HandwaveError as error:
             self.dropped += 1
             self.problem(str(error))
             return
         self._points.publish(cloud_to_msg(cloud))
+        self._budget.slow_down(started)
         self.finish(cloud.stamp_ns, cloud.sequence, started)
+        self._budget.spent(cloud.stamp_ns, started)
         if self._points2.get_subscription_count():
             self._points2.publish(cloud_to_cloud2(cloud))
         self._tally.add(cloud)
@@ -135,7 +157,8 @@ class BasebandNode(StageNode):
         self._tally.clear()
         if self._info.reason:
             warnings.append(f"cannot work with this radar: {self._info.reason}")
-        return values, warnings
+        more, worse = self._budget.report()
+        return {**values, **more}, warnings + worse
 
 
 def make_node(**kwargs: Any) -> BasebandNode:

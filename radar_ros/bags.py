@@ -39,6 +39,7 @@ TYPES: Mapping[str, str] = {
     "truth": "handwave/msg/Truth",
     "gospa": "handwave/msg/Gospa",
     "stage_status": "handwave/msg/StageStatus",
+    "stage_budget": "handwave/msg/StageBudget",
     "tf_static": "tf2_msgs/msg/TFMessage",
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "tracks/markers": "visualization_msgs/msg/MarkerArray",

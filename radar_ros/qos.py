@@ -43,6 +43,10 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 """What a late joiner must get too: radar/info, radar/pose, /tf_static."""
 
 
+LATCHED_EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""The same where several nodes have a last word of their own (stage_budget): who reads them keeps ten; each offers only its newest."""
+
+
 CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
 """Images of an RGB-D camera and what describes them: streams, as the camera's driver offers them."""
 
@@ -51,6 +55,8 @@ def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfi
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
     if name in ("radar/info", "radar/pose", "tf_static"):
         return LATCHED
+    if name == "stage_budget":
+        return LATCHED_EACH
     if name in CAMERA_STREAMS:  # other people's drivers: many offer best effort only, and a reader that asks for more gets nothing
         return sensor(depth=depth)
     if name == "hand/trigger":

@@ -11,6 +11,7 @@ from radar_core import HandwaveError
 
 if TYPE_CHECKING:
     from radar_ros.tradeoff.run import Job
+    from radar_ros.tradeoff.settings import Settings
 
 
 def tradeoff(
@@ -25,6 +26,9 @@ def tradeoff(
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
     domain: Annotated[int | None, typer.Option(help="ROS domain of stage graph; default: ROS_DOMAIN_ID, else 0", min=0, max=232)] = None,
     note: Annotated[str, typer.Option(help="a sentence for the head of the report")] = "",
+    tune: Annotated[
+        bool, typer.Option("--tune", help="instead: measure the levels that nodes with frame_budget_ms choose from (docs/budget.md)")
+    ] = False,
 ) -> None:
     """Measure accuracy and time of every choice that buys one with the other, and say which are worth it.
 
@@ -35,15 +39,41 @@ def tradeoff(
     The folder gets STAGE.json and STAGE.png for each (dominated choices grey, the default with a ring), and report.md. A stage that is
     finished is not measured again while settings, code and versions stay the same, so a run that was stopped goes on where it was.
 
+    With --tune it measures, once for each machine, what nodes with a time budget may choose from: levels.json and levels.png. Then
+    `handwave up --param baseband.frame_budget_ms=4 --param baseband.budget.tuning=FOLDER/levels.json` keeps the baseband within 4 ms.
+
     Examples: `handwave tradeoff -o report --quick` · `handwave tradeoff -o report --stage detection --stage chain` ·
-    `handwave tradeoff -o mine --scene my_room.yaml --device-factor 8`
+    `handwave tradeoff -o mine --scene my_room.yaml --device-factor 8` · `handwave tradeoff --tune -o levels`
     """
     from radar_ros.tradeoff.run import Job
     from radar_ros.tradeoff.settings import Settings
     from radar_ros.tradeoff.stages import chosen
 
     settings = Settings(out, quick, seed, scene, domain)
+    if tune:
+        _tune(settings, device_factor)
+        return
     _measure(Job(out, settings, chosen(tuple(stage or ())), device_factor, again, note), _command(stage, scene, device_factor, quick))
+
+
+def _tune(settings: Settings, factor: float) -> None:
+    """Measure the levels of all stages that have some, write them, and show them as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from radar_ros.tradeoff.run import make_folder
+    from radar_ros.tradeoff.tune import LEVELS, tune, write
+
+    make_folder(settings.folder, factor)
+    found = tune(settings, factor)
+    write(settings.folder, found)
+    table = Table("", "level", f"{found[0].ladder.figure} [m]", "ms a frame", "ms for each frame of the radar", title="levels")
+    for stage in found:
+        for number, level in enumerate(stage.ladder.levels):
+            name = stage.ladder.stage if number == 0 else ""
+            table.add_row(name, level.name, f"{level.accuracy:.4f}", f"{level.time_ms:.3f}", f"{level.cost_ms:.3f}")
+    Console().print(table)
+    print(f"levels in {settings.folder / LEVELS}; give it to nodes as budget.tuning, beside frame_budget_ms")
 
 
 def _command(stage: list[str] | None, scene: str | None, factor: float, quick: bool) -> str:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import DataError, PointCloud, RadarInfo
+from radar_core import ConfigError, DataError, PointCloud, RadarInfo
 from radar_tracking.association import Clusters, associate, make_association
 from radar_tracking.background import Background
 from radar_tracking.body import measure
 from radar_tracking.estimators import make_estimator
 from radar_tracking.estimators.base import Belief, Measurement
+from radar_tracking.estimators.make import modes
 from radar_tracking.life import TrackManagement
 from radar_tracking.notes import Matched, match, note_extent, note_torso, torsos
 from radar_tracking.pairs import BEFORE, Pairs
@@ -63,13 +65,43 @@ class PeopleTracker:
         self.config = config if config is not None else TrackerConfig()
         self._view = View(info)
         self._zones = Zones(self.config.zones)
-        self._estimator = make_estimator(self.config.filter.estimator, 3)
-        self._association = make_association(self.config)
-        self._clusters = Clusters(self.config.association)
+        self._known: tuple[Belief, tuple[Float64Array, Float64Array]] | None = None
+        self._use(self.config)
         self._pairs = Pairs(self.config.life)
         self._reflections = Reflections(self.config.life, self.config.zones.walls)
         self._management = TrackManagement(self.config.life)
         self.reset()
+
+    def _use(self, config: TrackerConfig) -> None:
+        self.config = config
+        self._known = None
+        self._estimator = make_estimator(config.filter.estimator, 3)
+        self._association = make_association(config)
+        self._clusters = Clusters(config.association)
+
+    def change(self, config: TrackerConfig) -> None:
+        """Work on with another tracker, association or estimator, and with the tracks that there are.
+
+        Parameters
+        ----------
+        config : TrackerConfig
+            Differs from the present one in ``tracker``, ``association`` and ``filter`` only.
+
+        Raises
+        ------
+        ConfigError
+            When something else differs, or the other estimator's states are others than those of the tracks; nothing is changed then.
+        """
+        same = replace(config, tracker=self.config.tracker, association=self.config.association, filter=self.config.filter)
+        if same != self.config:
+            raise ConfigError("only tracker, association and filter can be changed while people are tracked; make a new PeopleTracker")
+        now, then = self.config.filter.estimator, config.filter.estimator
+        if modes(now) != modes(then):
+            raise ConfigError(
+                f"estimator {then.name!r} with {modes(then)} cannot go on with the states of {now.name!r} with {modes(now)}; "
+                "choose one with the same motion models"
+            )
+        self._use(config)
 
     def reset(self) -> None:
         """Forget everything; ids start again. For a new recording."""
@@ -81,7 +113,7 @@ class PeopleTracker:
         self._next_id = 1
         self._stamp_ns: int | None = None
         self._first_ns = 0
-        self._known: tuple[Belief, tuple[Float64Array, Float64Array]] | None = None
+        self._known = None
 
     @property
     def dropped_points(self) -> int:

@@ -127,18 +127,29 @@ def run(job: Job) -> Iterator[tuple[Stage, bool]]:
     """
     if job.settings.scene is not None:
         load_scene(job.settings.scene)
-    if not 0 < job.factor < float("inf"):
-        raise ConfigError(f"--device-factor {job.factor:g}: give a positive number, e.g. 8 for a device that is eight times slower")
-    try:
-        job.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"{job.out}: cannot be made ({error.strerror}); choose another folder with -o") from None
+    make_folder(job.out, job.factor)
     job = replace(job, settings=replace(job.settings, folder=job.out / CACHE))
     for stage in job.stages:
         done = None if job.again else read(stage, job)
         if done is None:
             write(stage, job, measured(stage, job))
         yield stage, done is None
+
+
+def make_folder(out: Path, factor: float) -> None:
+    """Make the folder of results.
+
+    Raises
+    ------
+    ConfigError
+        When it cannot be made, or the factor of a device's times is none.
+    """
+    if not 0 < factor < float("inf"):
+        raise ConfigError(f"--device-factor {factor:g}: give a positive number, e.g. 8 for a device that is eight times slower")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot be made ({error.strerror}); choose another folder with -o") from None
 
 
 def conclude(job: Job, command: str) -> list[str]:

@@ -41,6 +41,11 @@ def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -
     return SingleModel(_filter(config.name, motion, sensing, config), sensing, _prior((config.motion,), config, dimensions))
 
 
+def modes(config: EstimatorConfig) -> tuple[str, ...]:
+    """Motion models of the estimator that a configuration names; the beliefs of two with the same ones are alike."""
+    return config.modes if config.name in ("imm", "mmae") else (config.motion,)
+
+
 def make_motion(name: str, config: EstimatorConfig, dimensions: int, scale: float = 1.0) -> Motion:
     """Build a motion model.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from radar_core import HandwaveError, PointCloud, RadarInfo
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError, balanced
 from radar_ros import qos
+from radar_ros.budget import Budget
 from radar_ros.convert import cloud_from_msg
 from radar_ros.params import declare_config
 from radar_ros.stage import InfoKeeper, StageNode, run
@@ -107,23 +108,31 @@ def _worst_condition(covariances: Sequence[NDArray[np.float64]]) -> str:
 
 
 class TrackingNode(StageNode):
-    """Follows people through point clouds."""
+    """Follows people through point clouds, within a time budget where there is one."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("tracking", **kwargs)
         self._config = declare_config(self, TrackerConfig)
+        self._budget = Budget(self, self._config, self._prepare_levels)
         self._tally = Tally(self._config.zones, declare_config(self, TrackConsistencyConfig, "consistency."))
         self._tracker: PeopleTracker | None = None
         self._dropped_points = 0  # before the tracker was reset
-        warm_up(self._config)
+        for level in set(self._budget.configs):
+            warm_up(level)
         self._tracks = self.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
         self._count = self.create_publisher(UInt32, "people_count", qos.RESULT)
         self._info = InfoKeeper(self, self._configure)
         self.create_subscription(PointCloudMsg, "radar/points", self._take, qos.sensor(reliable=self.reliable))
 
     def _configure(self, info: RadarInfo) -> None:
-        self._tracker = PeopleTracker(self._config, info)
+        self._tracker = PeopleTracker(self._budget.configs[self._budget.number], info)
         self.get_logger().info(f"clouds come from {info.frame_id}, mounted {info.mount.z:g} m above the floor")
+
+    def _prepare_levels(self, configs: tuple[TrackerConfig, ...]) -> Callable[[], None]:
+        """Compile what other levels of the budget need."""
+        for level in set(configs):
+            warm_up(level)
+        return lambda: None  # the level is looked up with every cloud
 
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
@@ -132,18 +141,25 @@ class TrackingNode(StageNode):
         if not self._info.usable() or info is None or tracker is None:
             self.dropped += 1
             return
+        if msg.sequence % self._budget.every:  # left out to keep within the budget: not lost, and said so on stage_budget
+            return
         try:
             cloud = cloud_from_msg(msg).to_room(info.mount)
             if self.went_back(cloud.stamp_ns):
                 self._dropped_points += tracker.dropped_points
                 tracker.reset()
+            config = self._budget.configs[self._budget.number]
+            if config is not tracker.config:
+                tracker.change(config)
             tracks = tracker.process(cloud)
         except HandwaveError as error:
             self.dropped += 1
             self.problem(str(error))
             return
         self._tracks.publish(tracks_to_msg(tracks))
+        self._budget.slow_down(started)
         self.finish(tracks.stamp_ns, tracks.sequence, started)
+        self._budget.spent(tracks.stamp_ns, started)
         self._count.publish(UInt32(data=tracks.people_count))
         self._note(tracks)
 
@@ -158,7 +174,8 @@ class TrackingNode(StageNode):
         """Tracks by status, deletions by reason, people by zone, points without a place, and whether the filter knows how wrong it is."""
         values, warnings = self._tally.report()
         values["dropped_points"] = self._dropped_points + (self._tracker.dropped_points if self._tracker is not None else 0)
-        return values, warnings
+        more, worse = self._budget.report()
+        return {**values, **more}, warnings + worse
 
 
 def warm_up(settings: TrackerConfig) -> None:

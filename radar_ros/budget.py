@@ -1,0 +1,233 @@
+"""A node's time budget: which level of accuracy it works at, what it gave up for that, and who is told."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, Final, Generic, TypeVar
+
+from handwave.msg import StageBudget as StageBudgetMsg
+
+from radar_core import ConfigError
+from radar_core.config import config, describe, knob, override
+from radar_core.governor import Governor, Step, StepConfig
+from radar_core.ladder import Ladder, Level, load_ladders
+from radar_ros import qos
+from radar_ros.convert import header
+from radar_ros.machine import machine
+from radar_ros.params import declare_config, on_change
+
+T = TypeVar("T")
+_AS_CONFIGURED: Final = Level("as configured", {}, 1, 1.0, 0.0)
+
+
+@config
+class LevelsConfig(StepConfig):
+    """Which levels there are, and when to change between them."""
+
+    tuning: str = knob("", doc="file of handwave tradeoff --tune: what each level takes on this machine, and how accurate it is")
+
+
+@config
+class BudgetConfig:
+    """How much time a node may take, and what it does about it."""
+
+    frame_budget_ms: float = knob(
+        0.0,
+        unit="ms",
+        low=0.0,
+        high=1e4,
+        doc="time for each frame of the radar, on average: the node works at the most accurate level that fits; 0: as configured",
+    )
+    device_factor: float = knob(
+        1.0, low=1.0, high=1000.0, doc="take so many times as long over each frame, to see what the graph does on a slower device"
+    )
+    budget: LevelsConfig = LevelsConfig()
+
+    def validate(self) -> None:
+        """Raise `ConfigError` for a budget without anything to choose from."""
+        if self.frame_budget_ms > 0 and not self.budget.tuning:
+            raise ConfigError(
+                "frame_budget_ms needs to know what this machine can do: run handwave tradeoff --tune -o FOLDER once, and set "
+                "budget.tuning to FOLDER/levels.json"
+            )
+
+
+class Budget(Generic[T]):
+    """Choose a node's level, frame by frame.
+
+    Parameters
+    ----------
+    node : StageNode
+        Its parameters are declared, its log and its topic ``stage_budget`` are written.
+    base : configuration
+        Of the stage; levels set some of its knobs apart.
+    prepare : callable
+        Called with the configurations of other levels while the node runs. It makes what the node needs to work at them, changing nothing
+        yet, and returns what puts that in place (see `radar_ros.params.on_change`).
+
+    Attributes
+    ----------
+    number : int
+        Of the level to use now; 0: the most accurate.
+    """
+
+    def __init__(self, node: Any, base: T, prepare: Callable[[tuple[T, ...]], Callable[[], None]]) -> None:
+        self._node, self._base = node, base
+        self._settings = declare_config(node, BudgetConfig, changeable=True)
+        self._publisher = node.create_publisher(StageBudgetMsg, "stage_budget", qos.LATCHED)
+        self._ladder, self._configs = self._read(self._settings, base)
+        self._governor: Governor | None = None
+        self._first = 0
+        self._start()
+
+        def change(settings: BudgetConfig) -> Callable[[], None]:
+            ladder, configs = self._read(settings, self._base)
+            place = prepare(configs)
+
+            def apply() -> None:
+                self._settings, self._ladder, self._configs = settings, ladder, configs
+                self._start()
+                place()
+
+            return apply
+
+        on_change(node, self._settings, change)
+
+    @property
+    def number(self) -> int:
+        """Number of the level to use now; 0: the most accurate, or the only one."""
+        return self._governor.level if self._governor is not None else 0
+
+    @property
+    def every(self) -> int:
+        """Only every so many'th frame is to be processed."""
+        return self._levels[self.number].every
+
+    @property
+    def configs(self) -> tuple[T, ...]:
+        """Configurations of all levels."""
+        return self._configs
+
+    def configs_of(self, base: T) -> tuple[T, ...]:
+        """Make the configurations of all levels on top of another one."""
+        return self._read(self._settings, base)[1]
+
+    def rebase(self, base: T) -> None:
+        """Work on top of another configuration from now on."""
+        self._base, self._configs = base, self.configs_of(base)
+
+    @property
+    def _levels(self) -> tuple[Level, ...]:
+        return self._ladder.levels if self._ladder is not None else (_AS_CONFIGURED,)
+
+    def _read(self, settings: BudgetConfig, base: T) -> tuple[Ladder | None, tuple[T, ...]]:
+        """Levels and their configurations; no budget: none, and the configuration itself."""
+        if settings.frame_budget_ms == 0:
+            return None, (base,)
+        if self._node.reliable:
+            raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
+        stage, path = self._node.stage, settings.budget.tuning
+        ladders = load_ladders(path)
+        if stage not in ladders:
+            raise ConfigError(f"{path}: has no levels of {stage!r}, only of {', '.join(ladders)}; make it anew: handwave tradeoff --tune")
+        ladder = ladders[stage]
+        if ladder.machine != machine():
+            self._node.caution(f"{path} was measured on another machine ({ladder.machine}; this is {machine()}): tune again on this one")
+        return ladder, tuple(override(base, level.knobs, f"level {level.name!r} of {path}") for level in ladder.levels)
+
+    def _start(self) -> None:
+        if self._ladder is None:
+            self._governor = None
+            return
+        self._governor = Governor(self._levels, self._settings.frame_budget_ms, self._settings.budget)
+        self._first = self._governor.level
+        fits = self._governor.expected_ms <= self._settings.frame_budget_ms
+        why = "the most accurate level that fits, as tuned" if fits else "no level fits, as tuned: this is the quickest"
+        self._tell(0, math.nan, self._governor.expected_ms, why)
+
+    def slow_down(self, started_ns: int) -> None:
+        """Wait as long as a slower device would still work on the message that was begun at a time of CLOCK_MONOTONIC."""
+        if self._settings.device_factor > 1:
+            time.sleep((self._settings.device_factor - 1) * (time.monotonic_ns() - started_ns) * 1e-9)
+
+    def spent(self, stamp_ns: int, started_ns: int) -> None:
+        """Take note of a message of some stamp that was begun at a time of CLOCK_MONOTONIC and is done; the level may change with it."""
+        if self._governor is None:
+            return
+        now = time.monotonic_ns()
+        step = self._governor.process((now - started_ns) * 1e-6, now * 1e-9)
+        if step is not None:
+            self._tell(stamp_ns, step.measured_ms, step.expected_ms, self._why(step))
+
+    def _why(self, step: Step) -> str:
+        budget = self._settings.frame_budget_ms
+        if step.after > step.before:
+            return f"a frame took {step.measured_ms:.3g} ms of {budget:g} ms"
+        return f"a better level has fitted into {budget:g} ms for a while"
+
+    def gave_up(self) -> list[str]:
+        """Say what the present level sets apart from the most accurate one."""
+        now, best = _flat(self._configs[self.number]), _flat(self._configs[0])
+        found = [f"{name}: {now[name]} instead of {best[name]}" for name in now if now[name] != best[name]]
+        most = self._levels[0].every
+        return found + ([f"one frame in {self.every} is processed instead of one in {most}"] if self.every != most else [])
+
+    def _tell(self, stamp_ns: int, measured_ms: float, expected_ms: float, why: str) -> None:
+        ladder, number, gave_up = self._ladder, self.number, self.gave_up()
+        assert ladder is not None
+        level, best = ladder.levels[number], ladder.levels[0]
+        figures = f"{ladder.figure} {level.accuracy:.3g} {ladder.unit}, not {best.accuracy:.3g}"
+        lost = f"; gave up {', '.join(gave_up)} ({figures})" if gave_up else ""
+        text = f"level {number + 1} of {len(ladder.levels)}, {level.name}: {why}; a frame should take {expected_ms:.3g} ms{lost}"
+        if number > self._first:
+            self._node.get_logger().warning(text)
+        else:
+            self._node.get_logger().info(text)
+        self._publisher.publish(
+            StageBudgetMsg(
+                header=header(stamp_ns, ""),
+                stage=self._node.stage,
+                budget_ms=self._settings.frame_budget_ms,
+                measured_ms=measured_ms,
+                expected_ms=expected_ms,
+                level=level.name,
+                number=number,
+                levels=len(ladder.levels),
+                every=level.every,
+                figure=ladder.figure,
+                unit=ladder.unit,
+                better=ladder.better,
+                accuracy=level.accuracy,
+                best_accuracy=best.accuracy,
+                gave_up=gave_up,
+                reason=why,
+            )
+        )
+
+    def report(self) -> tuple[dict[str, Any], list[str]]:
+        """Values for the diagnostics, and what to warn of; nothing without a budget."""
+        if self._governor is None:
+            return {}, []
+        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._settings.frame_budget_ms
+        values = {"frame_budget_ms": f"{budget:g}", "level": f"{self.number + 1} of {len(self._levels)}: {level.name}"}
+        values |= {"level_expected_ms": f"{expected:.3g}", "gave_up": ", ".join(self.gave_up()) or "nothing"}
+        warnings = [f"stepped down to {level.name} to keep within {budget:g} ms"] if self.number > self._first else []
+        interval = 1e3 * self._node.frame_interval
+        if 0 < interval < budget:
+            warnings.append(f"a budget of {budget:g} ms is more than the {interval:g} ms from frame to frame: frames will be lost")
+        if expected > budget and self.number == len(self._levels) - 1:
+            warnings.append(f"even the quickest level takes {expected:.3g} ms of {budget:g} ms")
+        return values, warnings
+
+
+def _flat(settings: Any) -> dict[str, Any]:
+    """Values of all knobs by dotted name."""
+    return {name: _value(settings, name) for name, _, _ in describe(type(settings))}
+
+
+def _value(settings: Any, name: str) -> Any:
+    for part in name.split("."):
+        settings = getattr(settings, part)
+    return settings
