@@ -181,7 +181,7 @@ class StoneSoupTracker:
             unseen = 0.0 if seen else (now - updates[-1].timestamp).total_seconds()
             age = (now - track[0].timestamp).total_seconds()
             published.append(_track(number, track.state, seen, (age, unseen), int((owner == number).sum())))
-        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tuple(published), owner)
+        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tuple(published), owner, every=cloud.every)
 
 
 def _track(number: int, state: Any, seen: bool, times: tuple[float, float], n_points: int) -> Track:

@@ -33,3 +33,9 @@ def require_finite(name: str, array: NDArray[np.generic]) -> None:
     if not finite.all():
         bad = np.argwhere(~finite)
         raise DataError(f"{name} has {len(bad)} non-finite values, the first at index {tuple(int(i) for i in bad[0])}")
+
+
+def require_every(name: str, every: int) -> None:
+    """Raise `DataError` unless ``every``, by how much sequences grow from one result to the next, is a whole number of at least 1."""
+    if not (isinstance(every, (int, np.integer)) and every >= 1):
+        raise DataError(f"{name} is {every}; expected a whole number of at least 1: every so many'th frame is used")

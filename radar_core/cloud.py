@@ -8,7 +8,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core.checks import require_shape
+from radar_core.checks import require_every, require_shape
 from radar_core.errors import DataError
 from radar_core.pose import Pose
 
@@ -55,6 +55,13 @@ class PointCloud:
         Standard deviations of the estimates.
     quality : Quality
         What is wrong with the frame behind the points.
+    every : int
+        Clouds are made of every so many'th frame; the sequence of the next one is that much larger.
+
+    Raises
+    ------
+    DataError
+        When arrays differ in length or are not float32, or `every` is no whole number of at least 1.
     """
 
     stamp_ns: int
@@ -74,8 +81,10 @@ class PointCloud:
     elevation_std: Float32Array = field(default_factory=_nan)
     radial_speed_std: Float32Array = field(default_factory=_nan)
     quality: Quality = Quality.GOOD
+    every: int = 1
 
     def __post_init__(self) -> None:
+        require_every("PointCloud.every", self.every)
         n = len(self.x)
         for name in ARRAY_FIELDS:
             array = getattr(self, name)

@@ -26,6 +26,7 @@ class CloudSource:
     stamp_ns: int
     sequence: int
     quality: Quality
+    every: int = 1
 
 
 def _nobody() -> NDArray[np.int32]:
@@ -47,6 +48,8 @@ class CloudComposite(PointCloud):
         Of the first source; another count: ``dataclasses.replace(composite, sequence=...)``.
     quality : Quality
         What is wrong with any of the sources.
+    every : int
+        The largest of the merged clouds; whoever counts composites anew replaces it along with the sequence.
     sensor : ndarray of int32, shape (n_points,)
         Index into `sources` of the sensor that saw the point.
     sources : tuple of CloudSource
@@ -70,13 +73,13 @@ class CloudComposite(PointCloud):
 
     @property
     def parts(self) -> tuple[PointCloud, ...]:
-        """The points of each source as a cloud of its own in ``room``, with that source's stamp, sequence and quality."""
+        """The points of each source as a cloud of its own in ``room``, with that source's stamp, sequence, quality and stride."""
         return tuple(self._part(number, source) for number, source in enumerate(self.sources))
 
     def _part(self, number: int, source: CloudSource) -> PointCloud:
         own = self.sensor == number
         arrays = {name: getattr(self, name)[own] for name in ARRAY_FIELDS}
-        return PointCloud(source.stamp_ns, source.sequence, self.frame_id, **arrays, quality=source.quality)
+        return PointCloud(source.stamp_ns, source.sequence, self.frame_id, **arrays, quality=source.quality, every=source.every)
 
 
 def merge(clouds: Sequence[PointCloud], mounts: Sequence[Pose], tolerance: float = 0.02) -> CloudComposite:
@@ -108,28 +111,29 @@ def merge(clouds: Sequence[PointCloud], mounts: Sequence[Pose], tolerance: float
     if not clouds or len(clouds) != len(mounts):
         raise DataError(f"{len(clouds)} clouds with {len(mounts)} mounts cannot be merged; give at least one cloud, and one mount for each")
     sources = [_sources(cloud, mount) for cloud, mount in zip(clouds, mounts, strict=True)]
-    every = [source for group in sources for source in group]
-    _refuse_apart(every, tolerance)
+    together = [source for group in sources for source in group]
+    _refuse_apart(together, tolerance)
     levelled = [cloud.to_room(mount) for cloud, mount in zip(clouds, mounts, strict=True)]
     first = np.cumsum([0, *map(len, sources)])  # number of each cloud's first source
     quality = Quality.GOOD
-    for source in every:
+    for source in together:
         quality |= source.quality
     return CloudComposite(
-        stamp_ns=max(source.stamp_ns for source in every),
-        sequence=every[0].sequence,
+        stamp_ns=max(source.stamp_ns for source in together),
+        sequence=together[0].sequence,
         frame_id="room",
         **{name: np.concatenate([getattr(cloud, name) for cloud in levelled]) for name in ARRAY_FIELDS},
         quality=quality,
+        every=max(cloud.every for cloud in clouds),
         sensor=np.concatenate([start + _sensor(cloud) for start, cloud in zip(first, clouds, strict=False)]).astype(np.int32),
-        sources=tuple(every),
+        sources=tuple(together),
     )
 
 
 def _sources(cloud: PointCloud, mount: Pose) -> tuple[CloudSource, ...]:
     if isinstance(cloud, CloudComposite):
         return cloud.sources
-    return (CloudSource(cloud.frame_id, mount, cloud.stamp_ns, cloud.sequence, cloud.quality),)
+    return (CloudSource(cloud.frame_id, mount, cloud.stamp_ns, cloud.sequence, cloud.quality, cloud.every),)
 
 
 def _sensor(cloud: PointCloud) -> NDArray[np.int32]:

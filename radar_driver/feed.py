@@ -49,7 +49,7 @@ class LiveFeed:
             return
         data = reading.data
         stamp = data.stamp_ns + self._node.get_clock().now().nanoseconds - time.monotonic_ns()
-        self._node.count_gap(data.sequence)
+        self._node.count_gap(data.sequence, data.every if isinstance(data, PointCloud) else 1)
         self._publish(replace(data, stamp_ns=max(stamp, 0), frame_id=self._info.frame_id))
         self._node.finish(stamp, data.sequence, started)
 

@@ -210,7 +210,8 @@ def frame_from_msg(msg: Any) -> RadarFrame:
 def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:
     """Put a point cloud into a message; a `CloudComposite` stays one."""
     arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
-    msg = PointCloudMsg(header=header(cloud.stamp_ns, cloud.frame_id), sequence=cloud.sequence, quality=int(cloud.quality), **arrays)
+    head = header(cloud.stamp_ns, cloud.frame_id)
+    msg = PointCloudMsg(header=head, sequence=cloud.sequence, every=cloud.every, quality=int(cloud.quality), **arrays)
     if isinstance(cloud, CloudComposite):
         msg.sensor = pack(cloud.sensor, "i")
         msg.sources = [_source_to_msg(source) for source in cloud.sources]
@@ -227,8 +228,9 @@ def cloud_from_msg(msg: Any) -> PointCloud:
     ConfigError
         When a sensor's mount makes no sense.
     """
-    arrays = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
-    stamp_ns, frame_id, quality = from_time(msg.header.stamp), msg.header.frame_id, Quality(msg.quality)
+    named: dict[str, Any] = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
+    stamp_ns, frame_id = from_time(msg.header.stamp), msg.header.frame_id
+    named |= {"quality": Quality(msg.quality), "every": stride(msg)}
     sensor = unpack(msg.sensor, np.int32)
     if not msg.sources:
         if len(sensor):
@@ -236,9 +238,14 @@ def cloud_from_msg(msg: Any) -> PointCloud:
                 f"cloud {msg.sequence} says for {len(sensor)} points which sensor saw them, but names no sensors (sources); "
                 "whatever fused it is broken or of another version"
             )
-        return PointCloud(stamp_ns, msg.sequence, frame_id, **arrays, quality=quality)
+        return PointCloud(stamp_ns, msg.sequence, frame_id, **named)
     sources = tuple(_source_from_msg(source) for source in msg.sources)
-    return CloudComposite(stamp_ns, msg.sequence, frame_id, **arrays, quality=quality, sensor=sensor, sources=sources)
+    return CloudComposite(stamp_ns, msg.sequence, frame_id, **named, sensor=sensor, sources=sources)
+
+
+def stride(msg: Any) -> int:
+    """How much larger the sequence of the next cloud or tracks is; 0, of whoever does not know the field, means 1."""
+    return max(int(msg.every), 1)
 
 
 def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
@@ -247,6 +254,7 @@ def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
         header=header(source.stamp_ns, source.frame_id),
         sequence=source.sequence,
         quality=int(source.quality),
+        every=source.every,
         mount_x_m=m.x,
         mount_y_m=m.y,
         mount_z_m=m.z,
@@ -257,7 +265,7 @@ def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
 
 def _source_from_msg(msg: Any) -> CloudSource:
     mount = Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad)
-    return CloudSource(msg.header.frame_id, mount, from_time(msg.header.stamp), msg.sequence, Quality(msg.quality))
+    return CloudSource(msg.header.frame_id, mount, from_time(msg.header.stamp), msg.sequence, Quality(msg.quality), stride(msg))
 
 
 def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -15,6 +15,9 @@ from radar_core import DataError
 
 _ADDED: Mapping[str, Mapping[str, Any]] = {
     "handwave/msg/HandTrack": {"velocity_rank": 0, "velocity_condition": math.nan, "outliers": 0},
+    "handwave/msg/PointCloud": {"every": 1},
+    "handwave/msg/CloudSource": {"every": 1},
+    "handwave/msg/TrackArray": {"every": 1},
 }
 """Fields that came later, by message type, and what stands for them in recordings without."""
 
@@ -59,20 +62,49 @@ def translator(ours: Typestore, msgtype: str, definition: str) -> Callable[[byte
     theirs = as_recorded(msgtype, definition)
     if theirs.hash_rihs01(msgtype) == ours.hash_rihs01(msgtype):
         return None
-    added = _ADDED.get(msgtype, {})
-    fields = theirs.fielddefs[msgtype][1]
-    if not added or fields != [field for field in ours.fielddefs[msgtype][1] if field[0] not in added]:
+    if not _known(ours, theirs, msgtype):
         raise DataError(
             f"{msgtype} was recorded by another version of this package, which defines it otherwise; read it with that version, or record "
             "again"
         )
 
     def translate(data: bytes) -> bytes:
-        old = theirs.deserialize_cdr(data, msgtype)
-        new = ours.types[msgtype](**{name: getattr(old, name) for name, _ in fields}, **added)
+        new = _renewed(ours, theirs, theirs.deserialize_cdr(data, msgtype), msgtype)
         return bytes(ours.serialize_cdr(new, msgtype))
 
     return translate
+
+
+def _known(ours: Typestore, theirs: Typestore, msgtype: str) -> bool:
+    """Whether a type, and those of the messages in it, lack only fields that are known to have come later."""
+    if msgtype not in ours.fielddefs:
+        return False
+    fields, added = theirs.fielddefs[msgtype][1], _ADDED.get(msgtype, {})
+    names = {name for name, _ in fields}
+    if fields != [field for field in ours.fielddefs[msgtype][1] if field[0] in names or field[0] not in added]:
+        return False
+    return all(_known(ours, theirs, inner) for inner in (_message_in(kind) for _, kind in fields) if inner)
+
+
+def _message_in(kind: Any) -> str:
+    """Name of the message that a field holds one or many of; empty: numbers or text."""
+    form, inner = kind
+    if form in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        form, inner = inner[0]
+    return str(inner) if form is Nodetype.NAME else ""
+
+
+def _renewed(ours: Typestore, theirs: Typestore, old: Any, msgtype: str) -> Any:
+    """Make a message of this version of one that `_known` found to lack nothing else, messages in it included."""
+    values = dict(_ADDED.get(msgtype, {}))
+    for name, kind in theirs.fielddefs[msgtype][1]:
+        value, inner = getattr(old, name), _message_in(kind)
+        if inner and kind[0] is Nodetype.NAME:
+            value = _renewed(ours, theirs, value, inner)
+        elif inner:
+            value = [_renewed(ours, theirs, one, inner) for one in value]
+        values[name] = value
+    return ours.types[msgtype](**values)
 
 
 def translator_of(path: Path, connection: Any, ours: Typestore) -> Callable[[bytes], bytes] | None:

@@ -22,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from radar_ros import qos
+from radar_ros.convert import stride
 
 _WINDOW = 2.0  # s: rates and latencies on the display are those of the last while
 
@@ -55,7 +56,7 @@ class Monitor:
     frames : int
         Frames the driver has published since the first one heard of.
     received : int
-        Track arrays that arrived here.
+        Frames that the track arrays which arrived here stand for.
     """
 
     def __init__(self, namespace: str = "") -> None:
@@ -109,7 +110,7 @@ class Monitor:
 
     def _tracks(self, msg: Any) -> None:
         self._arrived[msg.sequence] = time.monotonic_ns()
-        self.received += 1
+        self.received += stride(msg)
         self.tracks = msg
         self._pair(msg.sequence)
 

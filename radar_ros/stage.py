@@ -27,6 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_ros import qos
 from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
+from radar_ros.gaps import Gaps
 from radar_ros.params import declare, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
@@ -94,7 +95,7 @@ class StageMixin:
         self.stage = stage
         self.processed = 0
         self.dropped = 0
-        self._sequence: int | None = None
+        self._gaps = Gaps()
         self._stamp_ns = -1
         self.frame_interval = 0.0
         self.commands: set[str] = set()
@@ -124,11 +125,9 @@ class StageMixin:
         if all(self.count_publishers(topic) for topic in inputs):
             self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
 
-    def count_gap(self: Any, sequence: int) -> None:
-        """Count the messages lost between the last one and this one; a sequence that starts again is a new source."""
-        if self._sequence is not None and sequence > self._sequence + 1:
-            self.dropped += sequence - self._sequence - 1
-        self._sequence = sequence
+    def count_gap(self: Any, sequence: int, every: int = 1) -> None:
+        """Count the messages lost between the last one and this one, of which every so many'th is sent (see `Gaps.lost`)."""
+        self.dropped += self._gaps.lost(sequence, every)
 
     def went_back(self: Any, stamp_ns: int) -> bool:
         """Whether stamps went back: another recording, or the same one once more; the stage starts afresh."""

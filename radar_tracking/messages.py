@@ -12,7 +12,7 @@ from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import ConfigError, DataError
-from radar_ros.convert import from_time, header, pack, unpack
+from radar_ros.convert import from_time, header, pack, stride, unpack
 from radar_tracking.camera.pinhole import COEFFICIENTS, CameraModel
 from radar_tracking.camera.residual import Residual
 from radar_tracking.camera.truth import PARTS, JointTruth
@@ -58,6 +58,7 @@ def tracks_to_msg(tracks: Tracks) -> TrackArrayMsg:
     return TrackArrayMsg(
         header=header(tracks.stamp_ns, tracks.frame_id),
         sequence=tracks.sequence,
+        every=tracks.every,
         tracks=[track_to_msg(track) for track in tracks.tracks],
         point_track_id=pack(tracks.point_track_id, "i"),
         deleted_id=[track.id for track in tracks.deleted],
@@ -71,7 +72,8 @@ def tracks_from_msg(msg: Any) -> Tracks:
     tracks = tuple(track_from_msg(track) for track in msg.tracks)
     ended = zip(msg.deleted_id, msg.deleted_reason, msg.deleted_confirmed, strict=True)
     deleted = tuple(Deleted(int(number), Reason(reason), bool(confirmed)) for number, reason, confirmed in ended)
-    return Tracks(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, tracks, unpack(msg.point_track_id, np.int32), deleted)
+    owner = unpack(msg.point_track_id, np.int32)
+    return Tracks(from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, tracks, owner, deleted, stride(msg))
 
 
 def hand_to_msg(hand: HandTrack) -> HandTrackMsg:

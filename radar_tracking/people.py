@@ -156,7 +156,8 @@ class PeopleTracker:
         deleted = self._manage(every.origins[:, :2], cloud.stamp_ns)
         if deleted:
             point_track_id[np.isin(point_track_id, [track.id for track in deleted])] = -1
-        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, self._publish(cloud.stamp_ns), point_track_id, deleted)
+        published = self._publish(cloud.stamp_ns)
+        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, published, point_track_id, deleted, cloud.every)
 
     def _kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
         """Position and velocity of all tracks, and their covariance; worked out once for each belief, not to be written to."""

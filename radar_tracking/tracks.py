@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
-from radar_core.checks import require_shape
+from radar_core.checks import require_every, require_shape
 
 Float64Array = NDArray[np.float64]
 
@@ -112,6 +112,13 @@ class Tracks:
         Whose each point of the cloud is; -1: nobody's.
     deleted : tuple of Deleted
         Tracks that ended with this cloud.
+    every : int
+        Of the cloud: the sequence of the next one is that much larger.
+
+    Raises
+    ------
+    DataError
+        When `every` is no whole number of at least 1.
     """
 
     stamp_ns: int
@@ -120,6 +127,10 @@ class Tracks:
     tracks: tuple[Track, ...]
     point_track_id: NDArray[np.int32]
     deleted: tuple[Deleted, ...] = ()
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        require_every("Tracks.every", self.every)
 
     @property
     def people_count(self) -> int:

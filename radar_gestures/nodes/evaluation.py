@@ -56,7 +56,7 @@ class EvaluationNode(StageNode):
 
     def _take(self, tracks_msg: Any, truth_msg: Any) -> None:
         started = time.monotonic_ns()
-        self.count_gap(tracks_msg.sequence)
+        self.count_gap(tracks_msg.sequence, tracks_msg.every)
         if self._evaluator is None:
             return
         tracks = tracks_from_msg(tracks_msg)

@@ -103,7 +103,7 @@ class VisualisationNode(StageNode):
 
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
-        self.count_gap(msg.sequence)
+        self.count_gap(msg.sequence, msg.every)
         stamp = from_time(msg.header.stamp)
         if 0 <= self._next_ns - stamp < 10 * self._interval_ns:
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from radar_core import DataError, HandwaveError, PointCloud, Pose, RadarInfo, merge
 from radar_ros import qos
 from radar_ros.convert import cloud_from_msg, cloud_to_cloud2, cloud_to_msg, from_time, info_from_msg, info_to_msg
+from radar_ros.gaps import Gaps
 from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
 from radar_ros.sync import ApproximateTimeSynchronizer
@@ -55,7 +56,7 @@ class _Radar:
     name: str
     info: RadarInfo | None = None
     refused: bool = False
-    sequence: int | None = None
+    gaps: Gaps = field(default_factory=Gaps)
     arrived_ns: int | None = None
 
 
@@ -135,7 +136,7 @@ class FusionNode(StageNode):
             self._forget()
         if not self.get_clock().ros_time_is_active:  # simulated time ticks as a replay pleases: arrivals say nothing of clocks then
             self._clocks.hear(name, stamp, radar.arrived_ns)
-        self._count_lost(radar, msg.sequence)
+        self._drop("lost", radar.gaps.lost(msg.sequence, msg.every))
         if radar.info is None or radar.refused:
             self._drop("without_info")
             return
@@ -152,18 +153,13 @@ class FusionNode(StageNode):
             self._inputs[name].signalMessage(msg)
         self._give_up()
 
-    def _count_lost(self, radar: _Radar, sequence: int) -> None:
-        if radar.sequence is not None and sequence > radar.sequence + 1:
-            self._drop("lost", sequence - radar.sequence - 1)
-        radar.sequence = sequence
-
     def _forget(self) -> None:
         """Begin anew: stamps went back in time."""
         self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
         self._roster.forget()
         self._clocks.forget()
         for radar in self._radars.values():
-            radar.sequence = None
+            radar.gaps = Gaps()
         self._regroup(self._settings.radars)
 
     def _tell(self, present: tuple[str, ...]) -> None:
@@ -196,7 +192,7 @@ class FusionNode(StageNode):
             return
         if self._info is None:
             self._describe()
-        cloud = replace(cloud, sequence=self._count)
+        cloud = replace(cloud, sequence=self._count, every=1)  # counted anew: nothing of this count is left out
         self._count += 1
         self._counts["passed_alone"] += len(self._present) < len(self._radars)
         self._roster.sent({name: from_time(msg.header.stamp) for name, msg in zip(self._present, msgs, strict=True)}, cloud.stamp_ns)

@@ -136,7 +136,7 @@ class TrackingNode(StageNode):
 
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
-        self.count_gap(msg.sequence)
+        self.count_gap(msg.sequence, msg.every)
         info, tracker = self._info.info, self._tracker
         if not self._info.usable() or info is None or tracker is None:
             self.dropped += 1

@@ -22,9 +22,9 @@ LEFT, RIGHT = Pose(x=0.0, y=2.0, z=1.2, yaw=-0.4, tilt=-0.1), Pose(x=6.0, y=-1.0
 MS = 1_000_000
 
 
-def random_cloud(rng, n, stamp_ns=0, sequence=0, frame_id="radar", quality=Quality.GOOD):
+def random_cloud(rng, n, stamp_ns=0, sequence=0, frame_id="radar", quality=Quality.GOOD, every=1):
     arrays = {name: rng.normal(size=n).astype(np.float32) for name in ARRAY_FIELDS}
-    return PointCloud(stamp_ns, sequence, frame_id, **arrays, quality=quality)
+    return PointCloud(stamp_ns, sequence, frame_id, **arrays, quality=quality, every=every)
 
 
 def seen(points, mount, stamp_ns=0, sequence=0, frame_id="radar", velocity=(0.0, 0.0, 0.0)):
@@ -41,7 +41,7 @@ def seen(points, mount, stamp_ns=0, sequence=0, frame_id="radar", velocity=(0.0,
 def same(a, b):
     for name in ARRAY_FIELDS:
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
-    assert (a.stamp_ns, a.sequence, a.frame_id, a.quality) == (b.stamp_ns, b.sequence, b.frame_id, b.quality)
+    assert (a.stamp_ns, a.sequence, a.frame_id, a.quality, a.every) == (b.stamp_ns, b.sequence, b.frame_id, b.quality, b.every)
 
 
 def test_a_point_seen_by_two_sensors_is_in_one_place():
@@ -61,7 +61,8 @@ def test_a_point_seen_by_two_sensors_is_in_one_place():
 def test_nothing_is_lost_or_mixed(sizes, seed):
     """The parts are the clouds that went in, levelled, bit for bit; the composite is their concatenation."""
     rng = np.random.default_rng(seed)
-    clouds = [random_cloud(rng, n, i * MS, 10 + i, f"s{i}", Quality(1 << i)) for i, n in enumerate(sizes)]
+    strides = rng.integers(1, 5, len(sizes)).tolist()
+    clouds = [random_cloud(rng, n, i * MS, 10 + i, f"s{i}", Quality(1 << i), strides[i]) for i, n in enumerate(sizes)]
     mounts = [Pose(x=float(rng.normal()), z=float(rng.uniform(0, 3)), yaw=float(rng.uniform(-3, 3))) for _ in sizes]
     merged = merge(clouds, mounts)
     levelled = [cloud.to_room(mount) for cloud, mount in zip(clouds, mounts, strict=True)]
@@ -74,7 +75,10 @@ def test_nothing_is_lost_or_mixed(sizes, seed):
     assert merged.stamp_ns == (len(sizes) - 1) * MS
     assert merged.sequence == 10
     assert merged.quality == Quality((1 << len(sizes)) - 1)
-    assert merged.sources[-1] == CloudSource(f"s{len(sizes) - 1}", mounts[-1], clouds[-1].stamp_ns, clouds[-1].sequence, clouds[-1].quality)
+    assert merged.every == max(strides)
+    assert merge([merged, clouds[0]], [LEFT, mounts[0]]).every == max(strides)
+    last = clouds[-1]
+    assert merged.sources[-1] == CloudSource(f"s{len(sizes) - 1}", mounts[-1], last.stamp_ns, last.sequence, last.quality, last.every)
 
 
 def test_one_sensor_is_that_cloud_in_the_room():
@@ -93,7 +97,7 @@ def test_a_composite_survives_its_message(sizes, seed):
     """Through real serialisation: points, which sensor saw them, where the sensors stand; also without any point."""
     rng = np.random.default_rng(seed)
     stamp = int(rng.integers(0, 1 << 60))
-    clouds = [random_cloud(rng, n, stamp + i * MS, i + (1 << 40), f"s{i}/radar", Quality(1 << i)) for i, n in enumerate(sizes)]
+    clouds = [random_cloud(rng, n, stamp + i * MS, i + (1 << 40), f"s{i}/radar", Quality(1 << i), 1 + i) for i, n in enumerate(sizes)]
     merged = merge(clouds, [Pose(x=float(rng.normal()), y=1 / 3, yaw=float(rng.uniform(-3, 3)), tilt=-0.1) for _ in sizes])
     msg = cloud_to_msg(merged)
     got = cloud_from_msg(deserialize_message(serialize_message(msg), type(msg)))

@@ -56,12 +56,20 @@ def test_cloud_refuses_unequal_lengths_and_types():
         cloud(3, range=np.zeros(3))
 
 
+@pytest.mark.parametrize("every", [0, -3, 1.5, float("nan"), None])
+def test_cloud_of_every_no_frame(every):
+    """The message names the field."""
+    with pytest.raises(DataError, match=r"PointCloud\.every is .*; expected a whole number of at least 1"):
+        cloud(3, every=every)
+
+
 def test_cloud_select_and_room():
     """Selection keeps every array in step; levelling changes x, y, z only and happens once."""
-    c = cloud(4, snr=np.float32([1, 2, 3, 4]), azimuth=np.float32([0, 0, 0, 0]))
+    c = cloud(4, snr=np.float32([1, 2, 3, 4]), azimuth=np.float32([0, 0, 0, 0]), every=3)
     picked = c.select(c.snr > 2)
     assert [len(getattr(picked, name)) for name in ARRAY_FIELDS] == [2] * len(ARRAY_FIELDS)
     room = c.to_room(Pose(z=1.5))
+    assert picked.every == room.every == 3
     np.testing.assert_allclose(room.z, 1.5)
     np.testing.assert_array_equal(room.azimuth, c.azimuth)
     assert room.frame_id == "room"

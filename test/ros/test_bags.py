@@ -11,13 +11,16 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from radar_core import ConfigError, DataError
+from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
+from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
 from radar_driver.messages import BagSource
 from radar_ros import bags
+from radar_ros.convert import cloud_from_msg
 from radar_ros.offline import open_recording, parse, simulate, simulators
 from radar_sim import Simulator, load_scene
-from radar_tracking.messages import hand_from_msg
+from radar_tracking.messages import hand_from_msg, tracks_from_msg
+from radar_tracking.tracks import Deleted, Reason
 
 
 @pytest.fixture(scope="module")
@@ -164,15 +167,17 @@ def test_recorder_without_a_folder_is_a_configuration_error(ros):
         make_node()
 
 
-def recorded_before(folder, kind, lines, **fields):
+def recorded_before(folder, kind, lines, topic="/hand", nested=None, **fields):
     """A bag of one message of ours as an older version defined it, in the real format, made without our writer."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    store.register(get_types_from_msg("\n".join(lines), kind))
+    for name, text in {**(nested or {}), kind: lines}.items():
+        store.register(get_types_from_msg("\n".join(text), name))
     types = store.types
     header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](7, 5), "room")
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection("/hand", kind, typestore=store)
-        writer.write(connection, 99, bytes(store.serialize_cdr(types[kind](header=header, **fields), kind)))
+        connection = writer.add_connection(topic, kind, typestore=store)
+        given = {name: value(types, header) if callable(value) else value for name, value in fields.items()}
+        writer.write(connection, 99, bytes(store.serialize_cdr(types[kind](header=header, **given), kind)))
     return folder
 
 
@@ -203,6 +208,69 @@ def test_a_hand_track_recorded_before_its_velocity_was_judged(tmp_path):
     (bag / "metadata.yaml").unlink()  # as if its writer had been killed
     assert bags.repair(bag) == {"/hand": 1}
     assert [(again.stamp_ns, again.data) for again in bags.read(bag)] == [(99, item.data)]
+
+
+def before_strides(name):
+    """A definition as it was before messages said that frames are left out on purpose."""
+    lines = [line for line in definition(name) if not line.startswith("uint32 every ")]
+    assert len(lines) == len(definition(name)) - 1
+    return lines
+
+
+POINTS = {name: np.arange(4, dtype=np.float32) + i for i, name in enumerate(ARRAY_FIELDS)}
+MOUNT = {"mount_x_m": 1.0, "mount_y_m": 2.0, "mount_z_m": 1.5, "mount_yaw_rad": 0.5, "mount_tilt_rad": -0.25}
+
+
+@pytest.mark.parametrize("n_sources", [0, 1, 2])
+def test_clouds_recorded_before_frames_were_left_out(tmp_path, n_sources):
+    """Of one radar or of several: all that was recorded is read, and every frame was used."""
+
+    def sources(types, header):
+        return [types["handwave/msg/CloudSource"](header=header, sequence=20 + i, quality=i, **MOUNT) for i in range(n_sources)]
+
+    nested = {"handwave/msg/CloudSource": before_strides("CloudSource")}
+    told = {"sensor": np.arange(4, dtype=np.int32) % max(n_sources, 1) if n_sources else np.empty(0, np.int32), "sources": sources}
+    values = {"topic": "/left/radar/points", "sequence": 9, "quality": 4, **POINTS, **told}
+    bag = recorded_before(tmp_path / "old", "handwave/msg/PointCloud", before_strides("PointCloud"), nested=nested, **values)
+    (item,) = bags.read(bag, ("radar/points",))
+    cloud = cloud_from_msg(parse(item.data, "radar/points"))
+    assert (cloud.stamp_ns, cloud.sequence, cloud.frame_id, cloud.quality, cloud.every) == (7 * 10**9 + 5, 9, "room", 4, 1)
+    for name, expected in POINTS.items():
+        assert getattr(cloud, name).tobytes() == expected.tobytes()
+    mount = Pose(x=1.0, y=2.0, z=1.5, yaw=0.5, tilt=-0.25)
+    expected = tuple(CloudSource("room", mount, 7 * 10**9 + 5, 20 + i, Quality(i), 1) for i in range(n_sources))
+    assert getattr(cloud, "sources", ()) == expected
+
+
+TRACK = {"id": 5, "status": 1, "age_s": 2.0, "unseen_s": 0.25, "n_points": 3, "position": np.arange(3.0), "velocity": np.ones(3)}
+TRACK |= {"extent": np.zeros(3), "covariance": np.arange(36.0), "nis": 0.5, "dof": 2}
+TRACKS = {"topic": "/tracks", "sequence": 4, "point_track_id": np.int32([5, -1]), "deleted_id": np.uint32([3])}
+TRACKS |= {"deleted_reason": np.uint8([2]), "deleted_confirmed": np.array([True])}
+
+
+@pytest.mark.parametrize("n_tracks", [0, 2])
+def test_tracks_recorded_before_frames_were_left_out(tmp_path, n_tracks):
+    """All that was recorded is read."""
+    values = {**TRACKS, "tracks": lambda types, _: [types["handwave/msg/Track"](**TRACK)] * n_tracks}
+    nested = {"handwave/msg/Track": definition("Track")}
+    bag = recorded_before(tmp_path / "old", "handwave/msg/TrackArray", before_strides("TrackArray"), nested=nested, **values)
+    (item,) = bags.read(bag)
+    found = tracks_from_msg(parse(item.data, "tracks"))
+    assert (found.sequence, found.every, found.point_track_id.tolist(), len(found.tracks)) == (4, 1, [5, -1], n_tracks)
+    assert found.deleted == (Deleted(3, Reason.LEFT, True),)
+    for track in found.tracks:
+        assert (track.id, track.age, track.nis, track.dof) == (5, 2.0, 0.5, 2)
+        np.testing.assert_array_equal(track.covariance.ravel(), TRACK["covariance"])
+
+
+def test_messages_within_messages_are_held_to_the_same(tmp_path):
+    """Tracks that another version defined otherwise are refused, though their array lacks only what came later."""
+    given = {name: value for name, value in TRACK.items() if name != "dof"}
+    values = {**TRACKS, "tracks": lambda types, _: [types["handwave/msg/Track"](**given)]}
+    nested = {"handwave/msg/Track": [line for line in definition("Track") if " dof " not in line]}
+    bag = recorded_before(tmp_path / "old", "handwave/msg/TrackArray", before_strides("TrackArray"), nested=nested, **values)
+    with pytest.raises(DataError, match=r"/tracks: handwave/msg/TrackArray was recorded by another version"):
+        list(bags.read(bag))
 
 
 def test_what_another_version_defined_otherwise_is_refused(tmp_path):

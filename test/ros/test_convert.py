@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform
+from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
 from radar_core.cloud import ARRAY_FIELDS
 from radar_gestures.nodes.messages import gesture_from_msg, gesture_to_msg
 from radar_gestures.recognizer import Gesture
 from radar_ros import convert
+from radar_ros.bags import typestore
 from radar_sim import Truth
 from radar_sim.messages import truth_from_msg, truth_to_msg
 from radar_tracking import HandTrack, Track, Tracks
@@ -60,7 +61,12 @@ def test_point_cloud(stamp, n, seed):
     """Clouds of any size, also empty, with any bits."""
     rng = np.random.default_rng(seed)
     cloud = PointCloud(
-        stamp, 7, "left/radar", **{name: numbers(rng, n, dtype=np.float32) for name in ARRAY_FIELDS}, quality=Quality(seed % 32)
+        stamp,
+        7,
+        "left/radar",
+        **{name: numbers(rng, n, dtype=np.float32) for name in ARRAY_FIELDS},
+        quality=Quality(seed % 32),
+        every=1 + seed * 3,
     )
     same(convert.cloud_from_msg(through(convert.cloud_to_msg(cloud))), cloud)
 
@@ -133,8 +139,33 @@ def test_tracks(stamp, n_tracks, n_deleted, n_points, seed):
         for i in range(n_tracks)
     )
     deleted = tuple(Deleted(100 + i, Reason(i % len(Reason)), bool(rng.integers(2))) for i in range(n_deleted))
-    result = Tracks(stamp, 1, "room", tracks, rng.integers(-1, 5, n_points).astype(np.int32), deleted)
+    result = Tracks(stamp, 1, "room", tracks, rng.integers(-1, 5, n_points).astype(np.int32), deleted, every=1 + seed * 3)
     same(tracks_from_msg(through(tracks_to_msg(result))), result)
+
+
+def test_whoever_knows_no_strides_leaves_nothing_out():
+    """0 in a message is 1 for clouds, their sources and tracks."""
+    cloud = merge([PointCloud(0, 0, "radar", *np.zeros((3, 2), np.float32), every=4)] * 2, [Pose(), Pose()])
+    msg = convert.cloud_to_msg(cloud)
+    msg.every = msg.sources[1].every = 0
+    got = convert.cloud_from_msg(through(msg))
+    assert (got.every, [source.every for source in got.sources]) == (1, [4, 1])
+    assert tracks_from_msg(through(TrackArrayMsg())).every == 1
+
+
+@pytest.mark.parametrize("n_tracks", [0, 1, 2])
+@pytest.mark.parametrize("frame_id", ["room", "x", ""])
+def test_readers_of_recordings_agree_on_tracks(n_tracks, frame_id):
+    """Tracks are the same bytes to rclpy and to rosbags, whatever stands before their numbers; also none."""
+    own = tuple(
+        Track(i, TrackStatus.CONFIRMED, 1.0, 0.5, 3, np.arange(3.0), np.zeros(3), np.ones(3), np.arange(36.0).reshape(6, 6))
+        for i in range(n_tracks)
+    )
+    tracks = Tracks(5, 3, frame_id, own, np.arange(4, dtype=np.int32), (Deleted(7, Reason.LEFT, True),), every=3)
+    data, kind = serialize_message(tracks_to_msg(tracks)), "handwave/msg/TrackArray"
+    theirs = typestore().deserialize_cdr(data, kind)
+    assert (theirs.every, len(theirs.tracks), theirs.deleted_id.tolist()) == (3, n_tracks, [7])
+    same(tracks_from_msg(deserialize_message(bytes(typestore().serialize_cdr(theirs, kind)), TrackArrayMsg)), tracks)
 
 
 @pytest.mark.parametrize("name", [reason.name for reason in Reason])

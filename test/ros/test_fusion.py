@@ -3,6 +3,7 @@
 import os
 import re
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -80,10 +81,10 @@ def fusion(ros):
             radars[name].publish(info_to_msg(info(name), 0))
         assert ros.spin_until(lambda: all(node._radars[name].info is not None for name in infos))
 
-        def send(name, ms, sequence=0, **kwargs):
+        def send(name, ms, sequence=0, every=1, **kwargs):
             """Publish a cloud and wait until the node has looked at it: topics keep no order among each other."""
             before = node._counts[f"{name}.clouds"]
-            clouds[name].publish(cloud_to_msg(cloud(name, ms, sequence, **kwargs)))
+            clouds[name].publish(cloud_to_msg(replace(cloud(name, ms, sequence, **kwargs), every=every)))
             assert ros.spin_until(lambda: node._counts[f"{name}.clouds"] > before)
 
         def settled(count):
@@ -156,6 +157,16 @@ def test_a_lost_partner_costs_one_cloud(fusion):
             f.send("right", 20 * k + 3, k)
     assert len(f.settled(3)) == 3
     assert dropped(f) == {"unmatched": 1, "lost": 1}
+
+
+def test_frames_left_out_on_purpose_are_not_lost(fusion):
+    """Both radars send every third frame; the fused clouds count anew and leave nothing out. What did not come is lost, frames are not."""
+    f = fusion()
+    for k in (0, 1, 2, 4):
+        f.send("left", 60 * k, 3 * k, 3)
+        f.send("right", 60 * k + 3, 3 * k, 3)
+    assert [(c.sequence, c.every, [s.every for s in c.sources]) for c in f.settled(4)] == [(k, 1, [3, 3]) for k in range(4)]
+    assert dropped(f) == {"lost": 2}  # one of each radar
 
 
 def test_a_radar_that_falls_silent_stops_nobody(ros, fusion):

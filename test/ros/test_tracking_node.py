@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -101,6 +102,14 @@ def test_tracks_are_the_library_s(ros):
     assert [(gone.reason, gone.confirmed) for gone in ended] == [(Reason.UNSEEN, True)]
     assert max(one.dof for msg in bench.tracks for one in msg.tracks) >= 2
     assert max(count.data for count in bench.counts) == 1
+
+
+def test_frames_left_out_on_purpose_are_not_drops(ros):
+    """Every third frame, then every second: the tracks say so, and only the cloud that did not come is counted."""
+    bench = Bench(ros)
+    for k, every in ((0, 3), (3, 3), (6, 2), (8, 2), (12, 2)):
+        assert bench.send(replace(cloud(k), every=every)).every == every
+    assert (bench.node.processed, bench.node.dropped) == (5, 1)  # cloud 10
 
 
 def test_who_walks_out_of_view_has_left(ros):

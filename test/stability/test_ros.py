@@ -4,6 +4,8 @@ import types
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 
@@ -11,6 +13,7 @@ from radar_core import PointCloud, RadarFrame
 from radar_core.cloud import ARRAY_FIELDS
 from radar_ros import convert
 from radar_ros.filters import ApproximateTimeSynchronizer, Cache, SimpleFilter, TimeSynchronizer
+from radar_ros.gaps import Gaps
 from radar_ros.stage import StageMixin
 
 
@@ -60,9 +63,51 @@ def test_a_cache_stays_small():
 
 def test_drops_are_counted_across_jumps():
     """A gap counts; a source that starts again, or goes back, does not; huge sequences do not overflow."""
-    stage = types.SimpleNamespace(_sequence=None, dropped=0)
+    stage = types.SimpleNamespace(_gaps=Gaps(), dropped=0)
     for sequence in (5, 6, 9, 0, 1, 2**63, 2**64 - 1):
         before = stage.dropped
         StageMixin.count_gap(stage, sequence)
         assert stage.dropped >= before
     assert stage.dropped == 2 + (2**63 - 2) + (2**64 - 1 - 2**63 - 1)
+
+
+STRIDES = st.one_of(st.integers(1, 9), st.just(2**32 - 1))
+
+
+def drops(messages):
+    """What a stage counts as lost among (sequence, every), one after the other."""
+    stage, found = types.SimpleNamespace(_gaps=Gaps(), dropped=0), []
+    for message in messages:
+        before = stage.dropped
+        StageMixin.count_gap(stage, *message)
+        found.append(stage.dropped - before)
+    return found
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**40), st.lists(STRIDES, max_size=30), st.booleans(), st.data())
+def test_what_is_left_out_on_purpose_is_not_lost(first, strides, announced, data):
+    """Whatever the strides, a source that loses nothing lost nothing: its steps are those announced, or already those of the new stride,
+    or less while it changes from one to the other."""
+    sequence, before, messages = first, 1, []
+    for every in strides:
+        step = before if announced else data.draw(st.integers(1, max(before, every)))
+        sequence, before = sequence + step, every
+        messages.append((sequence, every))
+    assert drops(messages) == [0] * len(messages)
+
+
+@settings(max_examples=100, deadline=None)
+@given(STRIDES, st.lists(st.integers(0, 5), max_size=20), st.integers(0, 2**40))
+def test_at_one_stride_every_loss_is_counted(every, lost, first):
+    """Between two messages as many as did not come, however many frames are between; a stride of 0 is that of who knows no strides."""
+    sequences = [first + every * (k + sum(lost[:k])) for k in range(len(lost) + 1)]
+    assert drops([(sequence, every) for sequence in sequences]) == [0, *lost]
+    if every == 1:
+        assert drops([(sequence, 0) for sequence in sequences]) == [0, *lost]
+
+
+def test_losses_around_a_change_of_stride():
+    """By hand: losses on either side of a change are counted by their own stride; a source that starts again lost nothing."""
+    assert drops([(0, 1), (1, 3), (4, 3), (10, 3), (13, 1), (14, 1), (17, 1)]) == [0, 0, 0, 1, 0, 0, 2]
+    assert drops([(100, 3), (0, 1), (1, 1), (3, 1)]) == [0, 0, 0, 1]
