@@ -6,15 +6,15 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median_low
 from typing import Final
-
-import numpy as np
 
 from radar_core.config import config, knob
 from radar_core.errors import ConfigError, DataError
 from radar_core.ladder import Level
 
 _ENOUGH: Final = 5  # frames: a median of fewer follows single outliers
+_EASILY: Final = 0.4  # of the budget: what was too slow before and is expected to take so little now is tried without patience
 _MOST_FAILURES: Final = 6  # waiting grows 64-fold at most
 
 
@@ -120,16 +120,22 @@ class Governor:
         Raises
         ------
         DataError
-            When the time spent is negative, or one of the two is not finite.
+            When the time spent is negative, the clock went back, or one of the two is not finite.
         """
         if not (math.isfinite(spent_ms) and spent_ms >= 0 and math.isfinite(now)):
             raise DataError(f"Governor.process: spent_ms is {spent_ms} and now {now}; both must be finite, and no time is negative")
+        if self._ratios and now < self._ratios[-1][0]:
+            before = self._ratios[-1][0]
+            raise DataError(f"Governor.process: now is {now}, after {before} of the frame before; use a clock that never goes back")
         self._ratios.append((now, spent_ms / self._levels[self.level].time_ms))
         while self._ratios and now - self._ratios[0][0] > self._config.window and len(self._ratios) > _ENOUGH:
             self._ratios.popleft()
-        if len(self._ratios) < _ENOUGH or now - self._ratios[0][0] < self._config.window * 0.5:
+        if len(self._ratios) < _ENOUGH:
             return None
-        self._slower = float(np.median([ratio for _, ratio in self._ratios]))
+        trying = now - self._stepped_up < self._config.window  # a try that fails has to end before it costs frames
+        if not trying and now - self._ratios[0][0] < 0.5 * self._config.window:
+            return None
+        self._slower = median_low(ratio for _, ratio in self._ratios)
         if self.expected_ms > self._budget:
             return self._down(now)
         return self._up(now)
@@ -152,7 +158,8 @@ class Governor:
             return None
         if math.isnan(self._fits_since):
             self._fits_since = now
-        if now - self._fits_since < self._wait():
+        easily = self._expected(target) <= _EASILY * self._budget
+        if now - self._fits_since < (self._config.recover if easily else self._wait()):
             return None
         self._stepped_up = now
         return self._step(target, now)

@@ -122,17 +122,17 @@ class BasebandNode(StageNode):
         return tuple(made[config] for config in configs)
 
     def _take(self, msg: Any) -> None:
-        started = time.monotonic_ns()
-        self.count_gap(msg.sequence)
+        started, every = time.monotonic_ns(), self._budget.every
+        if msg.sequence % every:  # left out to keep within the budget, and said so on stage_budget
+            return
+        self.count_gap(msg.sequence, every)
         if not self._info.usable():
             self.dropped += 1
             return
-        baseband, every = self._levels[self._budget.number], self._budget.every
+        baseband = self._levels[self._budget.number]
         if baseband is None:
             self.dropped += 1
             self.problem("raw frames come, but radar/info says that this source gives no frames (n_sample = 0)")
-            return
-        if msg.sequence % every:  # left out to keep within the budget: not lost, and said so on stage_budget
             return
         try:
             cloud = replace(baseband.process(frame_from_msg(msg)), every=every)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final, Generic, TypeVar
 
 from handwave.msg import StageBudget as StageBudgetMsg
@@ -87,8 +88,10 @@ class Budget(Generic[T]):
             place = prepare(configs)
 
             def apply() -> None:
+                same = replace(settings, device_factor=self._settings.device_factor) == self._settings
                 self._settings, self._ladder, self._configs = settings, ladder, configs
-                self._start()
+                if not same:
+                    self._start()
                 place()
 
             return apply

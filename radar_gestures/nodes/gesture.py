@@ -50,7 +50,7 @@ class GesturesNode(StageNode):
 
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
         started = time.monotonic_ns()
-        self.count_gap(cloud_msg.sequence, cloud_msg.every)
+        self.count_gap(cloud_msg.sequence, tracks_msg.every)
         info = self._info.info
         if not self._info.usable() or info is None or self._recognizer is None:
             self.dropped += 1

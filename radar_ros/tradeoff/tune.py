@@ -33,6 +33,8 @@ _BASEBAND: Final[Mapping[str, Mapping[str, Any]]] = {
     "one refinement step": {"doa.newton_steps": 1},
     "one echo in a cell": {},
     "two echoes in a cell": {"doa.method": "dml2"},
+}
+_REFINED: Final[Mapping[str, Mapping[str, Any]]] = {  # ten times the time of the rest: not for a quick look
     "one echo, refined on the samples": {"refine": "ml"},
     "two echoes, refined on the samples": {"doa.method": "dml2", "refine": "ml"},
 }
@@ -117,7 +119,7 @@ def _baseband(settings: Settings) -> Iterator[tuple[str, Simulator, Any]]:
 
 def baseband(settings: Settings) -> list[Candidate]:
     """Run all candidates of the baseband over the same frames, each with a default tracker of people behind it."""
-    found = candidates(_BASEBAND, BasebandConfig())
+    found = candidates({**_BASEBAND, **settings.pick({}, _REFINED)}, BasebandConfig())
     chains: dict[str, Baseband] = {}
     followers: list[_Follower] = []
     before = ""

@@ -20,7 +20,7 @@ from radar_core.config import config, knob
 from radar_core.linalg import SingularError, balanced
 from radar_ros import qos
 from radar_ros.budget import Budget
-from radar_ros.convert import cloud_from_msg
+from radar_ros.convert import cloud_from_msg, stride
 from radar_ros.params import declare_config
 from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
@@ -135,13 +135,13 @@ class TrackingNode(StageNode):
         return lambda: None  # the level is looked up with every cloud
 
     def _take(self, msg: Any) -> None:
-        started = time.monotonic_ns()
-        self.count_gap(msg.sequence, msg.every)
+        started, every = time.monotonic_ns(), stride(msg) * self._budget.every
+        if msg.sequence // stride(msg) % self._budget.every:  # left out to keep within the budget, and said so on stage_budget
+            return
+        self.count_gap(msg.sequence, every)
         info, tracker = self._info.info, self._tracker
         if not self._info.usable() or info is None or tracker is None:
             self.dropped += 1
-            return
-        if msg.sequence % self._budget.every:  # left out to keep within the budget: not lost, and said so on stage_budget
             return
         try:
             cloud = cloud_from_msg(msg).to_room(info.mount)
@@ -151,7 +151,7 @@ class TrackingNode(StageNode):
             config = self._budget.configs[self._budget.number]
             if config is not tracker.config:
                 tracker.change(config)
-            tracks = tracker.process(cloud)
+            tracks = replace(tracker.process(cloud), every=every)
         except HandwaveError as error:
             self.dropped += 1
             self.problem(str(error))

@@ -13,7 +13,9 @@ from radar_core.governor import Governor, StepConfig
 from radar_core.ladder import Ladder, Level, load_ladders, save_ladders
 
 INTERVAL = 0.02
-LEVELS = tuple(Level(f"level {k}", {"knob": k}, every, time, 0.2 + 0.05 * k) for k, (every, time) in enumerate([(1, 4), (1, 2), (2, 2), (5, 2)]))
+LEVELS = tuple(
+    Level(f"level {k}", {"knob": k}, every, time, 0.2 + 0.05 * k) for k, (every, time) in enumerate([(1, 4), (1, 2), (2, 2), (5, 2)])
+)
 """Costs of 4, 2, 1 and 0.4 ms for each frame of the radar."""
 
 
@@ -178,7 +180,12 @@ def test_levels_survive_their_file(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["levels.json"]
     with pytest.raises(ConfigError, match="handwave tradeoff --tune"):
         load_ladders(tmp_path / "missing.json")
-    for text, message in (("{", "no JSON"), ("[]", "format 1"), ('{"format": 1}', "stages"), ('{"format": 1, "stages": {"a": {}}}', "missing")):
+    for text, message in (
+        ("{", "no JSON"),
+        ("[]", "format 1"),
+        ('{"format": 1}', "stages"),
+        ('{"format": 1, "stages": {"a": {}}}', "missing"),
+    ):
         path.write_text(text)
         with pytest.raises(ConfigError, match=message):
             load_ladders(path)

@@ -1,0 +1,216 @@
+"""Budget mode: a graph whose baseband is slowed ten times, without a time budget and with one; over real DDS, each node a process.
+
+The radar is that of `five_people` with a frame every 15 ms instead of 20 ms, so that two echoes in a cell, which fit easily, take longer
+than a frame once they are slowed ten times.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from handwave.msg import StageBudget
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from benchmarks.report import choice
+from radar_core import HandwaveError
+from radar_core.ladder import load_ladders
+from radar_core.paths import find_config
+from radar_ros import qos
+from radar_ros.graph import graph
+from radar_ros.interrupts import ros
+from radar_ros.live import Monitor
+from radar_ros.supervisor import Supervisor, environment
+from radar_ros.tradeoff.settings import Settings
+from radar_ros.tradeoff.tune import LEVELS, tune, write
+
+BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
+_STEADY = 4.0  # s: a level that was not left for so long is settled
+_PATIENCE = 40.0  # s
+_DOMAIN = 150 + os.getpid() % 80
+_STAGES = ("baseband", "tracking", "gestures", "hand")
+"""Whose losses count."""
+
+
+@dataclass
+class Window:
+    """What happened in some seconds: frames due, those of them that each stage lost, and times from a frame to its tracks [s]."""
+
+    frames: int
+    lost: dict[str, int]
+    latencies: list[float]
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Frames that each stage lost, of those that were due; what was left out on purpose is not lost."""
+        return {name: count / max(self.frames, 1) for name, count in self.lost.items()}
+
+    @property
+    def share(self) -> float:
+        """Of the stage that lost most: a frame that is lost by one is missing in all behind it."""
+        return max(self.shares.values())
+
+
+class Watch:
+    """Listens to a graph and sets parameters of its baseband."""
+
+    def __init__(self, stages: Sequence[str]) -> None:
+        self.monitor, self._stages = Monitor(), stages
+        self.budgets: list[Any] = []
+        self.monitor.node.create_subscription(StageBudget, "stage_budget", self.budgets.append, qos.LATCHED_EACH)
+        self._client = self.monitor.node.create_client(SetParametersAtomically, "baseband/set_parameters_atomically")
+
+    def wait(self, wanted: Callable[[], Any], what: str, timeout: float = _PATIENCE) -> float:
+        """Wait until something is true; return how long it took [s]."""
+        start = time.monotonic()
+        while not wanted():
+            if time.monotonic() - start > timeout:
+                said = [(one.number, one.reason) for one in self.budgets]
+                raise HandwaveError(f"waited {timeout:g} s for {what}; dropped so far {self._dropped()}, levels {said}")
+            self.monitor.spin(0.02)
+        return time.monotonic() - start
+
+    def set(self, **values: Any) -> None:
+        """Set parameters of the baseband, all together; ``__`` stands for a dot."""
+        if not self._client.wait_for_service(_PATIENCE):
+            raise HandwaveError("the baseband's parameters cannot be set: is it running?")
+        parameters = [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in values.items()]
+        future = self._client.call_async(SetParametersAtomically.Request(parameters=parameters))
+        self.wait(future.done, "the baseband's answer")
+        answer = future.result()
+        if answer is None or not answer.result.successful:
+            raise HandwaveError(f"the baseband refused {values}: {answer.result.reason if answer else 'no answer'}")
+
+    def settle(self) -> float:
+        """Wait until the level stays; return how long it took to come there [s]."""
+        start = changed = time.monotonic()
+        known = len(self.budgets)
+        while time.monotonic() - changed < _STEADY:
+            self.monitor.spin(0.02)
+            if len(self.budgets) != known:
+                known, changed = len(self.budgets), time.monotonic()
+        return changed - start
+
+    def window(self, seconds: float) -> Window:
+        """Count for some seconds."""
+        before, frames = self._dropped(), self._frames()
+        self.monitor.latencies.clear()
+        self.monitor.spin(seconds)
+        after = self._dropped()
+        return Window(self._frames() - frames, {name: after[name] - before[name] for name in after}, list(self.monitor.latencies))
+
+    def _dropped(self) -> dict[str, int]:
+        return {name: self.monitor.stages[name].dropped if name in self.monitor.stages else 0 for name in self._stages}
+
+    def _frames(self) -> int:
+        return self.monitor.frames + self.monitor.skipped
+
+
+@contextmanager
+def running(folder: Path, stages: Sequence[str], domain: int) -> Iterator[Watch]:
+    """Run a driver and some stages, the baseband at two echoes in a cell, until the first tracks are there."""
+    scene = yaml.safe_load(find_config("five_people", "scenes", ".yaml").read_text(encoding="utf-8"))
+    scene["radars"] = [{**radar, "waveform": {"frame_interval": INTERVAL}} for radar in scene.get("radars", [{}])]
+    path = folder / "five_people.yaml"
+    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    parameters = {"driver": {"scene": str(path), "at_end": "loop"}, "baseband": {"doa.method": "dml2", "budget.recover": 1.0}}
+    os.environ.update(environment(domain))
+    specs = graph("live", parameters=parameters, without=("visualisation", *(name for name in _STAGES if name not in stages)))
+    with Supervisor(specs, domain=domain, log=lambda name, line: None), ros():
+        watch = Watch(stages)
+        try:
+            watch.wait(lambda: all(name in watch.monitor.stages for name in stages), "all stages")
+            watch.wait(lambda: watch.monitor.latencies, "tracks")
+            yield watch
+        finally:
+            watch.monitor.close()
+
+
+def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = _DOMAIN) -> dict[str, Any]:
+    """Slow the baseband ten times, without a budget and with one, and let it recover.
+
+    Parameters
+    ----------
+    tuning : Path
+        File of ``handwave tradeoff --tune``.
+    folder : Path
+        For the scene.
+    seconds : float
+        To count in each state.
+    stages : sequence of str
+        What runs behind the driver.
+    domain : int
+        ROS domain.
+
+    Returns
+    -------
+    dict
+        Shares of lost frames (``lost_...``), times, levels, and what the topic said.
+    """
+    with running(folder, stages, domain) as watch:
+        watch.set(device_factor=SLOWER)
+        watch.monitor.spin(2.0)
+        without = watch.window(seconds)
+        watch.set(device_factor=1.0, frame_budget_ms=BUDGET_MS, budget__tuning=str(tuning))
+        watch.wait(lambda: watch.budgets, "the first level")
+        watch.settle()
+        usual, first = watch.window(seconds), watch.budgets[-1]
+        watch.set(device_factor=SLOWER)
+        settled = watch.settle()
+        slow, level = watch.window(seconds), watch.budgets[-1]
+        watch.set(device_factor=1.0)
+        recovered = watch.wait(lambda: watch.budgets[-1].number == first.number, "the level of before")
+        again = watch.window(seconds)
+    return {
+        "lost_without_budget": without.share,
+        "lost_usual": usual.share,
+        "lost_slowed": slow.share,
+        "lost_recovered": again.share,
+        "lost_by_stage": {"without": without.shares, "usual": usual.shares, "slowed": slow.shares, "recovered": again.shares},
+        "settle_s": settled,
+        "recover_s": recovered,
+        "level_usual": first.level,
+        "level_slowed": level.level,
+        "number_usual": first.number,
+        "number_slowed": level.number,
+        "gave_up": list(level.gave_up),
+        "reason": level.reason,
+        "frames": {"without": without.frames, "usual": usual.frames, "slowed": slow.frames, "recovered": again.frames},
+        "latencies_ms": {
+            name: (1e3 * np.array(one.latencies)).tolist()
+            for name, one in (("without", without), ("usual", usual), ("slowed", slow), ("recovered", again))
+        },
+    }
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Tune this machine, then run the experiment; choices are the levels."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        found = tune(Settings(folder, quick), progress=not quick)
+        write(folder, found)
+        result = experiment(folder / LEVELS, folder, 4.0 if quick else 30.0)
+        ladders = load_ladders(folder / LEVELS)
+    latencies = result.pop("latencies_ms")
+    result |= {f"latency_ms_{name}": float(np.median(times)) if times else None for name, times in latencies.items()}
+    choices = []
+    for tuned in found:
+        ladder = ladders[tuned.ladder.stage]
+        best = ladder.levels[0]
+        for level in ladder.levels:
+            accuracy = (ladder.figure, level.accuracy, ladder.unit)
+            choices.append(
+                choice(
+                    f"levels of the {ladder.stage}", level.name, accuracy=accuracy, times_ms=[level.cost_ms], reference_ms=[best.cost_ms]
+                )
+            )
+    return {**result, "choices": choices}
