@@ -47,7 +47,7 @@ lint: setup
 
 ## make bench      the accuracy and the time of every choice, as tables
 bench: setup
-	for name in simulator dsp tracking gestures graph; do $(VENV)/bin/python -m benchmarks $$name || exit 1; done
+	for name in simulator dsp tracking gestures hand hand_velocity graph budget effects boards; do $(VENV)/bin/python -m benchmarks $$name || exit 1; done
 
 ## make clean      remove what make made
 clean:
