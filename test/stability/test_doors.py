@@ -20,6 +20,8 @@ from echoes import frame, noise
 
 from radar_core import HandwaveError, PointCloud, Pose, RadarFrame, RadarInfo, merge
 from radar_core.cloud import ARRAY_FIELDS
+from radar_core.governor import Governor
+from radar_core.ladder import Level
 from radar_core.linalg import solve_spd
 from radar_dsp import Baseband, BasebandConfig, DoaConfig, SpectrumConfig
 from radar_dsp.bounds import Bound
@@ -179,6 +181,7 @@ REFUSED: dict[str, Callable[[float], object]] = {
     "kmeans centres": lambda bad: kmeans(np.zeros((4, 2)), np.array([[0.0, bad]])),
     "split": lambda bad: split(spoilt(np.zeros((4, 2)), bad), 2, np.zeros((1, 2))),
     "ObjectSet": lambda bad: ObjectSet.of([[0.0, bad]]),
+    "Governor": lambda bad: Governor([Level("only", {}, 1, 1.0, 0.0)], 1.0).process(bad, 0.0),
     "ConsistencyMonitor": lambda bad: ConsistencyMonitor().process(0, np.array([bad]), np.array([2])),
     "nees error": lambda bad: nees(np.array([0.0, bad]), EYE),
     "nees covariance": lambda bad: nees(np.zeros(2), spoilt(EYE, bad)),
