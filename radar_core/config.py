@@ -284,14 +284,25 @@ def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def override(instance: T, flat: Mapping[str, Any], source: str = "configuration") -> T:
+def flat(instance: Any) -> dict[str, Any]:
+    """Give the values of all knobs of a configuration by dotted name, as `describe` lists them."""
+    values = {}
+    for name, _, _ in describe(type(instance)):
+        place = instance
+        for part in name.split("."):
+            place = getattr(place, part)
+        values[name] = place
+    return values
+
+
+def override(instance: T, knobs: Mapping[str, Any], source: str = "configuration") -> T:
     """Make a configuration like another one, some of its knobs set to other values.
 
     Parameters
     ----------
     instance : dataclass
         The other one; it stays as it is.
-    flat : mapping of str to value
+    knobs : mapping of str to value
         By dotted name, as `describe` lists them.
     source : str
         Who says so, for the error message.
@@ -301,4 +312,4 @@ def override(instance: T, flat: Mapping[str, Any], source: str = "configuration"
     ConfigError
         Naming the knob that there is not, or whose value makes no sense.
     """
-    return load(type(instance), _merged(plain(instance), nest(flat)), source)
+    return load(type(instance), _merged(plain(instance), nest(knobs)), source)

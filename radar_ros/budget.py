@@ -11,7 +11,7 @@ from typing import Any, Final, Generic, TypeVar
 from handwave.msg import StageBudget as StageBudgetMsg
 
 from radar_core import ConfigError
-from radar_core.config import config, describe, knob, override
+from radar_core.config import config, flat, knob, override
 from radar_core.governor import Governor, Step, StepConfig
 from radar_core.ladder import Ladder, Level, load_ladders
 from radar_ros import qos
@@ -78,13 +78,15 @@ class Budget(Generic[T]):
         self._node, self._base = node, base
         self._settings = declare_config(node, BudgetConfig, changeable=True)
         self._publisher = node.create_publisher(StageBudgetMsg, "stage_budget", qos.LATCHED)
-        self._ladder, self._configs = self._read(self._settings, base)
+        self._ladder = self._read(self._settings)
+        self._configs = self._over(base, self._ladder)
         self._governor: Governor | None = None
         self._first = 0
         self._start()
 
         def change(settings: BudgetConfig) -> Callable[[], None]:
-            ladder, configs = self._read(settings, self._base)
+            ladder = self._read(settings)
+            configs = self._over(self._base, ladder)
             place = prepare(configs)
 
             def apply() -> None:
@@ -115,7 +117,7 @@ class Budget(Generic[T]):
 
     def configs_of(self, base: T) -> tuple[T, ...]:
         """Make the configurations of all levels on top of another one."""
-        return self._read(self._settings, base)[1]
+        return self._over(base, self._ladder)
 
     def rebase(self, base: T) -> None:
         """Work on top of another configuration from now on."""
@@ -125,20 +127,27 @@ class Budget(Generic[T]):
     def _levels(self) -> tuple[Level, ...]:
         return self._ladder.levels if self._ladder is not None else (_AS_CONFIGURED,)
 
-    def _read(self, settings: BudgetConfig, base: T) -> tuple[Ladder | None, tuple[T, ...]]:
-        """Levels and their configurations; no budget: none, and the configuration itself."""
+    def _read(self, settings: BudgetConfig) -> Ladder | None:
+        """Read the levels of this stage; None: there is no budget."""
         if settings.frame_budget_ms == 0:
-            return None, (base,)
+            return None
         if self._node.reliable:
             raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
         stage, path = self._node.stage, settings.budget.tuning
         ladders = load_ladders(path)
         if stage not in ladders:
             raise ConfigError(f"{path}: has no levels of {stage!r}, only of {', '.join(ladders)}; make it anew: handwave tradeoff --tune")
-        ladder = ladders[stage]
-        if ladder.machine != machine():
-            self._node.caution(f"{path} was measured on another machine ({ladder.machine}; this is {machine()}): tune again on this one")
-        return ladder, tuple(override(base, level.knobs, f"level {level.name!r} of {path}") for level in ladder.levels)
+        measured = ladders[stage].machine
+        if measured != machine():
+            self._node.caution(f"{path} was measured on another machine ({measured}; this is {machine()}): tune again on this one")
+        return ladders[stage]
+
+    @staticmethod
+    def _over(base: T, ladder: Ladder | None) -> tuple[T, ...]:
+        """Make the configurations of all levels on top of another one; without levels, that one."""
+        if ladder is None:
+            return (base,)
+        return tuple(override(base, level.knobs, f"level {level.name!r} of the {ladder.stage}") for level in ladder.levels)
 
     def _start(self) -> None:
         if self._ladder is None:
@@ -172,7 +181,7 @@ class Budget(Generic[T]):
 
     def gave_up(self) -> list[str]:
         """Say what the present level sets apart from the most accurate one."""
-        now, best = _flat(self._configs[self.number]), _flat(self._configs[0])
+        now, best = flat(self._configs[self.number]), flat(self._configs[0])
         found = [f"{name}: {now[name]} instead of {best[name]}" for name in now if now[name] != best[name]]
         most = self._levels[0].every
         return found + ([f"one frame in {self.every} is processed instead of one in {most}"] if self.every != most else [])
@@ -223,14 +232,3 @@ class Budget(Generic[T]):
         if expected > budget and self.number == len(self._levels) - 1:
             warnings.append(f"even the quickest level takes {expected:.3g} ms of {budget:g} ms")
         return values, warnings
-
-
-def _flat(settings: Any) -> dict[str, Any]:
-    """Values of all knobs by dotted name."""
-    return {name: _value(settings, name) for name, _, _ in describe(type(settings))}
-
-
-def _value(settings: Any, name: str) -> Any:
-    for part in name.split("."):
-        settings = getattr(settings, part)
-    return settings

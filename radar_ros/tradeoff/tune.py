@@ -13,7 +13,7 @@ from rich.progress import track
 from threadpoolctl import threadpool_limits
 
 from radar_core import PointCloud, RadarInfo
-from radar_core.config import load, nest
+from radar_core.config import flat, load, nest
 from radar_core.ladder import Ladder, Level, save_ladders
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros.convert import cloud_from_msg, cloud_to_msg
@@ -81,14 +81,9 @@ class Candidate:
 
 def candidates(presets: Mapping[str, Mapping[str, Any]], config: Any) -> list[Candidate]:
     """List all presets at all frame rates; each says the value of every knob that one of them sets, so that it means the same anywhere."""
-    every_knob = {name: _value(config, name) for knobs in presets.values() for name in knobs}
+    usual = flat(config)
+    every_knob = {name: usual[name] for knobs in presets.values() for name in knobs}
     return [Candidate(name, {**every_knob, **knobs}, every) for every in _EVERY for name, knobs in presets.items()]
-
-
-def _value(settings: Any, name: str) -> Any:
-    for part in name.split("."):
-        settings = getattr(settings, part)
-    return settings
 
 
 class _Follower:

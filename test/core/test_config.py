@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from radar_core import ConfigError, Pose, RadarInfo, Waveform
-from radar_core.config import config, describe, knob, load, load_file, nest, plain
+from radar_core.config import config, describe, flat, knob, load, load_file, nest, override, plain
 
 
 @config
@@ -88,6 +88,21 @@ def test_what_a_file_would_hold_makes_an_equal_configuration(made):
     """Whatever differs from what: nothing that is said is lost, and nothing is said that is the default."""
     assert load(_Loud, plain(made)) == made
     assert (plain(made) == {}) == (made == _Loud())
+
+
+def test_some_knobs_over_another_configuration():
+    """The others stay, also those that are not the defaults; one that there is not is named, and so is one out of range."""
+    base = _Top(mode="fast", sub=_Sub(gain=5.0, names=("b",)))
+    other = override(base, {"sub.gain": 7.0})
+    assert other == _Top(mode="fast", sub=_Sub(gain=7.0, names=("b",)))
+    assert override(other, {"sub.gain": 5.0, "mode": "slow"}) == _Top(sub=_Sub(gain=5.0, names=("b",)))
+    assert override(other, {"sub.gain": 1.0}).sub.gain == 1.0  # a default, over what is none
+    assert flat(other) == {"mode": "fast", "sub.gain": 7.0, "sub.names": ("b",), "parts": ()}
+    assert override(_Top(), flat(other)) == other
+    with pytest.raises(ConfigError, match=r"level 3: .*gian"):
+        override(base, {"sub.gian": 1.0}, "level 3")
+    with pytest.raises(ConfigError, match="must be between 0 and 10 dB"):
+        override(base, {"sub.gain": 11.0})
 
 
 def test_frozen_and_described():
