@@ -191,7 +191,11 @@ def _estimate(power: Any, speed_bin: Any, range_bin: Any, noise: Any, tables: An
     for p in range(len(speed_bin)):
         s, r = speed_bin[p], range_bin[p]
         at = float(power[s, r])
-        snr = max(at / np.float64(max(noise[p], np.float32(TINY))) - 1, LEAST_SNR)  # of two float32 it may overflow
+        below = max(noise[p], np.float32(TINY))
+        ratio = np.float64(at / below)  # single precision: enough, and models were trained on it, bit for bit
+        if math.isinf(ratio):
+            ratio = np.float64(at) / np.float64(below)
+        snr = max(ratio - 1, LEAST_SNR)
         offset, std = _interpolate(
             power[s - 1, r], at, power[s + 1 if s + 1 < n_speed else 0, r], snr * n_channel, snr, tables[0], edges[0]
         )
