@@ -1,7 +1,6 @@
 """Tests use ROS domains of their own, this machine only, and check every message field."""
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -16,11 +15,14 @@ for _pool in ("OMP", "OPENBLAS", "MKL"):
 _GRAPHS = ("e2e/", "tradeoff/", *(f"ros/test_{name}.py" for name in ("clouds_graph", "graph", "recovery", "supervisor", "two_radars")))
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """With ``--dist loadgroup``: graphs of many processes run one at a time, and no file is split, so that its fixtures are made once."""
-    if config.getoption("dist", "no") != "loadgroup" and os.environ.get("PYTEST_XDIST_WORKER") is None:
-        return
-    for item in items:
-        place = item.path.relative_to(Path(__file__).parent).as_posix()
-        item.add_marker(pytest.mark.xdist_group("graphs" if place.startswith(_GRAPHS) else place))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """With ``-n``: graphs of many processes run one at a time, and no file is split, so that its fixtures are made once."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class WholeFiles(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            place = nodeid.partition("::")[0].removeprefix("test/")
+            return "graphs" if place.startswith(_GRAPHS) else place
+
+    return WholeFiles(config, log)
