@@ -43,16 +43,17 @@ _STAGES = ("baseband", "tracking", "gestures", "hand")
 
 @dataclass
 class Window:
-    """What happened in some seconds: frames due, those of them that each stage lost, and times from a frame to its tracks [s]."""
+    """What happened in some seconds: frames of the radar, what each stage finished and lost, and times from a frame to its tracks [s]."""
 
     frames: int
+    finished: dict[str, int]
     lost: dict[str, int]
     latencies: list[float]
 
     @property
     def shares(self) -> dict[str, float]:
-        """Frames that each stage lost, of those that were due; what was left out on purpose is not lost."""
-        return {name: count / max(self.frames, 1) for name, count in self.lost.items()}
+        """Share that each stage lost of the frames that it was to take; what was left out on purpose is neither lost nor to be taken."""
+        return {name: count / max(count + self.finished[name], 1) for name, count in self.lost.items()}
 
     @property
     def share(self) -> float:
@@ -75,7 +76,7 @@ class Watch:
         while not wanted():
             if time.monotonic() - start > timeout:
                 said = [(one.number, one.reason) for one in self.budgets]
-                raise HandwaveError(f"waited {timeout:g} s for {what}; dropped so far {self._dropped()}, levels {said}")
+                raise HandwaveError(f"waited {timeout:g} s for {what}; dropped so far {self._counts('dropped')}, levels {said}")
             self.monitor.spin(0.02)
         return time.monotonic() - start
 
@@ -102,14 +103,15 @@ class Watch:
 
     def window(self, seconds: float) -> Window:
         """Count for some seconds."""
-        before, frames = self._dropped(), self._frames()
+        lost, finished, frames = self._counts("dropped"), self._counts("processed"), self._frames()
         self.monitor.latencies.clear()
         self.monitor.spin(seconds)
-        after = self._dropped()
-        return Window(self._frames() - frames, {name: after[name] - before[name] for name in after}, list(self.monitor.latencies))
+        lost = {name: count - lost[name] for name, count in self._counts("dropped").items()}
+        finished = {name: count - finished[name] for name, count in self._counts("processed").items()}
+        return Window(self._frames() - frames, finished, lost, list(self.monitor.latencies))
 
-    def _dropped(self) -> dict[str, int]:
-        return {name: self.monitor.stages[name].dropped if name in self.monitor.stages else 0 for name in self._stages}
+    def _counts(self, what: str) -> dict[str, int]:
+        return {name: getattr(self.monitor.stages[name], what) if name in self.monitor.stages else 0 for name in self._stages}
 
     def _frames(self) -> int:
         return self.monitor.frames + self.monitor.skipped
@@ -185,6 +187,7 @@ def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[s
         "gave_up": list(level.gave_up),
         "reason": level.reason,
         "frames": {"without": without.frames, "usual": usual.frames, "slowed": slow.frames, "recovered": again.frames},
+        "taken_slowed": slow.finished["baseband"] + slow.lost["baseband"],
         "latencies_ms": {
             name: (1e3 * np.array(one.latencies)).tolist()
             for name, one in (("without", without), ("usual", usual), ("slowed", slow), ("recovered", again))

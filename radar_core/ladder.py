@@ -73,8 +73,6 @@ class Ladder:
         Each quicker per frame of the radar than the one before.
     machine : str
         Where it was measured.
-    code : str
-        Digest of the code that was measured.
 
     Raises
     ------
@@ -88,7 +86,6 @@ class Ladder:
     better: str
     levels: tuple[Level, ...]
     machine: str = ""
-    code: str = ""
 
     def __post_init__(self) -> None:
         if not self.levels:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final, Generic, TypeVar
 
 from handwave.msg import StageBudget as StageBudgetMsg
@@ -84,16 +85,19 @@ class Budget(Generic[T]):
         self._first = 0
         self._start()
 
+        def slower(settings: BudgetConfig) -> None:
+            self._settings = settings
+
         def change(settings: BudgetConfig) -> Callable[[], None]:
+            if replace(settings, device_factor=self._settings.device_factor) == self._settings:
+                return partial(slower, settings)  # levels, and the one that works, stay
             ladder = self._read(settings)
             configs = self._over(self._base, ladder)
             place = prepare(configs)
 
             def apply() -> None:
-                same = replace(settings, device_factor=self._settings.device_factor) == self._settings
                 self._settings, self._ladder, self._configs = settings, ladder, configs
-                if not same:
-                    self._start()
+                self._start()
                 place()
 
             return apply

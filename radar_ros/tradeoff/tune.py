@@ -22,7 +22,7 @@ from radar_ros.tradeoff.front import FASTER
 from radar_ros.tradeoff.people import Judge, frames, scenes, visible
 from radar_ros.tradeoff.plot import draw
 from radar_ros.tradeoff.rows import Panel
-from radar_ros.tradeoff.settings import Settings, sources
+from radar_ros.tradeoff.settings import Settings
 from radar_sim import Simulator, Truth
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 from radar_tracking.messages import tracks_to_msg
@@ -196,7 +196,7 @@ def ladder(stage: str, found: Sequence[Candidate]) -> Ladder:
         level = min(near, key=lambda one: (one.name != default, one.level.cost_ms)).level
         if not kept or level.cost_ms < (1 - FASTER) * kept[-1].cost_ms:
             kept.append(level)
-    return Ladder(stage, FIGURE, "m", "lower", tuple(kept), machine(), sources(("radar_core", "radar_dsp", "radar_tracking")))
+    return Ladder(stage, FIGURE, "m", "lower", tuple(kept), machine())
 
 
 @dataclass(frozen=True, eq=False)

@@ -173,7 +173,7 @@ def test_what_makes_no_sense_is_refused():
 
 def test_levels_survive_their_file(tmp_path):
     """Bit for bit, by stage; and what cannot be read says what to do."""
-    ladders = [Ladder("baseband", "error", "m", "lower", LEVELS, "here", "abc"), Ladder("tracking", "hits", "", "higher", LEVELS[:1])]
+    ladders = [Ladder("baseband", "error", "m", "lower", LEVELS, "here"), Ladder("tracking", "hits", "", "higher", LEVELS[:1])]
     path = tmp_path / "levels.json"
     save_ladders(path, ladders)
     assert load_ladders(path) == {one.stage: one for one in ladders}
