@@ -30,8 +30,9 @@ from radar_ros.graph import graph
 from radar_ros.interrupts import ros
 from radar_ros.live import Monitor
 from radar_ros.supervisor import Supervisor, environment
+from radar_ros.tradeoff.budget import LEVELS, write
 from radar_ros.tradeoff.settings import Settings
-from radar_ros.tradeoff.tune import LEVELS, tune, write
+from radar_ros.tradeoff.tune import tune
 
 BUDGET_MS, INTERVAL, SLOWER = 8.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled

@@ -56,7 +56,7 @@ class PointCloud:
     quality : Quality
         What is wrong with the frame behind the points.
     every : int
-        Clouds are made of every so many'th frame; the sequence of the next one is that much larger.
+        Clouds are made of one frame in so many: the first that comes of every so many sequences.
 
     Raises
     ------

@@ -27,7 +27,7 @@ class Level:
     knobs : mapping of str to value
         Dotted names of the knobs that it sets apart from the stage's configuration.
     every : int
-        Only every so many'th frame is processed; the others are left out on purpose.
+        Only one frame in so many is processed; the others are left out on purpose.
     time_ms : float
         Median time of a frame that is processed [ms].
     accuracy : float

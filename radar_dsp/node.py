@@ -123,7 +123,7 @@ class BasebandNode(StageNode):
 
     def _take(self, msg: Any) -> None:
         started, every = time.monotonic_ns(), self._budget.every
-        if msg.sequence % every:  # left out to keep within the budget, and said so on stage_budget
+        if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
         if not self._info.usable():

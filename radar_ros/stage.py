@@ -125,8 +125,12 @@ class StageMixin:
         if all(self.count_publishers(topic) for topic in inputs):
             self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
 
+    def due(self: Any, sequence: int, every: int) -> bool:
+        """Whether a message is to be taken when one in so many is (see `Gaps.due`); ask before `count_gap`."""
+        return bool(self._gaps.due(sequence, every))
+
     def count_gap(self: Any, sequence: int, every: int = 1) -> None:
-        """Count the messages lost between the last one and this one, of which every so many'th is sent (see `Gaps.lost`)."""
+        """Count what was lost between the last message and this one, of which one in so many is taken (see `Gaps.lost`)."""
         self.dropped += self._gaps.lost(sequence, every)
 
     def went_back(self: Any, stamp_ns: int) -> bool:

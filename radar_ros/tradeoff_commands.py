@@ -32,8 +32,8 @@ def tradeoff(
 ) -> None:
     """Measure accuracy and time of every choice that buys one with the other, and say which are worth it.
 
-    Stages: simulator, transforms, detection, directions, clustering, tracking, radar, hand, gestures, graph, chain. Each is judged by
-    its own truth (error against float64, detections at a fixed false-alarm rate, errors over the Cramer-Rao bound, GOSPA, gestures of
+    Stages: simulator, transforms, detection, directions, clustering, tracking, radar, hand, gestures, budget, graph, chain. Each is judged
+    by its own truth (error against float64, detections at a fixed false-alarm rate, errors over the Cramer-Rao bound, GOSPA, gestures of
     people left out, distance from the true hand) and timed in one thread beside a bare reference, in turn with it.
 
     The folder gets STAGE.json and STAGE.png for each (dominated choices grey, the default with a ring), and report.md. A stage that is
@@ -61,8 +61,9 @@ def _tune(settings: Settings, factor: float) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from radar_ros.tradeoff.budget import LEVELS, write
     from radar_ros.tradeoff.run import make_folder
-    from radar_ros.tradeoff.tune import LEVELS, tune, write
+    from radar_ros.tradeoff.tune import tune
 
     make_folder(settings.folder, factor)
     found = tune(settings, factor)

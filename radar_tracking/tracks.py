@@ -113,7 +113,7 @@ class Tracks:
     deleted : tuple of Deleted
         Tracks that ended with this cloud.
     every : int
-        Of the cloud: the sequence of the next one is that much larger.
+        As of the cloud: one frame in so many is used.
 
     Raises
     ------

@@ -53,6 +53,14 @@ REASONS: Final[dict[str, str]] = {
         "apart by the default's angles and medians (docs/gestures.md); these strokes are far fewer."
     ),
     "classifier": "A smaller or larger network changes microseconds of an event, not of a frame; see docs/gestures.md for its accuracy.",
+    "levels of the baseband": (
+        "People are followed as well at a lower rate, which this figure is about; gestures are not. Two echoes in a cell: see the panel "
+        "of the DoA method."
+    ),
+    "levels of the tracking": (
+        "People are followed as well at a lower rate; gestures and the hand are not. What the group tracker saves it pays for where "
+        "people meet (docs/tracking.md)."
+    ),
     "processes": (
         "A process of its own for every node keeps the others alive when one dies, and uses all cores; composed is for "
         "small machines. The library gives the same results where no graph is wanted."

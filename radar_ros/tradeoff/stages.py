@@ -56,6 +56,7 @@ STAGES: Final[dict[str, Stage]] = {
         Stage("radar", "Radar: frame rate, number of transmitters", _PEOPLE, True),
         Stage("hand", "Hand: number of radars, filter", _PEOPLE, True),
         Stage("gestures", "Gestures: feature source, classifier", _ALL, False),
+        Stage("budget", "Budget: levels of accuracy", (*_PEOPLE, "radar_ros/tradeoff/tune.py"), True),
         Stage("graph", "Graph: processes", _ALL, True),
         Stage("chain", "The whole chain", _ALL, True),
     )

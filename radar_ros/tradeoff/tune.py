@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,20 +13,17 @@ from threadpoolctl import threadpool_limits
 
 from radar_core import PointCloud, RadarInfo
 from radar_core.config import flat, load, nest
-from radar_core.ladder import Ladder, Level, save_ladders
+from radar_core.ladder import Ladder, Level
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros.convert import cloud_from_msg, cloud_to_msg
 from radar_ros.machine import machine
 from radar_ros.tradeoff.front import FASTER
 from radar_ros.tradeoff.people import Judge, frames, scenes, visible
-from radar_ros.tradeoff.plot import draw
-from radar_ros.tradeoff.rows import Panel
 from radar_ros.tradeoff.settings import Settings
 from radar_sim import Simulator, Truth
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 from radar_tracking.messages import tracks_to_msg
 
-LEVELS: Final = "levels.json"
 FIGURE: Final = "mean GOSPA of the people"
 _BASEBAND: Final[Mapping[str, Mapping[str, Any]]] = {
     "one refinement step": {"doa.newton_steps": 1},
@@ -47,7 +43,7 @@ _TRACKING: Final[Mapping[str, Mapping[str, Any]]] = {
 _EVERY: Final = (1, 2, 3, 5)  # below 10 Hz people are lost, and gestures long before
 _OTHERS: Final = np.zeros(1_000_000)
 """Walked through before each timed frame, so that caches are as cold as between two frames of a radar, when other processes run."""
-_DEFAULT: Final = {"baseband": "one echo in a cell", "tracking": "linear filter"}
+DEFAULTS: Final = {"baseband": "one echo in a cell", "tracking": "linear filter"}
 
 
 @dataclass(eq=False)
@@ -185,7 +181,7 @@ def ladder(stage: str, found: Sequence[Candidate]) -> Ladder:
     A candidate stays when it is clearly quicker for each frame of the radar than all that are as accurate and leave out no more frames. Of
     several that cannot be told apart the default stays, else the quickest.
     """
-    default = _DEFAULT[stage]
+    default = DEFAULTS[stage]
     groups: dict[tuple[float, int], list[Candidate]] = {}
     for loss, one in zip(losses(found, default), found, strict=True):
         groups.setdefault((loss, one.every), []).append(one)
@@ -232,16 +228,3 @@ def tune(settings: Settings, factor: float = 1.0, progress: bool = True) -> list
                 one.times_ms = [factor * value for value in one.times_ms]
             found.append(Tuned(ladder(stage, made), tuple(made)))
     return found
-
-
-def write(folder: Path, found: Sequence[Tuned]) -> None:
-    """Write levels for nodes, and a picture of all that was measured; the time is that for each frame of the radar."""
-    save_ladders(folder / LEVELS, [one.ladder for one in found])
-    rows = []
-    for one in found:
-        stage, default = one.ladder.stage, next(c for c in one.candidates if c.name == _DEFAULT[one.ladder.stage])
-        panel = Panel(f"levels of the {stage}", FIGURE, "m", "lower", default.level.name, "the default at every frame")
-        for made in one.candidates:
-            times = [value / made.every for value in made.times_ms]
-            rows.append(panel.row(made.level.name, made.judge.mean, times, default.times_ms, margin=made.judge.margin(default.judge)))
-    draw(rows, folder / "levels.png")

@@ -136,7 +136,7 @@ class TrackingNode(StageNode):
 
     def _take(self, msg: Any) -> None:
         started, every = time.monotonic_ns(), stride(msg) * self._budget.every
-        if msg.sequence // stride(msg) % self._budget.every:  # left out to keep within the budget, and said so on stage_budget
+        if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
         info, tracker = self._info.info, self._tracker

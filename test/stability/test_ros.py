@@ -107,6 +107,23 @@ def test_at_one_stride_every_loss_is_counted(every, lost, first):
         assert drops([(sequence, 0) for sequence in sequences]) == [0, *lost]
 
 
+@settings(max_examples=200, deadline=None)
+@given(st.integers(1, 9), st.sets(st.integers(0, 200), min_size=1), st.integers(0, 2**40))
+def test_of_every_row_of_frames_the_first_that_comes_is_taken(every, came, first):
+    """Whatever is lost, each row of which anything came gives one frame, its first; counted is each row of which nothing came."""
+    gaps, taken, lost = Gaps(), [], 0
+    for sequence in sorted(first + k for k in came):
+        if gaps.due(sequence, every):
+            taken.append(sequence)
+            lost += gaps.lost(sequence, every)
+    rows = {}
+    for k in sorted(came):
+        rows.setdefault((first + k) // every, first + k)
+    assert taken == list(rows.values())
+    assert lost == max(rows) - min(rows) + 1 - len(rows)
+    assert gaps.due(taken[0], every)  # a source that starts again
+
+
 def test_losses_around_a_change_of_stride():
     """By hand: losses on either side of a change are counted by their own stride; a source that starts again lost nothing."""
     assert drops([(0, 1), (1, 3), (4, 3), (10, 3), (13, 1), (14, 1), (17, 1)]) == [0, 0, 0, 1, 0, 0, 2]
