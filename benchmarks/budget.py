@@ -34,7 +34,7 @@ from radar_ros.tradeoff.budget import LEVELS, write
 from radar_ros.tradeoff.settings import Settings
 from radar_ros.tradeoff.tune import tune
 
-BUDGET_MS, INTERVAL, SLOWER = 8.0, 0.015, 10.0
+BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled
 _PATIENCE = 40.0  # s
 _DOMAIN = 150 + os.getpid() % 80

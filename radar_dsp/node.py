@@ -122,7 +122,7 @@ class BasebandNode(StageNode):
         return tuple(made[config] for config in configs)
 
     def _take(self, msg: Any) -> None:
-        started, every = time.monotonic_ns(), self._budget.every
+        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
@@ -141,7 +141,7 @@ class BasebandNode(StageNode):
             self.problem(str(error))
             return
         self._points.publish(cloud_to_msg(cloud))
-        self._budget.slow_down(started)
+        self._budget.slow_down(worked)
         self.finish(cloud.stamp_ns, cloud.sequence, started)
         self._budget.spent(cloud.stamp_ns, started)
         if self._points2.get_subscription_count():

@@ -43,7 +43,7 @@ class BudgetConfig:
         doc="time for each frame of the radar, on average: the node works at the most accurate level that fits; 0: as configured",
     )
     device_factor: float = knob(
-        1.0, low=1.0, high=1000.0, doc="take so many times as long over each frame, to see what the graph does on a slower device"
+        1.0, low=1.0, high=1000.0, doc="work so many times as long on each frame, to see what the graph does on a slower device"
     )
     budget: LevelsConfig = LevelsConfig()
 
@@ -163,10 +163,13 @@ class Budget(Generic[T]):
         why = "the most accurate level that fits, as tuned" if fits else "no level fits, as tuned: this is the quickest"
         self._tell(0, math.nan, self._governor.expected_ms, why)
 
-    def slow_down(self, started_ns: int) -> None:
-        """Wait as long as a slower device would still work on the message that was begun at a time of CLOCK_MONOTONIC."""
+    def slow_down(self, worked_ns: int) -> None:
+        """Wait as long as a slower device would still work on the message that was begun at a time of this thread's processor.
+
+        Only work takes longer on such a device. Waiting for a core that another process has does not, so it is not multiplied.
+        """
         if self._settings.device_factor > 1:
-            time.sleep((self._settings.device_factor - 1) * (time.monotonic_ns() - started_ns) * 1e-9)
+            time.sleep((self._settings.device_factor - 1) * (time.thread_time_ns() - worked_ns) * 1e-9)
 
     def spent(self, stamp_ns: int, started_ns: int) -> None:
         """Take note of a message of some stamp that was begun at a time of CLOCK_MONOTONIC and is done; the level may change with it."""

@@ -135,7 +135,7 @@ class TrackingNode(StageNode):
         return lambda: None  # the level is looked up with every cloud
 
     def _take(self, msg: Any) -> None:
-        started, every = time.monotonic_ns(), stride(msg) * self._budget.every
+        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), stride(msg) * self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
@@ -157,7 +157,7 @@ class TrackingNode(StageNode):
             self.problem(str(error))
             return
         self._tracks.publish(tracks_to_msg(tracks))
-        self._budget.slow_down(started)
+        self._budget.slow_down(worked)
         self.finish(tracks.stamp_ns, tracks.sequence, started)
         self._budget.spent(tracks.stamp_ns, started)
         self._count.publish(UInt32(data=tracks.people_count))
