@@ -3,6 +3,10 @@
 `radar_dsp.doa_numpy` does the same with numpy and is the reference. Directions are direction cosines u, phases are centred (see
 `radar_dsp.steering.Steering`). Functions that carry ``fastmath`` flags only allow what cannot hurt: sums in any order and fused
 multiplications (numpy's matrix products do both), and comparisons that need not care for NaN, as the door refuses it.
+
+Everything that is called from within compiled code is inlined (``forceinline``). Called instead, it would be one of two copies, the
+caller's own or the one compiled on its own, whichever was loaded first. Fused differently, they round differently, and a run that compiles
+would give other last digits than a run that loads from the cache.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ _PI_LOW = 1.2246467991473532e-16
 _TINY = 1e-300
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@numba.njit(forceinline=True, cache=True, fastmath={"contract"})
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine to 1e-11 for |x| < 1e6, without branches or calls, so that loops over it become vector code.
 
@@ -57,7 +61,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
     return sign * s * r, sign * c
 
 
-@numba.njit(cache=True, fastmath={"nnan", "nsz"})
+@numba.njit(forceinline=True, cache=True, fastmath={"nnan", "nsz"})
 def first_maximum(values: NDArray[Any]) -> int:
     """Index of the first of the largest values; in two passes, as only the first vectorises."""
     best = values[0]
@@ -69,7 +73,7 @@ def first_maximum(values: NDArray[Any]) -> int:
     return 0
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def load_weights(snapshot: NDArray[np.complex64], fold: NDArray[np.complex128], real: Floats, imag: Floats) -> float:
     """Snapshots (n_snapshot, n_channel) times conj(response), scaled by their largest part so that no square can overflow.
 
@@ -96,7 +100,7 @@ def load_weights(snapshot: NDArray[np.complex64], fold: NDArray[np.complex128], 
     return peak
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@numba.njit(forceinline=True, cache=True, fastmath={"contract"})
 def beam_power(real: Floats, imag: Floats, table: Floats32, beam: Floats32, power: Floats32) -> None:
     """Sum over the snapshots of |sum_c w_c exp(+j phase_c . u)|^2 on the grid.
 
@@ -132,7 +136,7 @@ def beam_power(real: Floats, imag: Floats, table: Floats32, beam: Floats32, powe
                 power[g] += beam[0, g] * beam[0, g] + beam[1, g] * beam[1, g]
 
 
-@numba.njit(cache=True, fastmath=_SUM)
+@numba.njit(forceinline=True, cache=True, fastmath=_SUM)
 def beam_derivatives(
     real: Floats, imag: Floats, phase: Floats, uy: float, uz: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float, float, float]:
@@ -157,7 +161,7 @@ def beam_derivatives(
     return br, bi, yr, yi, zr, zi, yyr, yyi, yzr, yzi, zzr, zzi
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def newton_step(
     g_y: float, g_z: float, h_yy: float, h_yz: float, h_zz: float, two: bool, limit_y: float, limit_z: float
 ) -> tuple[float, float]:
@@ -175,7 +179,7 @@ def newton_step(
     return min(max(step_y, -limit_y), limit_y), min(max(step_z, -limit_z), limit_z)
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def refine(
     real: Floats, imag: Floats, phase: Floats, start_y: float, start_z: float, spacing: Floats, two: bool, steps: int
 ) -> tuple[float, float]:
@@ -202,7 +206,7 @@ def refine(
     return uy, uz
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def store_direction(
     uy: float, uz: float, bound: Floats, axes: int, limit: Floats, angles: Floats, inside: NDArray[np.bool_], i: int
 ) -> None:

@@ -21,7 +21,7 @@ ALIKE = 0.98
 """Largest |a_1^H a_2|^2 / n^2: beyond it (0.08 beam widths apart) the two are one echo to any array, and amplitudes grow without end."""
 
 
-@numba.njit(cache=True, fastmath={"contract", "nnan", "nsz"})
+@numba.njit(forceinline=True, cache=True, fastmath={"contract", "nnan", "nsz"})
 def _pair_row(
     p: float,
     real: float,
@@ -45,7 +45,7 @@ def _pair_row(
     return top
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@numba.njit(forceinline=True, cache=True, fastmath={"contract"})
 def best_pair(beam: Floats32, power: Floats32, gain: Floats32, cross: Floats32, row: Floats32) -> tuple[int, int]:
     """Pair of grid points with the largest likelihood.
 
@@ -80,14 +80,14 @@ def best_pair(beam: Floats32, power: Floats32, gain: Floats32, cross: Floats32, 
     return first, second
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def pair_power(b1: complex, b2: complex, g: complex, n: float) -> float:
     """Likelihood of two sources."""
     along: float = (np.conj(b1) * g * b2).real
     return (n * (abs(b1) ** 2 + abs(b2) ** 2) - 2.0 * along) / (n * n - abs(g) ** 2)
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def best_partner(b1: complex, uy: float, uz: float, beam: Floats32, weight: Floats, nothing: Floats, phase: Floats, grid: Floats) -> int:
     """Grid point that has the largest likelihood together with the direction (uy, uz), whose beam is ``b1``."""
     n = np.float64(weight.shape[0])

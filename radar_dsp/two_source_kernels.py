@@ -26,7 +26,7 @@ TOLERANCE = 1e-8
 """Smallest step worth another, in direction cosine."""
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _normal_equations(
     real: Floats, imag: Floats, weight: Floats, nothing: Floats, phase: Floats, self_moment: Floats, u: Floats, h: Floats, right: Floats
 ) -> float:
@@ -67,7 +67,7 @@ def _normal_equations(
     return pair_power(b1, b2, g, n)
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _invert(h: Floats, damping: float, two: bool, work: Floats, out: Floats) -> None:
     """Inverse of the damped normal matrix by Cholesky, pivots kept off zero; unmeasured axes stay zero."""
     step = 1 if two else 2
@@ -98,7 +98,7 @@ def _invert(h: Floats, damping: float, two: bool, work: Floats, out: Floats) -> 
             out[i, r] = total / work[i, i]
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _take_over(vector: Floats, matrix: Floats, to_vector: Floats, to_matrix: Floats) -> None:
     """Copy; written out because assigning to slices takes seconds to compile."""
     for i in range(4):
@@ -107,7 +107,7 @@ def _take_over(vector: Floats, matrix: Floats, to_vector: Floats, to_matrix: Flo
             to_matrix[i, j] = matrix[i, j]
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def refine_pair(
     real: Floats,
     imag: Floats,
@@ -178,7 +178,7 @@ def refine_pair(
     return power
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _second_is_stronger(real: Floats, imag: Floats, weight: Floats, nothing: Floats, phase: Floats, u: Floats) -> bool:
     n = np.float64(real.shape[0])
     re, im, _, _, _, _, _, _, _, _, _, _ = beam_derivatives(weight, nothing, phase, u[0] - u[2], u[1] - u[3])
@@ -190,7 +190,7 @@ def _second_is_stronger(real: Floats, imag: Floats, weight: Floats, nothing: Flo
     return bool(abs(n * b2 - np.conj(g) * b1) > abs(n * b1 - g * b2))
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _fit_pair(
     real: Floats,
     imag: Floats,
@@ -240,7 +240,7 @@ def _fit_pair(
     return best
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _channel_moments(fold: NDArray[np.complex128], phase: Floats, weight: Floats, self_moment: Floats) -> None:
     for c in range(fold.shape[0]):
         weight[c] = fold[c].real ** 2 + fold[c].imag ** 2
@@ -249,7 +249,7 @@ def _channel_moments(fold: NDArray[np.complex128], phase: Floats, weight: Floats
         self_moment[2] += weight[c] * phase[1, c] * phase[1, c]
 
 
-@numba.njit(cache=True)
+@numba.njit(forceinline=True, cache=True)
 def _store_pair(u: Floats, covariance: Floats, axes: int, limit: Floats, angles: Floats, inside: NDArray[np.bool_], i: int) -> None:
     scaled = np.empty(3)
     for k in range(2):

@@ -46,6 +46,26 @@ def test_other_processes_threads_and_hashes_give_the_same_bits():
     assert elsewhere(4, 2) == here
 
 
+def test_what_is_compiled_now_and_what_comes_from_the_cache_give_the_same_bits(tmp_path):
+    """The first run of an installation compiles, all others load: a function that is called must be the same one in both.
+
+    Where products and sums may be fused, a function that is inlined rounds differently from one that is called.
+    """
+    found = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, str(Path(__file__).with_name("compiled_digest.py"))],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=240,
+        )
+        found.append(json.loads(done.stdout))
+    assert found[0] == found[1]
+    assert len(set(found[0].values())) == 3
+
+
 def test_a_frame_does_not_depend_on_the_frames_before():
     """Random access: frame 40 after 39 others, alone, and backwards."""
     for model in MODELS:
