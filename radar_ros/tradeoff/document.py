@@ -62,7 +62,7 @@ def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
                 yield Verdict(name, row["choice"], "as good as on the front: what is better is so by chance, or by less than a tenth")
             else:
                 reason = REASONS.get(name, "").strip()
-                others = ", ".join(other["choice"] for other in beaten)
+                others = "; ".join(other["choice"] for other in beaten)  # names hold commas
                 yield Verdict(name, row["choice"], f"not on the front ({others}). {reason or NO_REASON}", not reason)
 
 
