@@ -12,6 +12,7 @@ from radar_core import GESTURES, ConfigError
 
 if TYPE_CHECKING:
     from radar_gestures.classifiers.model import GestureModel
+    from radar_gestures.classifiers.training import TrainingConfig
     from radar_gestures.classifiers.validation import Validation
     from radar_gestures.datasets.samples import SampleSet
 
@@ -26,6 +27,7 @@ def train(
     labels: Annotated[str, typer.Option(help="only these gestures, with commas between, e.g. random,push,pull; default: all ten")] = "",
     hidden: Annotated[str, typer.Option(help="neurons of the hidden layers, with commas between")] = "32",
     regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 0.1,
+    starts: Annotated[int, typer.Option(help="start weights to try; the network with the least loss is kept", min=1, max=100)] = 1,
     lost: Annotated[float, typer.Option(help="share of known gestures given up to reject unknown ones", min=0.0, max=1.0)] = 0.05,
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
     scenes: Annotated[
@@ -52,14 +54,14 @@ def train(
         from radar_gestures.datasets.scenes import generate
 
         generate(folders[0], scenes, seed=seed, n_jobs=jobs)
-    settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, lost=lost, seed=seed)
+    settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, starts=starts, lost=lost, seed=seed)
     report = fit(folders, out, settings, labels=_names(labels))
     print(describe(report))
     text = card(
         report.model,
         [report.validation],
         data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
-        command=_command(folders, out, labels, hidden, regularisation, lost, seed, scenes),
+        command=_command(folders, out, labels, settings, scenes),
         n_bytes=out.stat().st_size,
     )
     write_card(text, out.with_suffix(".md"))
@@ -167,8 +169,10 @@ def _sizes(text: str) -> tuple[int, ...]:
         raise ConfigError(f"--hidden {text}: give whole numbers with commas between, e.g. 32 or 64,32") from None
 
 
-def _command(folders: list[Path], out: Path, labels: str, hidden: str, regularisation: float, lost: float, seed: int, scenes: int) -> str:
+def _command(folders: list[Path], out: Path, labels: str, settings: TrainingConfig, scenes: int) -> str:
     """Return the command that was given, with all that matters for the result."""
-    places = " ".join(map(str, folders))
-    parts = [f"handwave train {places} --out {out} --hidden {hidden} --regularisation {regularisation:g} --lost {lost:g} --seed {seed}"]
+    parts = [
+        f"handwave train {' '.join(map(str, folders))} --out {out} --hidden {','.join(map(str, settings.hidden))}",
+        f"--regularisation {settings.regularisation:g} --starts {settings.starts} --lost {settings.lost:g} --seed {settings.seed}",
+    ]
     return " ".join(parts + ([f"--labels {labels}"] if labels else []) + ([f"--scenes {scenes}"] if scenes else []))

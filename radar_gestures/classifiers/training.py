@@ -32,12 +32,13 @@ class TrainingConfig:
     regularisation: float = knob(0.1, low=0.0, high=1e3, doc="L2 penalty on the weights, in place of the thesis's dropout")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam, at the start")
     max_iterations: int = knob(600, low=1, high=1_000_000, doc="most passes over the samples; training ends earlier when it gains nothing")
+    starts: int = knob(1, low=1, high=100, doc="start weights that are tried; of these networks the one with the least loss is kept")
     balanced: bool = knob(True, doc="repeat rare labels, at most eight times a sample, until all weigh the same")
     rejector: str = knob("distance", choices=("distance", "probability"), doc="what tells gestures that the model does not know")
     shared: bool = knob(False, doc="rejector distance: one covariance for all labels, which keeps the file small with many features")
     lost: float = knob(0.05, low=0.0, high=1.0, doc="known gestures that may be lost so that unknown ones are rejected")
     folds: int = knob(10, low=2, high=1000, doc="most parts of the cross-validation; each leaves at least two people out")
-    seed: int = knob(1, low=0, high=2**31 - 1, doc="of the split, the start weights and the order of samples")
+    seed: int = knob(1, low=0, high=2**31 - 1, doc="of the split, the (first) start weights and the order of samples")
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,18 +304,21 @@ def _perceptron(
     from sklearn.exceptions import ConvergenceWarning  # only training needs scikit-learn
     from sklearn.neural_network import MLPClassifier
 
-    network = MLPClassifier(
-        settings.hidden,
-        alpha=settings.regularisation,
-        max_iter=settings.max_iterations,
-        random_state=settings.seed,
-        learning_rate_init=settings.learning_rate,
-        tol=1e-5,
-        n_iter_no_change=30,
-    )
+    networks = [
+        MLPClassifier(
+            settings.hidden,
+            alpha=settings.regularisation,
+            max_iter=settings.max_iterations,
+            random_state=settings.seed + start,
+            learning_rate_init=settings.learning_rate,
+            tol=1e-5,
+            n_iter_no_change=30,
+        )
+        for start in range(settings.starts)
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice
-        network.fit(x, label)
+        network = min((network.fit(x, label) for network in networks), key=lambda fitted: float(fitted.loss_))
     weights, biases = list(network.coefs_), list(network.intercepts_)
     if len(network.classes_) == 2:  # one output, the score of the second label over the first
         weights[-1], biases[-1] = weights[-1] * [[-0.5, 0.5]], biases[-1] * [-0.5, 0.5]

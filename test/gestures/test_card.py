@@ -115,7 +115,7 @@ def test_the_command_trains_a_model_and_writes_its_card(trained):
     assert f"accuracy {model.figures['accuracy']:.1%}" in said
     text = path.with_suffix(".md").read_text(encoding="utf-8")
     assert f"**{model.figures['accuracy']:.1%}**" in text
-    assert "--hidden 8 --regularisation 0.1 --lost 0.05 --seed 4" in text
+    assert "--hidden 8 --regularisation 0.1 --starts 1 --lost 0.05 --seed 4" in text
 
 
 def test_the_command_evaluates_people_left_out_as_training_did(folder, trained, tmp_path):
