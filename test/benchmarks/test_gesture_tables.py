@@ -1,18 +1,23 @@
 """The thesis's tables on small data made by hand: what is counted, and that every row has accuracy and time."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks import gesture_knobs, gesture_model, gesture_tables
 from radar_core import GESTURES
-from radar_gestures.classifiers.model import save_model
-from radar_gestures.classifiers.training import TrainingConfig, train_on
+from radar_core.paths import find_config
+from radar_gestures.classifiers.model import load_model, save_model
+from radar_gestures.classifiers.training import TrainingConfig, settings_of, train_on
 from radar_gestures.classifiers.validation import Validation
 from radar_gestures.datasets.samples import SampleSet
 from radar_gestures.datasets.synthesis import synthesise
 from radar_gestures.datasets.synthesis_plan import named_plan
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import GestureConfig, feature_settings
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def samples(spread, missed=0, seed=0):
@@ -93,6 +98,16 @@ def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_pat
         assert 0.9 < found["equal_predictions"] <= 1.0
     kept = [row["accuracy"]["value"] for row in found["choices"] if row["stage"] == "rejection"]
     assert kept == sorted(kept, reverse=True)  # the more may be lost, the fewer are kept
+
+
+def test_the_shipped_model_and_its_card_are_those_of_the_commands():
+    """As far as a model says how it was trained, and its card what it measured: that they come out again is for the benchmark to show."""
+    path = find_config("gestures", "models", ".npz")
+    model, card = load_model(path), (ROOT / "docs" / "model_card.md").read_text(encoding="utf-8")
+    assert settings_of(model) == TrainingConfig(starts=gesture_model.STARTS, lost=gesture_model.LOST)
+    assert f"{path.stat().st_size:,} bytes" in card
+    assert f"**{model.figures['accuracy']:.1%}**" in card
+    assert f"--starts {gesture_model.STARTS} --lost {gesture_model.LOST} --seed 1 --scenes {gesture_model.SCENES}" in card
 
 
 def test_every_knob_that_is_measured_differs_from_the_default():
