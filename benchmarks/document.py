@@ -20,8 +20,8 @@ from benchmarks.report import join
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = (
-    *("graph", "simulator", "dsp", "tracking", "gestures", "hand", "hand_velocity", "hand_mars", "calibrate_pair", "boards"),
-    *("effects", "budget"),
+    *("graph", "simulator", "dsp", "tracking", "gestures", "gesture_model", "hand", "hand_velocity", "hand_mars", "calibrate_pair"),
+    *("boards", "effects", "budget"),
 )
 HEAD = """# What accuracy costs in time
 
