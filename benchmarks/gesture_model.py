@@ -25,7 +25,7 @@ from radar_gestures.datasets.synthesis_plan import named_plan
 SCENES: Final = 320
 STROKES: Final = 1_500
 STARTS: Final = 8
-"""One start alone decides up to one in a hundred gestures of people beside each other."""
+"""Networks tried; that with the least loss is kept, so that start weights decide less by chance."""
 LOST: Final = 0.02
 """Share of known gestures given up to reject unknown ones: of people beside each other a higher one costs more than it keeps out."""
 COMMANDS: Final = (
