@@ -2,4 +2,4 @@
 
 from setuptools import find_packages, setup
 
-setup(packages=find_packages(include=["radar_*", "radar_*.*"]))
+setup(packages=find_packages(include=["radar_*", "radar_*.*", "benchmarks", "benchmarks.*"]))

@@ -22,12 +22,12 @@ import numpy as np
 import scipy.signal
 
 from benchmarks.report import choice, measure_together
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor
 from radar_driver.tinyrad import wire
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.convert import analytic
 from radar_dsp.windows import make_window
-from radar_ros.graph import graph
-from radar_ros.supervisor import Supervisor
 
 _EMULATED = Path(__file__).resolve().parents[1] / "test" / "driver"
 sys.path.insert(0, str(_EMULATED))
@@ -141,8 +141,8 @@ def _kill(attempts: int) -> dict[str, float]:
     import rclpy
     from handwave.msg import RadarFrame as RadarFrameMsg
 
+    from radar_app.supervisor import environment
     from radar_ros import qos
-    from radar_ros.supervisor import environment
 
     os.environ.update(environment(_DOMAIN))
     with _machine() as machine:

@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import choice
+from radar_app.graph import NodeSpec
+from radar_app.supervisor import Supervisor
 from radar_driver.dca1000.board import Dca1000Source
 from radar_driver.dca1000.decode import decode_frame, frame_bytes
 from radar_driver.dca1000.receiver import Receiver
 from radar_driver.dca1000.settings import Dca1000Config
 from radar_driver.live import Reader
 from radar_ros import qos
-from radar_ros.graph import NodeSpec
-from radar_ros.supervisor import Supervisor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "driver"))  # the emulated board is the tests'
 import dca1000_emulator as emulator
@@ -129,7 +129,7 @@ def after_kill() -> float:
         card.running = lambda: cli.running
         given = {"config": str(path), "serial_port": str(tty), "host_address": emulator.HOST, "board_address": emulator.BOARD}
         given |= {"config_port": card.config_port, "data_port": card.data_port}
-        spec = NodeSpec("driver", "radar_driver.node", {"source": "dca1000", **{f"dca1000.{k}": v for k, v in given.items()}})
+        spec = NodeSpec("driver", "radar_ros.nodes.driver", {"source": "dca1000", **{f"dca1000.{k}": v for k, v in given.items()}})
         rclpy.init(args=[])
         stack.callback(rclpy.try_shutdown)
         node = rclpy.create_node("watcher")

@@ -22,17 +22,17 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from benchmarks.report import choice
+from benchmarks.tradeoff.budget import LEVELS, write
+from benchmarks.tradeoff.settings import Settings
+from benchmarks.tradeoff.tune import tune
+from radar_app.graph import graph
+from radar_app.live import Monitor
+from radar_app.supervisor import Supervisor, environment
 from radar_core import HandwaveError
 from radar_core.ladder import load_ladders
 from radar_core.paths import find_config
 from radar_ros import qos
-from radar_ros.graph import graph
 from radar_ros.interrupts import ros
-from radar_ros.live import Monitor
-from radar_ros.supervisor import Supervisor, environment
-from radar_ros.tradeoff.budget import LEVELS, write
-from radar_ros.tradeoff.settings import Settings
-from radar_ros.tradeoff.tune import tune
 
 BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from benchmarks.pair_clouds import APART, FRAME, SECONDS, PairStore, Stream, scene
 from benchmarks.report import choice
 from radar_core import Pose
-from radar_tracking.alignment.pair import PairCalibration, PairConfig, Walker, calibrate_pair
+from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker, calibrate_pair
 
 Float64Array = NDArray[np.float64]
 

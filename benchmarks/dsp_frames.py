@@ -7,8 +7,8 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.tradeoff.echoes import INFO, LIMITS, SNR_DB, WAVE, busy, frame, noise
 from radar_core import NO_GESTURE, RadarFrame
-from radar_ros.tradeoff.echoes import INFO, LIMITS, SNR_DB, WAVE, busy, frame, noise
 from radar_sim import Action, Coupling, Effects, Noise, Person, Scene, Simulator
 
 __all__ = ["INFO", "LIMITS", "SNR_DB", "WAVE", "busy_frame", "frame", "noise", "person_frames", "single_frames"]

@@ -35,7 +35,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.report import choice
-from radar_gestures.pipeline import Pipeline, PipelineResult
+from radar_lab.pipeline import Pipeline, PipelineResult
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.audit import called_for, everything, ours, real
 from radar_sim.auto import choose_effects

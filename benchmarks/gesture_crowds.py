@@ -24,7 +24,7 @@ from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.scene import SceneRadar
 

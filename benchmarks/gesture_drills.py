@@ -25,8 +25,8 @@ from radar_core.config import config, knob, plain
 from radar_core.waveform import SPEED_OF_LIGHT
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.config import CfarConfig, CouplingConfig, SpectrumConfig
-from radar_gestures.datasets.samples import FORMAT, open_folder, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
-from radar_gestures.datasets.workers import work_through
+from radar_lab.datasets.samples import FORMAT, open_folder, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
+from radar_lab.datasets.workers import work_through
 from radar_sim import ChannelErrors, Effects, Losses, Noise, Occlusion, Person, Scene, SceneRadar, Simulator, Variation
 from radar_sim.bodies.base import Posture
 from radar_sim.motions.curves import Path as HandPath

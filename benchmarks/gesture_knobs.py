@@ -18,13 +18,13 @@ from radar_core import RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.training import TrainingConfig, fit, validate
-from radar_gestures.classifiers.validation import leave_subjects_out
-from radar_gestures.datasets.readings import collect
-from radar_gestures.datasets.samples import SampleSet
-from radar_gestures.datasets.synthesis import synthesise
-from radar_gestures.datasets.synthesis_plan import named_plan
 from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_lab.datasets.readings import collect
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.datasets.synthesis import synthesise
+from radar_lab.datasets.synthesis_plan import named_plan
+from radar_lab.training.training import TrainingConfig, fit, validate
+from radar_lab.training.validation import leave_subjects_out
 from radar_sim import Simulator
 from radar_tracking import TrackedCloud
 

@@ -16,11 +16,11 @@ from benchmarks.report import choice
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.classifiers.training import TrainingConfig, TrainingReport, read_folder, reject_limit, train_on
-from radar_gestures.datasets.samples import SampleSet, join_samples
-from radar_gestures.datasets.scenes import generate
-from radar_gestures.datasets.synthesis import synthesise
-from radar_gestures.datasets.synthesis_plan import named_plan
+from radar_lab.datasets.samples import SampleSet, join_samples
+from radar_lab.datasets.scenes import generate
+from radar_lab.datasets.synthesis import synthesise
+from radar_lab.datasets.synthesis_plan import named_plan
+from radar_lab.training.training import TrainingConfig, TrainingReport, read_folder, reject_limit, train_on
 
 SCENES: Final = 320
 STROKES: Final = 1_500

@@ -14,14 +14,14 @@ from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_gestures.classifiers.curve_net import CurveNet
-from radar_gestures.classifiers.curve_training import CurveTraining, train_net
 from radar_gestures.classifiers.model import GestureModel
-from radar_gestures.classifiers.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
-from radar_gestures.classifiers.variation import VariationConfig, copies
 from radar_gestures.curves import SIGNALS, TOTALS, CurveConfig, Curves, EventMaps, curve_names, join, locate
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.maps import feature_maps
-from radar_ros.importers import open_original
+from radar_lab.importers import open_original
+from radar_lab.training.curve_training import CurveTraining, train_net
+from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
+from radar_lab.training.variation import VariationConfig, copies
 
 GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
 MAX_SPEED: Final = 4.2  # m/s: no arm was faster

@@ -20,16 +20,16 @@ from benchmarks.stores import sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.cnn import CnnConfig, CnnModel, export
-from radar_gestures.classifiers.cnn_training import cnn_judge, train_cnn
 from radar_gestures.classifiers.model import GestureModel, save_model
-from radar_gestures.classifiers.training import TrainingConfig, fit, train_on, validate
-from radar_gestures.classifiers.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
-from radar_gestures.datasets.readings import Cubes, collect, cubes
-from radar_gestures.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
-from radar_gestures.datasets.synthesis import synthesise
-from radar_gestures.datasets.synthesis_plan import Plan, named_plan
 from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_lab.datasets.readings import Cubes, collect, cubes
+from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
+from radar_lab.datasets.synthesis import synthesise
+from radar_lab.datasets.synthesis_plan import Plan, named_plan
+from radar_lab.training.cnn import CnnConfig, CnnModel, export
+from radar_lab.training.cnn_training import cnn_judge, train_cnn
+from radar_lab.training.training import TrainingConfig, fit, train_on, validate
+from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.motions.library import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud

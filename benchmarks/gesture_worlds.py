@@ -23,12 +23,12 @@ from benchmarks.stores import sources
 from radar_core import GESTURES
 from radar_core.config import plain
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.datasets.readings import collect
-from radar_gestures.datasets.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
-from radar_gestures.datasets.synthesis import simulate_sample
-from radar_gestures.datasets.synthesis_plan import Plan, Sample, draw_sample
-from radar_gestures.datasets.workers import work_through
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets.readings import collect
+from radar_lab.datasets.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
+from radar_lab.datasets.synthesis import simulate_sample
+from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample
+from radar_lab.datasets.workers import work_through
 from radar_sim import Pattern, Scene, Wall
 from radar_sim.effects.config import ChannelErrors, Multipath
 from radar_sim.scene import Fidelity
@@ -154,7 +154,7 @@ def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> d
 
 def measure(folder: Path, sizes: Sizes, n_jobs: int = 1, progress: bool = True, other_world: World = OTHER) -> dict[str, Any]:
     """Simulate what is missing of both worlds, train on one, and test on the other."""
-    from radar_gestures.classifiers.training import TrainingConfig, fit, of_labels
+    from radar_lab.training.training import TrainingConfig, fit, of_labels
 
     pairs = ((TRAINING, sizes.training), (other_world, sizes.test))
     seconds = {world.name: generate(world, folder, n, n_jobs=n_jobs, progress=progress) for world, n in pairs}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_gestures.classifiers.validation import Mask, Validation, leave_subjects_out
+from radar_lab.training.validation import Mask, Validation, leave_subjects_out
 
 REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states
 FEWEST: Final = 6  # detections of a person in a whole segment; medians are above 60 everywhere

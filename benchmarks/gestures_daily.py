@@ -15,15 +15,15 @@ from benchmarks.recordings import folder, tracker_for
 from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_gestures.classifiers.calibration import choose_reject
-from radar_gestures.classifiers.validation import leave_subjects_out
-from radar_gestures.classifiers.variation import VariationConfig, copies
 from radar_gestures.curves import Curves, join
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
 from radar_gestures.maps import FeatureMaps, MapConfig
 from radar_gestures.recognizer import EventStage, GestureConfig
-from radar_ros.importers import open_original
-from radar_ros.importers.recording import Recording
+from radar_lab.importers import open_original
+from radar_lab.importers.recording import Recording
+from radar_lab.training.calibration import choose_reject
+from radar_lab.training.validation import leave_subjects_out
+from radar_lab.training.variation import VariationConfig, copies
 from radar_tracking import TrackedCloud
 
 LOST: Final = 0.05

@@ -23,11 +23,11 @@ from benchmarks.recordings import folder
 from benchmarks.report import choice, matrix, measure
 from benchmarks.stores import sources
 from radar_gestures.classifiers.curve_net import CurveNet, save_net
-from radar_gestures.classifiers.curve_training import CurveTraining
 from radar_gestures.classifiers.model import GestureModel, save_model
-from radar_gestures.classifiers.validation import Validation
 from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
+from radar_lab.training.curve_training import CurveTraining
+from radar_lab.training.validation import Validation
 
 CHOICE_FOLDS: Final = 2  # of the ten: what the choices are compared on
 

@@ -15,8 +15,8 @@ from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import EventStage, Gesture, GestureConfig, GestureRecognizer, TrackEvent
-from radar_ros.importers import open_original
-from radar_ros.importers.recording import Recording, Segment
+from radar_lab.importers import open_original
+from radar_lab.importers.recording import Recording, Segment
 from radar_tracking import TrackedCloud
 
 SEGMENTS: Final = 400

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
 from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
 from benchmarks.report import choice, matrix, measure
-from radar_gestures.classifiers.curve_training import CurveTraining
-from radar_gestures.classifiers.validation import Validation
-from radar_gestures.classifiers.variation import VariationConfig, copies
 from radar_gestures.curves import Curves, curve_names, join
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.maps import feature_maps
+from radar_lab.training.curve_training import CurveTraining
+from radar_lab.training.validation import Validation
+from radar_lab.training.variation import VariationConfig, copies
 
 DEVELOPMENT: Final = (801, 804, 812, 822)
 """People of mHomeGes on whose recordings the simulation was set; they are in no figure but their own."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import choice
-from radar_ros.graph import graph
-from radar_ros.supervisor import Supervisor, environment
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor, environment
 
 _SETTLE = 3.0  # s: start-up and discovery are not measured
 _DOMAIN = 150 + os.getpid() % 80  # a domain of its own: stale readers of another run distort measurements
@@ -55,7 +55,7 @@ def _listen(seconds: float, cpu: Any) -> dict[str, Any]:
     """Listen to a running graph and return its figures."""
     import rclpy
 
-    from radar_ros.live import Monitor
+    from radar_app.live import Monitor
 
     rclpy.init(args=[])
     monitor = Monitor()
@@ -97,7 +97,7 @@ def _composed(seconds: float) -> dict[str, Any]:
     import psutil
 
     code = (
-        "import sys; from benchmarks.graph import _specs; from radar_ros.supervisor import run_composed; sys.exit(run_composed(_specs()))"
+        "import sys; from benchmarks.graph import _specs; from radar_app.supervisor import run_composed; sys.exit(run_composed(_specs()))"
     )
     process = subprocess.Popen([sys.executable, "-c", code], env=environment(_DOMAIN), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 

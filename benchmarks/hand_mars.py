@@ -27,9 +27,9 @@ from benchmarks.hand_mars_parts import (
     rms,
 )  # fmt: skip
 from benchmarks.report import choice
-from radar_tracking.hand.posture_features import PostureFeatureConfig
-from radar_tracking.hand.posture_model import PostureModel
-from radar_tracking.hand.posture_training import HandRecording, PostureSamples, PostureTrainingConfig, fit_postures, samples_of
+from radar_lab.posture.features import PostureFeatureConfig
+from radar_lab.posture.model import PostureModel
+from radar_lab.posture.training import HandRecording, PostureSamples, PostureTrainingConfig, fit_postures, samples_of
 
 Float64Array = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from scipy.spatial import cKDTree
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
 from radar_core import DataError, PointCloud, RadarInfo
 from radar_driver.ti_demo.points import to_our_axes
-from radar_ros.importers import open_original
+from radar_lab.importers import open_original
+from radar_lab.posture.model import PostureModel
+from radar_lab.posture.posture import PostureTracker
+from radar_lab.posture.training import HandRecording
 from radar_tracking import HandConfig, HandTracker, TrackedCloud
-from radar_tracking.hand.posture import PostureTracker
-from radar_tracking.hand.posture_model import PostureModel
-from radar_tracking.hand.posture_training import HandRecording
 
 Float64Array = NDArray[np.float64]
 MaskArray = NDArray[np.bool_]

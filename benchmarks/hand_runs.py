@@ -16,7 +16,7 @@ from radar_core import PointCloud, RadarInfo, merge
 from radar_sim import Scene
 from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig
 from radar_tracking.estimators import SnapshotVelocity
-from radar_tracking.fusion import fused_info
+from radar_tracking.fusion.clouds import fused_info
 
 Float64Array = NDArray[np.float64]
 MaskArray = NDArray[np.bool_]

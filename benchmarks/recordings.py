@@ -20,7 +20,7 @@ from radar_core import DataError, PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_driver.ti_demo.points import to_our_axes
-from radar_ros.importers import open_original
+from radar_lab.importers import open_original
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
 
 Float64Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from radar_gestures.classifiers.validation import Validation
-from radar_ros.tradeoff.rows import choice, measure, measure_together
+from benchmarks.tradeoff.rows import choice, measure, measure_together
+from radar_lab.training.validation import Validation
 
 __all__ = ["choice", "join", "matrix", "measure", "measure_together"]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import plain
-from radar_gestures.datasets.samples import write_chunk
-from radar_gestures.datasets.workers import work_through
+from radar_lab.datasets.samples import write_chunk
+from radar_lab.datasets.workers import work_through
 from radar_sim import Scene
 
 Columns = Mapping[str, NDArray[Any]]

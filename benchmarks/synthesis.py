@@ -14,11 +14,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from radar_core import RadarInfo
-from radar_gestures.datasets.readings import read
-from radar_gestures.datasets.samples import read_sample
-from radar_gestures.datasets.synthesis import Job, write_sample
-from radar_gestures.datasets.synthesis_plan import PLANS
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets.readings import read
+from radar_lab.datasets.samples import read_sample
+from radar_lab.datasets.synthesis import Job, write_sample
+from radar_lab.datasets.synthesis_plan import PLANS
 
 N_SAMPLES, N_CORES = 600, 2
 BODIES = ("mesh", "ellipsoids")

@@ -22,7 +22,7 @@ from radar_core.config import load, load_file, nest, plain
 from radar_core.paths import find_config
 from radar_dsp import BasebandConfig
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
-from radar_tracking.zones import Zones, ZonesConfig
+from radar_tracking.people.zones import Zones, ZonesConfig
 
 FLOOR: Final = (0.0, 5.1, -2.1, 2.1)  # m: where people walk in the furnished room, half a metre inside its walls
 PROCESSES: Final = 2

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from radar_core import AntennaArray, RadarInfo
-from radar_dsp.ambiguity import plot
-from radar_dsp.calibration import Calibration, Calibrator
-from radar_dsp.turntable import gather
+from radar_lab.arrays.ambiguity import plot
+from radar_lab.arrays.calibration import Calibration, Calibrator
+from radar_lab.arrays.turntable import gather
 from radar_sim.turntable import ChannelErrors, Sweep, Turntable, TurntableSimulator
 
 INFO = RadarInfo()

@@ -17,18 +17,18 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from radar_gestures.pipeline import Pipeline
+from radar_lab.camera.depth import DepthConfig
+from radar_lab.camera.estimators import PoseConfig
+from radar_lab.camera.figures import draw
+from radar_lab.camera.markers import MarkerConfig
+from radar_lab.camera.pinhole import CameraModel, CameraMount
+from radar_lab.camera.report import budget, collect
+from radar_lab.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
+from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, reference_of
+from radar_lab.pipeline import Pipeline
 from radar_sim import Simulator, load_scene
 from radar_sim.scene import Scene
-from radar_tracking.camera.depth import DepthConfig
-from radar_tracking.camera.estimators import PoseConfig
-from radar_tracking.camera.figures import draw
-from radar_tracking.camera.markers import MarkerConfig
-from radar_tracking.camera.pinhole import CameraModel, CameraMount
-from radar_tracking.camera.report import budget, collect
-from radar_tracking.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
-from radar_tracking.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_tracking.camera.truth import CameraTruth, CameraTruthConfig, reference_of
 
 RADIUS, JOINT = 0.06, "right_hand"
 RATE = 30.0  # Hz

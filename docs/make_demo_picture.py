@@ -16,9 +16,9 @@ from pathlib import Path
 import rclpy
 from rich.console import Console
 
-from radar_ros.demo import show_report
-from radar_ros.live import Monitor
-from radar_ros.supervisor import environment
+from radar_app.demo import show_report
+from radar_app.live import Monitor
+from radar_app.supervisor import environment
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAIN = 179
@@ -34,7 +34,7 @@ def main() -> None:
         command = [
             sys.executable,
             "-m",
-            "radar_ros.cli",
+            "radar_app.cli",
             "demo",
             "--headless",
             "--json",

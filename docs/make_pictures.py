@@ -27,9 +27,10 @@ from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures
 from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
-from radar_ros.importers import import_recording, open_original
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures
+from radar_lab.importers import open_original
+from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 from radar_sim.truth import Truth
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus

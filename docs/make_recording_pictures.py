@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks a
 
 from benchmarks import hand_mars, recordings
 from benchmarks.hand_mars_parts import KNOWN, estimate, exercises
-from radar_tracking.hand.posture_training import train_postures
+from radar_lab.posture.training import train_postures
 
 WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
 SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")

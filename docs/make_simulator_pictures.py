@@ -18,10 +18,10 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from radar_app.preview import draw
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FeatureConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
-from radar_ros.preview import draw
 from radar_sim import Action, Coupling, Effects, Losses, Noise, Occlusion, Person, Scene, Simulator, load_scene
 from radar_tracking import PeopleTracker, TrackerConfig
 

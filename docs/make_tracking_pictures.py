@@ -32,7 +32,7 @@ from radar_core import RadarInfo
 from radar_dsp import BasebandConfig
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
 from radar_tracking.metrics import ClearMot, ObjectSet, people
-from radar_tracking.zones import ZonesConfig
+from radar_tracking.people.zones import ZonesConfig
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")  # Okabe and Ito: told apart by everybody
 MARKERS = "os^DvP"

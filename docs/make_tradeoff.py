@@ -7,8 +7,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from radar_ros.tradeoff.document import report
-from radar_ros.tradeoff.stages import STAGES
+from benchmarks.tradeoff.document import report
+from benchmarks.tradeoff.stages import STAGES
 
 HERE = Path(__file__).resolve().parent
 PICTURES = "img/tradeoff/"

@@ -1,19 +1,22 @@
-"""Calibrations on disk, and putting one into a radar's description."""
+"""A calibrated array: what calibration found, its file, and how it gets into a radar's description."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, HandwaveError, RadarInfo
 from radar_core.config import load
-from radar_dsp.calibration import CalibratedArray
 from radar_dsp.steering_table import SteeringTable
+
+Float64Array = NDArray[np.float64]
 
 FORMAT: Final = 1
 """Version of the file; a reader refuses every other."""
@@ -23,6 +26,86 @@ _TABLE: Final = ("azimuth", "elevation", "vectors")
 _ADVICE: Final = "make one with `handwave calibrate RECORDING -o array.npz`"
 _SAME: Final = 1e-6
 """Positions differ when they do by more than this [m]; carriers, by more than a thousandth."""
+_WEAK: Final = np.radians(1.0)
+_STRUCTURE: Final = 0.5
+_VISIBLE: Final = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedArray:
+    """What calibration found.
+
+    Attributes
+    ----------
+    array : AntennaArray
+        The nominal array with gain, phase and shift of every channel.
+    carrier : float
+        Frequency for which phases and gains hold [Hz].
+    dead : ndarray of bool, shape (n_channel,)
+        Channels without signal; they get a gain of -100 dB.
+    observed : tuple of (bool, bool)
+        Whether shifts along y and along z were fitted; those that were not are zero.
+    phase_residual, gain_residual : ndarray of float64, shape (n_channel,)
+        Rms of what the fit leaves [rad], [dB]; NaN for dead channels.
+    gain_std, phase_std : ndarray of float64, shape (n_channel,)
+        Standard deviations from the residuals [dB], [rad]: noise only.
+    shift_std : ndarray of float64, shape (n_channel, 2)
+        The same, along y and z [m]; NaN where not observed.
+    condition : float
+        Condition number of the regression on (1, u_y, u_z) with unit columns; near 1: the angles tell gain, phase and shift well apart.
+    structure : float
+        Correlation of the residual phases of neighbouring angles, -1 to 1. Near 0: noise. Near 1: something that the model lacks.
+    offset, offset_std : ndarray of float64, shape (n_sweep, 2)
+        Fitted mounting offset of each sweep, true minus stated (azimuth, elevation) [rad], and its standard deviation; NaN: not fitted.
+    range : float
+        Distance of the reflector [m].
+    n_snapshot : int
+        How many snapshots went in.
+    table : SteeringTable or None
+        Equation 3.1, of method ``outer``.
+    """
+
+    array: AntennaArray
+    carrier: float
+    dead: NDArray[np.bool_]
+    observed: tuple[bool, bool]
+    phase_residual: Float64Array
+    gain_residual: Float64Array
+    gain_std: Float64Array
+    phase_std: Float64Array
+    shift_std: Float64Array
+    condition: float
+    structure: float
+    offset: Float64Array
+    offset_std: Float64Array
+    range: float
+    n_snapshot: int
+    table: SteeringTable | None = None
+
+    def notes(self) -> list[str]:
+        """Sentences on what a user has to know; empty: all is well."""
+        notes = [
+            f"shifts along {axis} are not observable from these angles; they stay 0"
+            for axis, seen in zip("yz", self.observed, strict=True)
+            if not seen
+        ]
+        if self.dead.any():
+            notes.append(
+                f"channels {np.flatnonzero(self.dead).tolist()} (tx * n_rx + rx) give no signal; directions are found without them"
+            )
+        if self.structure > _STRUCTURE and np.nanmean(self.phase_residual) > _VISIBLE:
+            notes.append(
+                "what the fit leaves is no noise, it changes smoothly with the angle: start or step may be wrong, the mounting askew "
+                "(calibrate with offsets), or there are reflections beside the reflector"
+            )
+        limit = 3 * float(np.nanmedian(self.phase_residual)) + 1e-3
+        odd = np.flatnonzero(np.nan_to_num(self.phase_residual) > limit).tolist()
+        if odd:
+            notes.append(f"channels {odd} fit badly: their phase is off by three times what it is in the others")
+        weak = sorted({int(i) for i in np.argwhere(np.nan_to_num(self.offset_std) > _WEAK)[:, 0]})
+        if weak:
+            notes.append(f"mounting offsets of sweeps {weak} are hardly seen (standard deviation over 1 degree); calibrate without offsets")
+        return notes
 
 
 def save_array(result: CalibratedArray, path: str | Path) -> None:

@@ -11,7 +11,7 @@ from rclpy.clock import ROSClock
 from rclpy.logging import get_logger
 from rclpy.time import Time
 
-from radar_ros.convert import from_time
+from radar_ros.messages.convert import from_time
 
 
 class SimpleFilter:

@@ -12,15 +12,15 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import load, nest, plain
-from radar_gestures.nodes.messages import gesture_to_msg
-from radar_gestures.pipeline import Pipeline, PipelineConfig, PipelineResult
+from radar_lab.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, local, read, require_topics
-from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
 from radar_ros.interrupts import unbroken
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_ros.messages.gestures import gesture_to_msg
+from radar_ros.messages.tracks import hand_to_msg, tracks_to_msg
+from radar_ros.messages.truth import truth_to_msg
 from radar_sim import SimulatedFrame, Simulator, load_scene
-from radar_sim.messages import truth_to_msg
-from radar_tracking.messages import hand_to_msg, tracks_to_msg
 
 _FLUSH = 50
 """Frames after which a recording is brought to the file, so that a crash costs no more."""

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from radar_core import DataError
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
-from radar_ros.convert import from_time, to_time
+from radar_ros.messages.convert import from_time, to_time
 from radar_ros.offline import open_recording, parse
 
 SOURCES = ("radar/info", "radar/frame", "truth", "tf_static", "hand/trigger")

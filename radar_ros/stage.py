@@ -26,8 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_ros import qos
-from radar_ros.convert import StageStatus, info_from_msg, status_to_msg
 from radar_ros.gaps import Gaps
+from radar_ros.messages.convert import StageStatus, info_from_msg, status_to_msg
 from radar_ros.params import declare, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner

@@ -2,8 +2,8 @@
 
 from radar_tracking.clustering import dbscan, kmeans
 from radar_tracking.hand import HandConfig, HandTracker
-from radar_tracking.people import PeopleTracker
-from radar_tracking.people_config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
+from radar_tracking.people.config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
+from radar_tracking.people.tracker import PeopleTracker
 from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus
 
 __all__ = [

@@ -1,7 +1,7 @@
 """A small convolutional network over the steps of curves: the same few patterns are looked for at every moment of the event.
 
 It has as many weights as a perceptron on the same numbers, and needs fewer people to learn from. PyTorch trains it (extra ``train``,
-`radar_gestures.classifiers.curve_training`), numpy runs it.
+`radar_lab.training.curve_training`), numpy runs it.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class GestureModel:
     names : tuple of str
         What the inputs mean.
     temperature : float
-        Scores are divided by it before the softmax: calibration, see `radar_gestures.classifiers.calibration`.
+        Scores are divided by it before the softmax: calibration, see `radar_lab.training.calibration`.
     reject : float
         An event whose score by ``rejector`` is below this is no known gesture.
     rejector : Rejector

@@ -23,7 +23,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from radar_core import ConfigError, DataError, HandwaveError, PointCloud
 from radar_ros import qos
-from radar_ros.convert import cloud_from_msg, from_time, header, unpack
+from radar_ros.messages.convert import cloud_from_msg, from_time, header, unpack
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer

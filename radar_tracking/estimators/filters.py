@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from radar_core.linalg import SingularError, symmetrise
 from radar_tracking.estimators import kernels
+from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.sensing import Sensed, Sensing
-from radar_tracking.kinematics import Motion
 
 Float64Array = NDArray[np.float64]
 

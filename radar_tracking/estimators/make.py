@@ -6,9 +6,9 @@ from radar_core import ConfigError
 from radar_tracking.estimators.base import Estimator
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.estimators.filters import GaussianFilter, LinearisedFilter, SigmaPointFilter
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded, Motion
 from radar_tracking.estimators.multiple import MultipleModels, SingleModel
 from radar_tracking.estimators.sensing import PolarSensing, PositionSensing, Sensing, VelocitySensing
-from radar_tracking.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded, Motion
 
 
 def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -> Estimator:

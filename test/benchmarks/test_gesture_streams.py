@@ -19,10 +19,10 @@ from benchmarks.stores import code_of
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import GestureModel, load_model
-from radar_gestures.evaluation.scoring import RecognisedGesture, TruthSegment
-from radar_gestures.evaluation.truth_events import TrueEvent
 from radar_gestures.events import Event
 from radar_gestures.recognizer import Gesture, TrackEvent
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment
+from radar_lab.evaluation.truth_events import TrueEvent
 from radar_sim import Action, Person, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus

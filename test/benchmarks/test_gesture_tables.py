@@ -9,13 +9,13 @@ from benchmarks import gesture_knobs, gesture_model, gesture_tables
 from radar_core import GESTURES
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model, save_model
-from radar_gestures.classifiers.training import TrainingConfig, settings_of, train_on
-from radar_gestures.classifiers.validation import Validation
-from radar_gestures.datasets.samples import SampleSet
-from radar_gestures.datasets.synthesis import synthesise
-from radar_gestures.datasets.synthesis_plan import named_plan
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.datasets.synthesis import synthesise
+from radar_lab.datasets.synthesis_plan import named_plan
+from radar_lab.training.training import TrainingConfig, settings_of, train_on
+from radar_lab.training.validation import Validation
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,7 +14,7 @@ from radar_core.cloud import ARRAY_FIELDS
 from radar_core.composite import CloudComposite, CloudSource, merge
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_ros.bags import typestore
-from radar_ros.convert import cloud_from_msg, cloud_to_msg
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_tracking import PeopleTracker
 from radar_tracking.tracks import TrackStatus
 

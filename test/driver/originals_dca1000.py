@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from radar_ros.importers.pcap import read_datagrams
+from radar_lab.importers.pcap import read_datagrams
 
 
 def recordings(*parts):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from radar_core import ConfigError, DataError
 from radar_driver.foreign import ForeignConfig, foreign_cloud
-from radar_driver.pointcloud2 import read_fields
+from radar_ros.messages.pointcloud2 import read_fields
 
 TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 

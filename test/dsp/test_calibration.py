@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
-from radar_dsp.ambiguity import AmbiguityConfig, ambiguity, plot
 from radar_dsp.array_file import calibrate_info, load_array, save_array
-from radar_dsp.calibration import Calibration, Calibrator
-from radar_dsp.turntable import Snapshots, gather, spherical
+from radar_lab.arrays.ambiguity import AmbiguityConfig, ambiguity, plot
+from radar_lab.arrays.calibration import Calibration, Calibrator
+from radar_lab.arrays.turntable import Snapshots, gather, spherical
 from radar_sim.turntable import ChannelErrors, Sweep, Turntable, TurntableSimulator
 
 INFO = RadarInfo()

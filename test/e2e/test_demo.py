@@ -9,8 +9,8 @@ import sys
 import pytest
 from rich.console import Console
 
+from radar_app.demo import show_report
 from radar_ros import bags
-from radar_ros.demo import show_report
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def run(tmp_path_factory):
     """One short demo."""
     folder = tmp_path_factory.mktemp("demo")
     environment = {**os.environ, "ROS_DOMAIN_ID": str(100 + os.getpid() % 2)}
-    command = [sys.executable, "-m", "radar_ros.cli", "demo", "--scene", "short", "--headless", "--json", "--bag", str(folder / "bag")]
+    command = [sys.executable, "-m", "radar_app.cli", "demo", "--scene", "short", "--headless", "--json", "--bag", str(folder / "bag")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, cwd=folder)
     return done, folder / "bag"
 
@@ -72,7 +72,7 @@ def test_recording(run):
 def test_existing_bag_is_refused(run):
     """A second demo into the same folder: one line, status 2."""
     _, bag = run
-    command = [sys.executable, "-m", "radar_ros.cli", "demo", "--scene", "short", "--headless", "--bag", str(bag)]
+    command = [sys.executable, "-m", "radar_app.cli", "demo", "--scene", "short", "--headless", "--bag", str(bag)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "exists already; choose another folder with --bag" in done.stderr

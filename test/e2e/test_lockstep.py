@@ -7,15 +7,15 @@ import pytest
 from rclpy.serialization import serialize_message
 from typer.testing import CliRunner
 
+from radar_app.cli import app
 from radar_core import CloudComposite, merge
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros import bags
-from radar_ros.cli import app
-from radar_ros.convert import cloud_from_msg, cloud_to_msg, info_to_msg
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, info_to_msg
+from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.offline import open_recording, parse, simulators
 from radar_tracking import TrackStatus
-from radar_tracking.fusion import fused_info
-from radar_tracking.messages import tracks_from_msg
+from radar_tracking.fusion.clouds import fused_info
 from radar_tracking.tracks import Reason
 
 RESULTS = ("radar/points", "tracks", "gestures", "hand")

@@ -10,7 +10,7 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from typer.testing import CliRunner
 
-from radar_ros.cli import app
+from radar_app.cli import app
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def test_replay_recognises_and_tells_the_time(raw):
     from rclpy.executors import SingleThreadedExecutor
 
     domain = str(100 + (os.getpid() + 3) % 130)
-    command = [sys.executable, "-m", "radar_ros.cli", "replay", str(raw), "--domain", domain]
+    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), "--domain", domain]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=int(domain))
@@ -53,7 +53,7 @@ def test_replay_recognises_and_tells_the_time(raw):
 
 def test_replay_without_a_graph_says_what_to_do(raw, monkeypatch):
     """Nobody listens: not silence, but a message."""
-    import radar_ros.replaying as replaying
+    import radar_app.replaying as replaying
 
     monkeypatch.setattr(replaying, "READER_TIMEOUT", 0.5)
     done = CliRunner().invoke(app, ["replay", str(raw), "--no-graph", "--domain", str(100 + (os.getpid() + 5) % 130)])
@@ -82,7 +82,7 @@ def test_topics_have_to_exist(raw):
 
 
 def start(raw, offset, *extra):
-    command = [sys.executable, "-m", "radar_ros.cli", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
+    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
@@ -99,7 +99,7 @@ def test_an_interrupted_replay_tidies_up(raw):
 
 def is_tracking(process):
     try:
-        return "radar_tracking.nodes.tracking" in process.cmdline()
+        return "radar_ros.nodes.tracking" in process.cmdline()
     except psutil.Error:  # it has just ended
         return False
 

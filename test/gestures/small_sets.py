@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from radar_core import PointCloud, RadarInfo, Waveform
-from radar_gestures.datasets.samples import SampleSet
-from radar_gestures.datasets.synthesis import synthesise
-from radar_gestures.datasets.synthesis_plan import Plan
 from radar_gestures.features import FEATURE_NAMES
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.datasets.synthesis import synthesise
+from radar_lab.datasets.synthesis_plan import Plan
 
 INFO = RadarInfo(waveform=Waveform(n_sample=32, bandwidth=0.75e9, frame_interval=0.04))
 """Half the samples over half the bandwidth and half the frames of the default radar: as far, and as fast, at a quarter of the work."""

@@ -9,14 +9,14 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from radar_app.training_commands import evaluate, train
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.classifiers.card import card, write_card
 from radar_gestures.classifiers.model import GestureModel, load_model
-from radar_gestures.classifiers.validation import Validation
-from radar_gestures.datasets.samples import MANIFEST
-from radar_gestures.evaluation.reports import draw_confusion, draw_reliability, draw_rows
 from radar_gestures.features import FEATURE_NAMES
-from radar_ros.training_commands import evaluate, train
+from radar_lab.datasets.samples import MANIFEST
+from radar_lab.evaluation.reports import draw_confusion, draw_reliability, draw_rows
+from radar_lab.training.card import card, write_card
+from radar_lab.training.validation import Validation
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.cnn import CnnConfig, CnnModel, Network, count_flop, export
-from radar_gestures.classifiers.cnn_training import cnn_judge, train_cnn
-from radar_gestures.classifiers.validation import cross_validate, random_split
+from radar_lab.training.cnn import CnnConfig, CnnModel, Network, count_flop, export
+from radar_lab.training.cnn_training import cnn_judge, train_cnn
+from radar_lab.training.validation import cross_validate, random_split
 
 onnx = pytest.importorskip("onnx", reason="needs onnx (pip install 'handwave[train]')")
 pytest.importorskip("onnxruntime", reason="needs the ONNX runtime (pip install 'handwave[cnn]')")

@@ -10,9 +10,9 @@ from scipy import stats
 from small_sets import random_set
 
 from radar_core import GESTURES, DataError
-from radar_gestures.evaluation import comparison
-from radar_gestures.evaluation.comparison import Comparison, ComparisonConfig, as_text, compare, most_different
 from radar_gestures.features import FEATURE_NAMES
+from radar_lab.evaluation import comparison
+from radar_lab.evaluation.comparison import Comparison, ComparisonConfig, as_text, compare, most_different
 
 LABELS = (1, 2, 5, 6, 7, 8, 9)
 FAST = ComparisonConfig(max_iterations=60)

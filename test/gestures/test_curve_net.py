@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half, load_net, save_net
-from radar_gestures.classifiers.curve_training import CurveTraining, train_net
 from radar_gestures.curves import TOTALS
+from radar_lab.training.curve_training import CurveTraining, train_net
 
 STEPS, WIDTH = 7, 3
 NAMES = (*(f"s{k}_{step:02d}" for step in range(STEPS) for k in range(WIDTH)), *TOTALS)
@@ -177,7 +177,7 @@ def test_training_learns_the_order_of_time_and_repeats() -> None:
 def test_numpy_gives_what_pytorch_gives() -> None:
     """The finished network, batch normalisation folded in, against the layers that were trained."""
     torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
-    from radar_gestures.classifiers import curve_training
+    from radar_lab.training import curve_training
 
     kept = []
     network = curve_training._Network

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_gestures.classifiers.variation import VariationConfig, copies, lose_gates, vary
 from radar_gestures.curves import CURVE_NAMES, SIGNALS, CurveConfig, Curves, EventMaps, curve_names, join, locate, read_curves, signals
 from radar_gestures.maps import FeatureMaps, GateAxis
+from radar_lab.training.variation import VariationConfig, copies, lose_gates, vary
 
 GATE = 0.25  # m/s: a power of two, so that gate speeds are exact
 SPEED = GateAxis(GATE, 2.0).speed

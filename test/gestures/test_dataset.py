@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, ConfigError, DataError, RadarInfo
-from radar_gestures.classifiers.training import train
-from radar_gestures.datasets import scenes as dataset
-from radar_gestures.datasets import training_scenes
-from radar_gestures.datasets.samples import SampleSet, chunk_path, join_samples, load_samples, standing
-from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.events import Event
 from radar_gestures.recognizer import TrackEvent
+from radar_lab.datasets import scenes as dataset
+from radar_lab.datasets import training_scenes
+from radar_lab.datasets.samples import SampleSet, chunk_path, join_samples, load_samples, standing
+from radar_lab.evaluation.scoring import TruthSegment
+from radar_lab.training.training import train
 from radar_sim import Action, Effects, Losses, Noise, Person, Scene, SceneRadar
 
 S = 1_000_000_000

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import DataError, PointCloud
-from radar_gestures.encoder import ATTRIBUTES, EncoderConfig, encode
+from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
 
 MS = 1_000_000
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, NO_GESTURE, DataError, Pose
-from radar_gestures.evaluation.run import EvaluationConfig, Evaluator
 from radar_gestures.recognizer import Gesture
+from radar_lab.evaluation.run import EvaluationConfig, Evaluator
 from radar_sim import Truth
 from radar_tracking import HandTrack, Track, Tracks
 from radar_tracking.tracks import TrackStatus

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.calibration import calibration_error, choose_reject, fit_temperature, log_loss, reliability, soften
 from radar_gestures.classifiers.rejection import ByDistance, ByProbability, make_rejector
+from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, log_loss, reliability, soften
 
 
 def honest(n=20_000, n_labels=5, seed=0):

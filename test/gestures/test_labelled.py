@@ -9,12 +9,12 @@ import pytest
 from small_sets import contents, stroke_clouds
 
 from radar_core import GESTURES, ConfigError, DataError, Pose, RadarInfo
-from radar_gestures.datasets import labelled, readings
-from radar_gestures.datasets.labelled import Moment, import_labelled, read_labels
-from radar_gestures.datasets.samples import read_samples
-from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.events import EventConfig
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets import labelled, readings
+from radar_lab.datasets.labelled import Moment, import_labelled, read_labels
+from radar_lab.datasets.samples import read_samples
+from radar_lab.evaluation.scoring import TruthSegment
 
 S = 10**9
 PUSH = GESTURES.index("push")

@@ -10,11 +10,11 @@ import pytest
 from small_sets import random_set, stroke_clouds
 
 from radar_core import GESTURES, DataError, RadarInfo
-from radar_gestures.datasets.labelled import Moment, import_labelled
-from radar_gestures.datasets.samples import read_samples
-from radar_gestures.evaluation import pictures
-from radar_gestures.evaluation.comparison import ComparisonConfig, compare
-from radar_gestures.evaluation.scoring import TruthSegment
+from radar_lab.datasets.labelled import Moment, import_labelled
+from radar_lab.datasets.samples import read_samples
+from radar_lab.evaluation import pictures
+from radar_lab.evaluation.comparison import ComparisonConfig, compare
+from radar_lab.evaluation.scoring import TruthSegment
 
 LABELS = (1, 2, 9)
 

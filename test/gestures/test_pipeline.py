@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES
-from radar_gestures.datasets.scenes import Recording, find_events, record
-from radar_gestures.evaluation.scoring import RecognisedGesture, nearest_person, score_gestures, truth_segments
-from radar_gestures.evaluation.truth_events import CriterionConfig, TrueEvents
-from radar_gestures.pipeline import Pipeline, PipelineConfig
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets.scenes import Recording, find_events, record
+from radar_lab.evaluation.scoring import RecognisedGesture, nearest_person, score_gestures, truth_segments
+from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents
+from radar_lab.pipeline import Pipeline, PipelineConfig
 from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator, Walk, load_scene
 from radar_tracking import HandConfig
 

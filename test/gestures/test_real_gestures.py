@@ -13,8 +13,8 @@ from benchmarks.gestures_closing import FEWEST, REACH, accuracy_without, alone, 
 from benchmarks.gestures_real import model_bytes
 from benchmarks.recordings import folder
 from radar_core import DataError
-from radar_gestures.classifiers.validation import Validation
 from radar_gestures.curves import CURVE_NAMES, Curves
+from radar_lab.training.validation import Validation
 
 LIMIT = 900
 

@@ -21,12 +21,12 @@ from hypothesis import strategies as st
 from small_sets import INFO, PLAN, contents, make
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud
-from radar_gestures.datasets import synthesis
-from radar_gestures.datasets.readings import maps_of
-from radar_gestures.datasets.samples import unpack_clouds, write_chunk
-from radar_gestures.datasets.synthesis_plan import PLANS, WALKING, Plan, draw_sample, draw_subject, named_plan
 from radar_gestures.maps import feature_maps
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets import synthesis
+from radar_lab.datasets.readings import maps_of
+from radar_lab.datasets.samples import unpack_clouds, write_chunk
+from radar_lab.datasets.synthesis_plan import PLANS, WALKING, Plan, draw_sample, draw_subject, named_plan
 from radar_sim import GESTURE_DURATION, VARIANTS, Simulator
 
 HERE = Path(__file__).parent

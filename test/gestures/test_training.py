@@ -9,10 +9,10 @@ import pytest
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_gestures.classifiers.model import load_model, save_model
-from radar_gestures.classifiers.training import TrainingConfig, describe, fit, of_labels, settings_of, train_on, validate
-from radar_gestures.classifiers.unknown import as_table, leave_one_gesture_out
-from radar_gestures.classifiers.validation import random_split
-from radar_gestures.datasets.samples import SampleSet
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.training.training import TrainingConfig, describe, fit, of_labels, settings_of, train_on, validate
+from radar_lab.training.unknown import as_table, leave_one_gesture_out
+from radar_lab.training.validation import random_split
 
 QUICK = TrainingConfig(max_iterations=60, folds=3)
 

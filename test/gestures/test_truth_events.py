@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import GESTURES, NO_GESTURE, Pose
-from radar_gestures.evaluation.truth_events import CriterionConfig, TrueEvents, fast_times, radial_speed
+from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents, fast_times, radial_speed
 
 PUSH, WAVE = GESTURES.index("push"), GESTURES.index("wave")
 MOUNT = Pose(x=0.3, y=-0.2, z=1.1)

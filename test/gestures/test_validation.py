@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.validation import Validation, as_text, cross_validate, leave_subjects_out, random_split
+from radar_lab.training.validation import Validation, as_text, cross_validate, leave_subjects_out, random_split
 
 
 @given(

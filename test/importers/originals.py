@@ -11,8 +11,8 @@ import pytest
 
 from radar_core import PointCloud, RadarFrame
 from radar_ros.bags import read
+from radar_ros.messages.truth import truth_from_msg
 from radar_ros.offline import open_recording, parse
-from radar_sim.messages import truth_from_msg
 
 CFG = """% Platform:xWR18xx
 sensorStop

@@ -9,7 +9,7 @@ from originals import recordings
 
 from benchmarks.hand_mars import Split, figures_of, geometric_figures, over_tests
 from benchmarks.hand_mars_parts import KNOWN, STRANGERS, exercises, kinect_place
-from radar_tracking.hand.posture_training import PostureTrainingConfig, fit_postures, samples_of
+from radar_lab.posture.training import PostureTrainingConfig, fit_postures, samples_of
 
 
 @functools.cache

@@ -5,7 +5,7 @@ import pytest
 from originals import CFG, encode, items
 
 from radar_core import ConfigError, DataError
-from radar_ros.importers import import_recording
+from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 
 SHAPE = (2, 4, 4, 64)  # 8192 bytes a frame

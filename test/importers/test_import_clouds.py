@@ -7,9 +7,10 @@ import pytest
 from originals import items, truths, write_crossing, write_mars, write_segments
 
 from radar_core import NO_GESTURE, ConfigError, DataError
+from radar_lab.importers import KINDS
+from radar_lab.importers.segments import frames_elapsed
 from radar_ros.bags import contents
-from radar_ros.importers import KINDS, import_recording
-from radar_ros.importers.segments import frames_elapsed
+from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 
 

@@ -7,7 +7,7 @@ from originals import CFG, encode, items, packets, write_pcap
 from radar_core import ConfigError, DataError, PointCloud
 from radar_driver.dca1000.decode import decode_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_ros.importers import import_recording
+from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 
 SHAPE = (2, 4, 4, 64)  # tx, chirp, rx, sample: 8192 bytes a frame, so packets of 1456 bytes straddle frames

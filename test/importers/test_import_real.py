@@ -11,7 +11,8 @@ from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.recognizer import EventStage, GestureConfig
-from radar_ros.importers import import_recording, open_original
+from radar_lab.importers import open_original
+from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
 

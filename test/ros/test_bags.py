@@ -14,12 +14,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
-from radar_driver.messages import BagSource
 from radar_ros import bags
-from radar_ros.convert import cloud_from_msg
+from radar_ros.bag_source import BagSource
+from radar_ros.messages.convert import cloud_from_msg
+from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.offline import open_recording, parse, simulate, simulators
 from radar_sim import Simulator, load_scene
-from radar_tracking.messages import hand_from_msg, tracks_from_msg
 from radar_tracking.tracks import Deleted, Reason
 
 
@@ -139,8 +139,8 @@ def test_repair_of_nothing(tmp_path):
 
 def test_recorder_survives_sigint_with_a_complete_bag(tmp_path):
     """The recorder node, told to stop, finishes its bag: metadata is there."""
-    from radar_ros.graph import graph
-    from radar_ros.supervisor import Supervisor
+    from radar_app.graph import graph
+    from radar_app.supervisor import Supervisor
 
     lines = []
     specs = graph(

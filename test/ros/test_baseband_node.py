@@ -15,14 +15,13 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-import radar_dsp.node
+import radar_ros.nodes.baseband
 from radar_core import ConfigError, PointCloud, Quality, RadarFrame, RadarInfo, Waveform
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, TdmConfig
-from radar_dsp.array_file import save_array
-from radar_dsp.calibration import CalibratedArray
-from radar_dsp.node import Tally
+from radar_dsp.array_file import CalibratedArray, save_array
 from radar_ros import qos
-from radar_ros.convert import cloud_from_msg, cloud_to_msg, frame_to_msg, info_to_msg
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_to_msg, info_to_msg
+from radar_ros.nodes.baseband import Tally
 from radar_ros.stage import Period
 
 INFO = RadarInfo(full_scale=100.0)
@@ -48,7 +47,7 @@ class Bench:
         self.ros, self.errors, self.cautions = ros, [], []
         values = {"reliable": True, **parameters}
         overrides = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-        self.node = ros.add(radar_dsp.node.make_node(parameter_overrides=overrides))
+        self.node = ros.add(radar_ros.nodes.baseband.make_node(parameter_overrides=overrides))
         logger = self.node.get_logger()
         self.node.get_logger = lambda: SimpleNamespace(error=self.errors.append, warning=self.cautions.append, info=logger.info)
         self.clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(reliable=True))

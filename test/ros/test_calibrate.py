@@ -6,10 +6,10 @@ import shutil
 import numpy as np
 import pytest
 
+from radar_app.calibrate import SWEEPS_FILE, calibrate, parse_sweep, record_turntable
 from radar_core import ConfigError, DataError
 from radar_dsp.array_file import load_array
-from radar_dsp.calibration import Calibration
-from radar_ros.calibrate import SWEEPS_FILE, calibrate, parse_sweep, record_turntable
+from radar_lab.arrays.calibration import Calibration
 from radar_sim.turntable import ChannelErrors, Sweep, Turntable, TurntableSimulator
 
 SWEEPS = (Sweep(step=4.0), Sweep(axis="elevation", start=-30.0, stop=30.0, step=4.0))

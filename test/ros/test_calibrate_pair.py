@@ -19,20 +19,20 @@ from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 from typer.testing import CliRunner
 
-import radar_driver.node
+import radar_ros.nodes.driver
+from radar_app.calibrate_pair import from_bag
+from radar_app.cli import app
 from radar_core import ConfigError, DataError, Pose
 from radar_core.mounting import MountCalibration, load_mount
 from radar_dsp import Baseband, BasebandConfig
+from radar_lab.alignment.pair import PairConfig, calibrate_pair
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter
-from radar_ros.calibrate_pair import from_bag
-from radar_ros.cli import app
-from radar_ros.convert import cloud_to_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_from_msg, info_to_msg
 from radar_sim import Scene, Simulator
 from radar_sim.effects.config import Effects, Noise
 from radar_sim.people import Action, Person, Walk
 from radar_sim.scene import Fidelity, SceneRadar
-from radar_tracking.alignment.pair import PairConfig, calibrate_pair
 
 SECONDS = 16.0
 MOUNTS = {"left": Pose(x=0.1, y=0.3, yaw=-0.1), "right": Pose(x=0.05, y=-0.3, yaw=0.15)}
@@ -143,7 +143,7 @@ def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
     points = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.stream_out()) for name in MOUNTS}
     for name, publisher in zip(MOUNTS, readers, strict=True):
         publisher.publish(info_to_msg(infos[name], 0))
-    command = [sys.executable, "-m", "radar_ros.cli", "calibrate-pair", "-o", str(out), "--duration", "100", "--json"]
+    command = [sys.executable, "-m", "radar_app.cli", "calibrate-pair", "-o", str(out), "--duration", "100", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
     try:
         assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (*readers, *points.values())), 60.0)
@@ -167,7 +167,7 @@ def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
 
 def test_a_graph_that_is_not_there(ros, monkeypatch):
     """After a while it says which radar is silent, and what to do."""
-    from radar_ros import calibrate_pair as module
+    from radar_app import calibrate_pair as module
 
     monkeypatch.setattr(module, "_WAIT", 0.3)
     listener = module.Listener(["left", "right"], PairConfig())
@@ -218,7 +218,7 @@ def test_a_driver_takes_the_mount_and_tells_how_sure_it_is(ros, measured):
     transforms = ros.collect(TFMessage, "/tf_static", qos.LATCHED)
     settings = [Parameter("scene", value="two_radars"), Parameter("calibration", value=str(measured)), Parameter("duration", value=0.1)]
     for name in MOUNTS:
-        ros.add(radar_driver.node.make_node(namespace=name, parameter_overrides=settings))
+        ros.add(radar_ros.nodes.driver.make_node(namespace=name, parameter_overrides=settings))
     assert ros.spin_until(
         lambda: got["right/radar/pose"] and all(infos.values()) and len({t.transforms[0].child_frame_id for t in transforms}) == 2
     )
@@ -252,5 +252,5 @@ def test_a_broken_file_is_refused_by_the_driver(ros, tmp_path, text, match):
     path.write_text(text)
     settings = [Parameter("scene", value="two_radars"), Parameter("calibration", value=str(path))]
     with pytest.raises(ConfigError, match=match) as caught:
-        radar_driver.node.make_node(namespace="right", parameter_overrides=settings)
+        radar_ros.nodes.driver.make_node(namespace="right", parameter_overrides=settings)
     assert "broken.yaml" in str(caught.value)

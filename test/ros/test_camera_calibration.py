@@ -8,16 +8,16 @@ import yaml
 from rclpy.serialization import serialize_message
 from typer.testing import CliRunner
 
+from radar_app.camera_commands import trajectories
+from radar_app.cli import app
 from radar_core import DataError
+from radar_lab.alignment import NotObservableError, Trajectory
+from radar_lab.camera.extrinsics import calibrate
+from radar_lab.camera.pinhole import CameraMount
+from radar_lab.camera.truth import JointTruth
 from radar_ros.bags import TYPES, BagWriter
-from radar_ros.camera_commands import trajectories
-from radar_ros.cli import app
+from radar_ros.messages.tracks import hand_to_msg, joints_to_msg, tracks_to_msg
 from radar_tracking import HandTrack, Track, Tracks, TrackStatus
-from radar_tracking.alignment import NotObservableError, Trajectory
-from radar_tracking.camera.extrinsics import calibrate
-from radar_tracking.camera.pinhole import CameraMount
-from radar_tracking.camera.truth import JointTruth
-from radar_tracking.messages import hand_to_msg, joints_to_msg, tracks_to_msg
 
 TRUE = CameraMount(x=0.12, y=-0.35, z=1.42, yaw=0.09, tilt=-0.11, roll=0.02)
 ASSUMED = CameraMount(x=0.0, y=-0.3, z=1.3, yaw=0.0, tilt=-0.11, roll=0.02)

@@ -22,20 +22,20 @@ from std_srvs.srv import Trigger
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tracking"))
 from camera_scenes import LENS, MOUNT, SMALL, camera, drawing
 
-import radar_tracking.nodes.camera
-import radar_tracking.nodes.hand_evaluation
+import radar_ros.nodes.camera
+import radar_ros.nodes.hand_evaluation
+from radar_app.graph import graph
 from radar_core import NO_GESTURE, ConfigError, DataError
 from radar_ros import bags, qos
-from radar_ros.convert import from_time, header, pack
-from radar_ros.graph import graph
-from radar_ros.images import colour_from_msg, depth_from_msg, image_to_msg
+from radar_ros.messages.convert import from_time, header, pack
+from radar_ros.messages.images import colour_from_msg, depth_from_msg, image_to_msg
+from radar_ros.messages.tracks import camera_from_msg, hand_to_msg, joints_from_msg, joints_to_msg
+from radar_ros.messages.truth import truth_to_msg
+from radar_ros.nodes.camera import COLOUR, DEPTH, INFO
+from radar_ros.nodes.worker import Worker
 from radar_ros.replay import Player
 from radar_sim import Truth
-from radar_sim.messages import truth_to_msg
 from radar_tracking import HandTrack
-from radar_tracking.messages import camera_from_msg, hand_to_msg, joints_from_msg, joints_to_msg
-from radar_tracking.nodes.camera import COLOUR, DEPTH, INFO
-from radar_tracking.nodes.worker import Worker
 
 SCENE = drawing("circle", 1, (2.2, 0.2), speed=0.7)
 STEP = 33_000_000  # ns
@@ -186,9 +186,9 @@ def test_the_newest_waits():
 def graph_of_two(ros, tmp_path):
     """A camera node and an evaluation of its hand, and what they publish; ends in the report."""
     report, figure = tmp_path / "hand.json", tmp_path / "hand.png"
-    seen = ros.add(radar_tracking.nodes.camera.make_node(parameter_overrides=settings()))
+    seen = ros.add(radar_ros.nodes.camera.make_node(parameter_overrides=settings()))
     overrides = [Parameter("report", value=str(report)), Parameter("figure", value=str(figure)), Parameter("resamples", value=200)]
-    judge = ros.add(radar_tracking.nodes.hand_evaluation.make_node(parameter_overrides=overrides))
+    judge = ros.add(radar_ros.nodes.hand_evaluation.make_node(parameter_overrides=overrides))
     joints = ros.collect(JointTruthMsg, "camera/joints", qos.for_topic("camera/joints"))
     residuals = ros.collect(HandResidualMsg, "hand/residual", qos.for_topic("hand/residual"))
     return seen, judge, joints, residuals, report, figure
@@ -319,7 +319,7 @@ def test_the_simulators_truth_is_a_reference_too(ros, tmp_path):
         Parameter("hands", value=["hand", "kf/hand"]),
         Parameter("report", value=str(tmp_path / "r.json")),
     ]
-    node = ros.add(radar_tracking.nodes.hand_evaluation.make_node(parameter_overrides=overrides))
+    node = ros.add(radar_ros.nodes.hand_evaluation.make_node(parameter_overrides=overrides))
     residuals = ros.collect(HandResidualMsg, "hand/residual", qos.RESULT)
     truths = ros.node.create_publisher(TruthMsg, "truth", qos.RESULT)
     hands = [ros.node.create_publisher(HandTrackMsg, topic, qos.RESULT) for topic in ("hand", "kf/hand")]
@@ -350,13 +350,13 @@ def test_the_simulators_truth_is_a_reference_too(ros, tmp_path):
 
 def test_settings_that_make_no_sense(ros):
     """One message, which names the parameter; also what the pose estimator needs."""
-    make = radar_tracking.nodes.hand_evaluation.make_node
+    make = radar_ros.nodes.hand_evaluation.make_node
     with pytest.raises(ConfigError, match="parameter reference is 'radar'; choose camera or truth"):
         ros.add(make(parameter_overrides=[Parameter("reference", value="radar")]))
     with pytest.raises(ConfigError, match="name at least one topic, each once"):
         ros.add(make(parameter_overrides=[Parameter("hands", value=["hand", "hand"])]))
     with pytest.raises(ConfigError, match="1 names but 2 hues"):
-        ros.add(radar_tracking.nodes.camera.make_node(parameter_overrides=[Parameter("pose.markers.hues", value=[10.0, 90.0])]))
+        ros.add(radar_ros.nodes.camera.make_node(parameter_overrides=[Parameter("pose.markers.hues", value=[10.0, 90.0])]))
 
 
 def test_the_graph_offers_both():

@@ -6,15 +6,15 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from radar_app.cli import app, main, parse_parameters
 from radar_core import ConfigError
-from radar_ros.cli import app, main, parse_parameters
 from radar_ros.offline import pipeline_config
 
 COMMANDS = sorted(command.name or command.callback.__name__ for command in app.registered_commands)
 
 
 def run(*arguments):
-    return subprocess.run([sys.executable, "-m", "radar_ros.cli", *map(str, arguments)], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-m", "radar_app.cli", *map(str, arguments)], capture_output=True, text=True, timeout=60)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -11,12 +11,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 
-import radar_driver.nodes.cloud2
+import radar_ros.nodes.cloud2
 from radar_core import ConfigError, PointCloud
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import spherical_to_cartesian
 from radar_ros import qos
-from radar_ros.convert import cloud_from_msg, cloud_to_cloud2, from_time, info_from_msg
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, from_time, info_from_msg
 
 STAMP = 77 * 10**9 + 5
 
@@ -50,7 +50,7 @@ def node(ros):
     def start(namespace="", **parameters):
         given = {"topic": "/their/cloud", "doppler": "radial_speed", "intensity": "snr", **parameters}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
-        made = ros.add(radar_driver.nodes.cloud2.make_node(parameter_overrides=overrides, namespace=namespace))
+        made = ros.add(radar_ros.nodes.cloud2.make_node(parameter_overrides=overrides, namespace=namespace))
         made.errors = []
         made.problem = made.caution = made.errors.append
         space = f"/{namespace}" if namespace else ""
@@ -156,4 +156,4 @@ def test_silence_is_told(ros, node):
 def test_a_mistake_in_the_settings_is_one_line(ros):
     """Before anything is subscribed."""
     with pytest.raises(ConfigError, match="intensity_unit is 'dB'"):
-        radar_driver.nodes.cloud2.make_node(parameter_overrides=[Parameter("intensity_unit", value="dB")])
+        radar_ros.nodes.cloud2.make_node(parameter_overrides=[Parameter("intensity_unit", value="dB")])

@@ -14,10 +14,10 @@ from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from rclpy.parameter import Parameter
 
+from radar_app.graph import NODES, graph
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros import qos
-from radar_ros.convert import cloud_from_msg
-from radar_ros.graph import NODES, graph
+from radar_ros.messages.convert import cloud_from_msg
 from radar_sim import Simulator, load_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "driver"))

@@ -12,14 +12,14 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
 from radar_core.cloud import ARRAY_FIELDS
-from radar_gestures.nodes.messages import gesture_from_msg, gesture_to_msg
 from radar_gestures.recognizer import Gesture
-from radar_ros import convert
 from radar_ros.bags import typestore
+from radar_ros.messages import convert
+from radar_ros.messages.gestures import gesture_from_msg, gesture_to_msg
+from radar_ros.messages.tracks import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
+from radar_ros.messages.truth import truth_from_msg, truth_to_msg
 from radar_sim import Truth
-from radar_sim.messages import truth_from_msg, truth_to_msg
 from radar_tracking import HandTrack, Track, Tracks
-from radar_tracking.messages import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
 from radar_tracking.tracks import Deleted, Reason, TrackStatus
 
 stamps = st.integers(0, (1 << 31) * 10**9 - 1)

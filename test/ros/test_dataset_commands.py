@@ -12,14 +12,14 @@ import pytest
 from rclpy.serialization import serialize_message
 from typer.testing import CliRunner
 
+from radar_app.dataset_commands import app
 from radar_core import ConfigError, DataError, HandwaveError
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.datasets.readings import collect, read
-from radar_gestures.datasets.samples import read_manifest, read_samples, unpack_clouds
+from radar_lab.datasets.readings import collect, read
+from radar_lab.datasets.samples import read_manifest, read_samples, unpack_clouds
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.bags import read as read_bag
-from radar_ros.convert import cloud_to_msg, info_to_msg
-from radar_ros.dataset_commands import app
+from radar_ros.messages.convert import cloud_to_msg, info_to_msg
 from radar_ros.offline import open_recording, simulate, simulators
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "gestures"))

@@ -13,12 +13,12 @@ from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
 
+from radar_app.graph import NodeSpec
+from radar_app.supervisor import Supervisor
 from radar_core import DeviceError
-from radar_driver.node import make_node
 from radar_ros import qos
-from radar_ros.convert import frame_from_msg, from_time
-from radar_ros.graph import NodeSpec
-from radar_ros.supervisor import Supervisor
+from radar_ros.messages.convert import frame_from_msg, from_time
+from radar_ros.nodes.driver import make_node
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "driver"))
 from dca1000_bench import Bench
@@ -114,7 +114,7 @@ def test_kill_9_of_the_driver(ros, bench):
     """
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(reliable=True))
     lines = []
-    specs = (NodeSpec("driver", "radar_driver.node", parameters(bench)),)
+    specs = (NodeSpec("driver", "radar_ros.nodes.driver", parameters(bench)),)
     with Supervisor(specs, respawn=True, log=lambda name, line: lines.append(line)) as supervisor:
         assert ros.spin_until(lambda: len(frames) > 10, LONG), lines
         old = supervisor.pid("driver")
@@ -146,7 +146,9 @@ def test_a_signal_ends_the_driver_and_stops_the_board(ros, bench, number):
     """The sensor is stopped, then the recording; nothing goes on sending."""
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(reliable=True))
     lines = []
-    with Supervisor((NodeSpec("driver", "radar_driver.node", parameters(bench)),), log=lambda name, line: lines.append(line)) as supervisor:
+    with Supervisor(
+        (NodeSpec("driver", "radar_ros.nodes.driver", parameters(bench)),), log=lambda name, line: lines.append(line)
+    ) as supervisor:
         assert ros.spin_until(lambda: len(frames) > 3, LONG), lines
         os.kill(supervisor.pid("driver"), number)
         ended = []

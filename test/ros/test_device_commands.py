@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from radar_app.cli import app, main
 from radar_driver import boards as registry
-from radar_ros.cli import app, main
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "driver"))
 import board_packages

@@ -14,11 +14,11 @@ from handwave.msg import Truth as TruthMsg
 from rclpy.parameter import Parameter
 from tf2_msgs.msg import TFMessage
 
-import radar_driver.node
+import radar_ros.nodes.driver
 from radar_core import DataError
-from radar_driver.messages import BagSource
 from radar_ros import bags, qos
-from radar_ros.convert import from_time
+from radar_ros.bag_source import BagSource
+from radar_ros.messages.convert import from_time
 from radar_ros.offline import simulate, simulators
 from radar_sim import Simulator, load_scene
 
@@ -63,8 +63,8 @@ def test_processes_make_clouds_of_a_scene(ros, start, scene):
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(reliable=True))
     truths = ros.collect(TruthMsg, "truth", qos.RESULT)
     transforms = ros.collect(TFMessage, "/tf_static", qos.LATCHED)
-    start("radar_dsp.node", "reliable:=true")
-    start("radar_driver.node", f"scene:={scene}", "at_end:=loop")
+    start("radar_ros.nodes.baseband", "reliable:=true")
+    start("radar_ros.nodes.driver", f"scene:={scene}", "at_end:=loop")
     # The middleware may take seconds to connect the processes, and each topic in its own time: hence a loop, and what all have seen.
     assert ros.spin_until(lambda: min(map(len, (clouds, frames, truths))) >= N_FRAMES and transforms, 60.0)
     info = Simulator(load_scene(scene)).info
@@ -79,7 +79,7 @@ def test_processes_make_clouds_of_a_scene(ros, start, scene):
 
 def test_the_driver_ends_with_its_scene(start, scene):
     """at_end exit: the process ends by itself, with status 0."""
-    driver = start("radar_driver.node", f"scene:={scene}", "at_end:=exit")
+    driver = start("radar_ros.nodes.driver", f"scene:={scene}", "at_end:=exit")
     output, _ = driver.communicate(timeout=60)
     assert driver.returncode == 0, output
     assert "the source ends after 50 frames" in output
@@ -88,7 +88,7 @@ def test_the_driver_ends_with_its_scene(start, scene):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_stops_though_simulated_time_stands_still(ros, start, number):
     """No clock, no timer, no message: a signal ends the node all the same, with status 0 and without a traceback."""
-    process = start("radar_dsp.node", "use_sim_time:=true", name=f"asleep{number}")
+    process = start("radar_ros.nodes.baseband", "use_sim_time:=true", name=f"asleep{number}")
     assert seen(ros, f"asleep{number}")
     time.sleep(0.5)  # until it sleeps in the middleware
     process.send_signal(number)
@@ -99,7 +99,7 @@ def test_a_node_stops_though_simulated_time_stands_still(ros, start, number):
 
 def test_many_signals_are_one(ros, start, scene):
     """`ros2 launch` and an impatient user send SIGINT more than once; the driver at work still ends with status 0."""
-    process = start("radar_driver.node", f"scene:={scene}", "at_end:=loop", name="pestered")
+    process = start("radar_ros.nodes.driver", f"scene:={scene}", "at_end:=loop", name="pestered")
     assert seen(ros, "pestered")
     time.sleep(0.3)  # until it is at work
     for _ in range(20):
@@ -123,7 +123,7 @@ def test_many_signals_are_one(ros, start, scene):
 )
 def test_a_wrong_set_up_is_one_line_and_status_2(start, settings, message):
     """No traceback, nothing half started."""
-    process = start("radar_driver.node", *settings)
+    process = start("radar_ros.nodes.driver", *settings)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 2, output
     assert message in output
@@ -161,7 +161,7 @@ def test_a_bag_drives_in_its_namespace(ros, two_radars):
     infos = ros.collect(RadarInfoMsg, "/right/radar/info", qos.LATCHED)
     frames = ros.collect(RadarFrameMsg, "/right/radar/frame", qos.sensor(depth=50))
     settings = {"source": "bag", "bag": str(two_radars), "at_end": "loop"}
-    ros.add(radar_driver.node.make_node(namespace="right", parameter_overrides=[Parameter(k, value=v) for k, v in settings.items()]))
+    ros.add(radar_ros.nodes.driver.make_node(namespace="right", parameter_overrides=[Parameter(k, value=v) for k, v in settings.items()]))
     assert ros.spin_until(lambda: len(frames) > 12 and infos)  # more than the bag has: it loops
     assert infos[0].header.frame_id == frames[0].header.frame_id == "right/radar"
     stamps = [from_time(f.header.stamp) for f in frames]

@@ -18,19 +18,19 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-import radar_tracking.nodes.fusion
-import radar_tracking.nodes.tracking
+import radar_ros.nodes.fusion
+import radar_ros.nodes.tracking
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor
 from radar_core import CloudComposite, ConfigError, PointCloud, Pose, RadarInfo, merge
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, typestore
-from radar_ros.convert import cloud_from_msg, cloud_to_msg, info_from_msg, info_to_msg, to_time
-from radar_ros.graph import graph
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, info_from_msg, info_to_msg, to_time
+from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.offline import process_recording
-from radar_ros.supervisor import Supervisor
 from radar_tracking import PeopleTracker
-from radar_tracking.fusion import fused_info
-from radar_tracking.messages import tracks_to_msg
+from radar_tracking.fusion.clouds import fused_info
 
 MS = 1_000_000
 START = 100 * 10**9
@@ -54,7 +54,7 @@ def cloud(name, ms, sequence=0, body=(2.5, 0.2, 1.1), n=6):
 
 def dropped(f):
     """Dropped clouds by reason; together they are the stage's count."""
-    found = {reason: f.counts[reason] for reason in radar_tracking.nodes.fusion._REASONS if f.counts[reason]}
+    found = {reason: f.counts[reason] for reason in radar_ros.nodes.fusion._REASONS if f.counts[reason]}
     assert sum(found.values()) == f.node.dropped
     return found
 
@@ -65,7 +65,7 @@ def fusion(ros):
 
     def start(infos=("left", "right"), **parameters):
         overrides = [Parameter(name, value=value) for name, value in {"reliable": True, **parameters}.items()]
-        node = ros.add(radar_tracking.nodes.fusion.make_node(parameter_overrides=overrides))
+        node = ros.add(radar_ros.nodes.fusion.make_node(parameter_overrides=overrides))
         problems = []
         node.problem = node.caution = problems.append
         # These fast, small tests must not lose a message to a short queue: 100 deep and reliable.
@@ -333,7 +333,7 @@ def test_simulated_time_says_nothing_of_clocks(ros, fusion):
 
 def test_tracking_follows_a_fused_person(ros, fusion):
     """Stages behind the fusion work unchanged: a walker whom both radars see is one track where it is."""
-    tracking = ros.add(radar_tracking.nodes.tracking.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
+    tracking = ros.add(radar_ros.nodes.tracking.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
     labelled = ros.collect(PointCloud2, "radar/points2", qos.sensor(depth=50))
     f = fusion()
@@ -360,7 +360,7 @@ def test_settings_that_make_no_sense(ros):
         ({"max_clock_offset": 0.0}, "max_clock_offset out of range Min: 0.0001, Max: 10"),
     ):
         with pytest.raises(ConfigError, match=message):
-            radar_tracking.nodes.fusion.make_node(parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+            radar_ros.nodes.fusion.make_node(parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
 
 
 def test_two_radars_in_processes_of_their_own(ros):

@@ -12,14 +12,14 @@ from handwave.msg import StageStatus as StageStatusMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from rclpy.parameter import Parameter
 
-import radar_gestures.nodes.gesture
+import radar_ros.nodes.gestures
 from radar_core import GESTURES, DataError, PointCloud, Pose, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, save_model
-from radar_gestures.nodes.messages import gesture_to_msg, maps_from_msg
 from radar_ros import qos
-from radar_ros.convert import cloud_to_msg, from_time, info_to_msg
-from radar_tracking.messages import tracks_to_msg
+from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg
+from radar_ros.messages.gestures import gesture_to_msg, maps_from_msg
+from radar_ros.messages.tracks import tracks_to_msg
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 INFO = RadarInfo(mount=Pose(x=0.5, y=-0.3, z=1.4, yaw=0.2))
@@ -67,7 +67,7 @@ class Bench:
         save_model(self.model, folder / "model.npz")
         values = {"reliable": True, "model": str(folder / "model.npz"), **parameters}
         overrides = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-        self.node = ros.add(radar_gestures.nodes.gesture.make_node(parameter_overrides=overrides))
+        self.node = ros.add(radar_ros.nodes.gestures.make_node(parameter_overrides=overrides))
         self.gestures = ros.collect(GestureMsg, "gestures", qos.RESULT)
         statuses = ros.collect(StageStatusMsg, "stage_status", qos.sensor(reliable=True))
         infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)

@@ -12,14 +12,14 @@ from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.msg import Truth as TruthMsg
 from rclpy.parameter import Parameter
 
-import radar_gestures.nodes.evaluation
+import radar_ros.nodes.evaluation
 from radar_core import NO_GESTURE, RadarInfo
 from radar_ros import bags, qos
-from radar_ros.convert import from_time, info_to_msg
+from radar_ros.messages.convert import from_time, info_to_msg
+from radar_ros.messages.tracks import tracks_to_msg
+from radar_ros.messages.truth import truth_to_msg
 from radar_sim import Truth
-from radar_sim.messages import truth_to_msg
 from radar_tracking import Track, Tracks, TrackStatus
-from radar_tracking.messages import tracks_to_msg
 
 STEP = 20_000_000  # ns
 
@@ -55,7 +55,7 @@ def tracks(k, x=2.3):
 def judged(ros, tmp_path):
     """An evaluation node that knows its radar and gives people no time to be found; what it publishes."""
     overrides = [Parameter("settle", value=0.0), Parameter("report", value=str(tmp_path / "report.json"))]
-    node = ros.add(radar_gestures.nodes.evaluation.make_node(parameter_overrides=overrides))
+    node = ros.add(radar_ros.nodes.evaluation.make_node(parameter_overrides=overrides))
     found = ros.collect(GospaMsg, "gospa", qos.for_topic("gospa"))
     figures = ros.collect(DiagnosticArray, "diagnostics")
     info = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)

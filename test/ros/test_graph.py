@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from radar_app.graph import NODES, VARIANTS, NodeSpec, arguments, graph, run_node
 from radar_core import ConfigError
-from radar_ros.graph import NODES, VARIANTS, NodeSpec, arguments, graph, run_node
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -15,14 +15,14 @@ from handwave.srv import TrackHand
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
-import radar_tracking.nodes.fusion
-import radar_tracking.nodes.hand
+import radar_ros.nodes.fusion
+import radar_ros.nodes.hand
 from radar_core import CloudComposite, PointCloud, Pose, RadarInfo, merge
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_ros import qos
-from radar_ros.convert import cloud_from_msg, cloud_to_msg, info_to_msg
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, info_to_msg
+from radar_ros.messages.tracks import hand_from_msg, tracks_to_msg
 from radar_tracking import HandTracker, Track, TrackedCloud, Tracks, TrackStatus
-from radar_tracking.messages import hand_from_msg, tracks_to_msg
 
 FRAME_NS = 20_000_000
 START = 100 * 10**9
@@ -76,7 +76,7 @@ def bits(hand):
 @pytest.fixture
 def stage(ros):
     """A hand node with everything it reads; ``send(k)`` waits until it has finished with cloud k."""
-    node = ros.add(radar_tracking.nodes.hand.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
+    node = ros.add(radar_ros.nodes.hand.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
     node.caution = (cautions := []).append
     infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
     clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
@@ -255,8 +255,8 @@ def _shares(array):
 
 def test_a_fused_cloud_reaches_the_tracker_whole(ros):
     """Through fusion and hand node: points keep their radar and its place, so that two radars tell what one cannot."""
-    fusion = ros.add(radar_tracking.nodes.fusion.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
-    hand = ros.add(radar_tracking.nodes.hand.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
+    fusion = ros.add(radar_ros.nodes.fusion.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
+    hand = ros.add(radar_ros.nodes.hand.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
     infos = {name: ros.node.create_publisher(RadarInfoMsg, f"{name}/radar/info", qos.LATCHED) for name in MOUNTS}
     clouds = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.sensor(reliable=True)) for name in MOUNTS}
     tracks = ros.node.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)

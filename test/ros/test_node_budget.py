@@ -16,17 +16,17 @@ from rclpy.parameter import Parameter
 from test_baseband_node import frame
 from test_tracking_node import cloud
 
-import radar_dsp.node
-import radar_tracking.nodes.tracking
+import radar_ros.nodes.baseband
+import radar_ros.nodes.tracking
 from radar_core import ConfigError, DataError, RadarInfo
 from radar_core.config import override
 from radar_core.ladder import Ladder, Level, save_ladders
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
 from radar_ros import qos
-from radar_ros.convert import cloud_to_msg, frame_to_msg, info_to_msg
 from radar_ros.machine import machine
+from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_to_msg
+from radar_ros.messages.tracks import tracks_from_msg
 from radar_tracking import PeopleTracker, TrackerConfig
-from radar_tracking.messages import tracks_from_msg
 
 INFO = RadarInfo(full_scale=100.0)
 BASEBAND = (
@@ -57,7 +57,7 @@ class Bench:
         values = {"frame_budget_ms": budget_ms, "budget.tuning": levels, **parameters}
         self.budgets = ros.collect(StageBudgetMsg, "stage_budget", qos.LATCHED_EACH)
         self.node = ros.add(module.make_node(parameter_overrides=[Parameter(name, value=value) for name, value in values.items()]))
-        baseband = module is radar_dsp.node
+        baseband = module is radar_ros.nodes.baseband
         kinds = (
             (RadarFrameMsg, "radar/frame", PointCloudMsg, "radar/points")
             if baseband
@@ -98,7 +98,7 @@ class Bench:
 @pytest.mark.parametrize(("budget", "number", "gave_up"), [(10.0, 0, []), (5.0, 1, ["doa.method: dml instead of dml2"])])
 def test_the_most_accurate_level_that_fits_works(ros, levels, budget, number, gave_up):
     """Clouds are the library's at that level, bit for bit, and the topic says what was given up."""
-    bench = Bench(ros, radar_dsp.node, levels, budget)
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, budget)
     library = Baseband(BasebandConfig(doa=DoaConfig(method="dml2" if number == 0 else "dml")), INFO)
     bench.send(frame_to_msg(frame(0)))
     assert ros.spin_until(lambda: bench.results and bench.budgets)
@@ -113,7 +113,7 @@ def test_the_most_accurate_level_that_fits_works(ros, levels, budget, number, ga
 
 def test_frames_are_left_out_on_purpose_and_not_counted(ros, levels):
     """One frame in three, the first that comes of each three; clouds say so, and neither this node nor the next one counts a loss."""
-    bench = Bench(ros, radar_dsp.node, levels, 2.0)
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 2.0)
     for sequence in (4, 5, 6, 7, 8, 10, 11, 12, 13):  # 9 was lost on its way: 10 is as good
         bench.send(frame_to_msg(frame(sequence)))
     assert ros.spin_until(lambda: len(bench.results) == 4)
@@ -126,7 +126,7 @@ def test_frames_are_left_out_on_purpose_and_not_counted(ros, levels):
 
 def test_overload_steps_down_and_ease_steps_up(ros, levels):
     """Slowed so that every frame takes far too long, the node goes down, warns, and comes back by itself when it is quick again."""
-    bench = Bench(ros, radar_dsp.node, levels, 10.0, **{"budget.window": 0.05, "budget.recover": 0.3})
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 10.0, **{"budget.window": 0.05, "budget.recover": 0.3})
     assert ros.spin_until(lambda: bench.budgets)
     assert bench.budgets[-1].number == 0
     assert bench.set(device_factor=200.0).successful
@@ -155,7 +155,7 @@ def test_overload_steps_down_and_ease_steps_up(ros, levels):
 
 def test_a_budget_can_be_set_and_taken_away_while_the_node_runs(ros, levels):
     """Without a budget the node works as configured again."""
-    bench = Bench(ros, radar_dsp.node, levels, 10.0, **{"doa.newton_steps": 3})
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 10.0, **{"doa.newton_steps": 3})
     bench.send(frame_to_msg(frame(1)))
     assert bench.set(frame_budget_ms=2.0).successful
     assert ros.spin_until(lambda: bench.budgets[-1].number == 2)
@@ -176,7 +176,7 @@ def test_a_budget_can_be_set_and_taken_away_while_the_node_runs(ros, levels):
 
 def test_tracks_go_on_from_level_to_level(ros, levels):
     """One person, the level changes twice: the identity stays, and the tracks are those of a library tracker that is changed likewise."""
-    bench = Bench(ros, radar_tracking.nodes.tracking, levels, 10.0)
+    bench = Bench(ros, radar_ros.nodes.tracking, levels, 10.0)
     velocity, linear = override(TrackerConfig(), TRACKING[0].knobs), TrackerConfig()
     library = PeopleTracker(velocity, INFO)
     expected = []
@@ -206,7 +206,7 @@ def test_tracks_go_on_from_level_to_level(ros, levels):
 
 def test_strides_of_cloud_and_tracking_multiply(ros, levels):
     """Of clouds of every second frame, whatever their first number, the tracking takes every second: tracks of one frame in four."""
-    bench = Bench(ros, radar_tracking.nodes.tracking, levels, 3.0)
+    bench = Bench(ros, radar_ros.nodes.tracking, levels, 3.0)
     for k in range(1, 17, 2):
         bench.send(cloud_to_msg(replace(cloud(k, info=INFO), every=2)))
     assert ros.spin_until(lambda: len(bench.results) == 4)
@@ -216,7 +216,7 @@ def test_strides_of_cloud_and_tracking_multiply(ros, levels):
 
 def test_who_comes_late_hears_the_last_word_of_every_stage(ros, levels):
     """The topic is latched, and two nodes are on it."""
-    for module in (radar_dsp.node, radar_tracking.nodes.tracking):
+    for module in (radar_ros.nodes.baseband, radar_ros.nodes.tracking):
         Bench(ros, module, levels, 10.0)
     late = ros.collect(StageBudgetMsg, "stage_budget", qos.LATCHED_EACH)
     assert ros.spin_until(lambda: {one.stage for one in late} == {"baseband", "tracking"})
@@ -224,7 +224,7 @@ def test_who_comes_late_hears_the_last_word_of_every_stage(ros, levels):
 
 def test_budgets_that_make_no_sense_are_refused_at_the_start(ros, levels, tmp_path):
     """Each names what is wrong and what to do; a file of another machine is used, with a warning."""
-    make = radar_dsp.node.make_node
+    make = radar_ros.nodes.baseband.make_node
 
     def start(**values):
         ros.add(make(parameter_overrides=[Parameter(name.replace("__", "."), value=value) for name, value in values.items()]))
@@ -249,13 +249,13 @@ def test_budgets_that_make_no_sense_are_refused_at_the_start(ros, levels, tmp_pa
 
 def test_a_budget_beyond_the_frame_interval_is_warned_of(ros, levels):
     """20 ms from frame to frame hold no 50 ms."""
-    bench = Bench(ros, radar_dsp.node, levels, 50.0)
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 50.0)
     assert any("more than the 20 ms" in text for text in bench.node._budget.report()[1])
 
 
 def test_even_the_quickest_level_may_be_too_slow(ros, levels):
     """Then it is the one that works, and diagnostics say so."""
-    bench = Bench(ros, radar_dsp.node, levels, 0.1)
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 0.1)
     assert bench.budgets or ros.spin_until(lambda: bench.budgets)
     assert bench.budgets[-1].number == 2
     assert "no level fits" in bench.budgets[-1].reason
@@ -266,7 +266,7 @@ def test_another_machine_s_levels_are_used_with_a_warning(ros, tmp_path, capfd):
     """Better a guess than nothing; the governor corrects it frame by frame."""
     path = tmp_path / "levels.json"
     save_ladders(path, [Ladder("baseband", "error", "m", "lower", BASEBAND, "somebody else's")])
-    bench = Bench(ros, radar_dsp.node, str(path), 10.0)
+    bench = Bench(ros, radar_ros.nodes.baseband, str(path), 10.0)
     bench.send(frame_to_msg(frame(0)))
     assert ros.spin_until(lambda: bench.results)
     assert "was measured on another machine (somebody else's" in capfd.readouterr().err

@@ -15,13 +15,13 @@ from lifecycle_msgs.msg import State
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-import radar_driver.node
-import radar_dsp.node
-import radar_tracking.nodes.hand
-import radar_tracking.nodes.tracking
+import radar_ros.nodes.baseband
+import radar_ros.nodes.driver
+import radar_ros.nodes.hand
+import radar_ros.nodes.tracking
 from radar_core import ConfigError, RadarFrame, RadarInfo, Waveform
 from radar_ros import qos
-from radar_ros.convert import frame_to_msg, info_to_msg, to_time
+from radar_ros.messages.convert import frame_to_msg, info_to_msg, to_time
 from radar_sim import Simulator, load_scene
 
 
@@ -30,7 +30,7 @@ def overrides(**values):
 
 
 def driver(ros, **values):
-    return ros.add(radar_driver.node.make_node(**overrides(scene="single_target", at_end="loop", **values)))
+    return ros.add(radar_ros.nodes.driver.make_node(**overrides(scene="single_target", at_end="loop", **values)))
 
 
 def test_driver_survives_twenty_life_cycles(ros):
@@ -56,13 +56,13 @@ def test_driver_says_why_it_cannot_configure(ros, tmp_path):
     scene = tmp_path / "bad.yaml"
     scene.write_text("duration: 3\npeople:\n  - {idd: 4}\n")
     with pytest.raises(ConfigError, match=r"bad\.yaml:3: unknown key 'people\.0\.idd'"):
-        radar_driver.node.make_node(**overrides(scene=str(scene)))
+        radar_ros.nodes.driver.make_node(**overrides(scene=str(scene)))
 
 
 def test_frames_clouds_and_tracks_flow(ros):
     """Driver, baseband and tracking in one process over DDS: tracks carry the cloud's stamp and sequence."""
-    ros.add(radar_dsp.node.make_node())
-    ros.add(radar_tracking.nodes.tracking.make_node())
+    ros.add(radar_ros.nodes.baseband.make_node())
+    ros.add(radar_ros.nodes.tracking.make_node())
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(depth=50))
     clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(depth=50))
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
@@ -83,7 +83,7 @@ def test_frames_clouds_and_tracks_flow(ros):
 @pytest.fixture
 def baseband(ros):
     """A baseband node, its status messages, and publishers of frames and infos."""
-    node = ros.add(radar_dsp.node.make_node(**overrides(reliable=True)))
+    node = ros.add(radar_ros.nodes.baseband.make_node(**overrides(reliable=True)))
     errors = []
     node.problem = errors.append
     infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
@@ -144,7 +144,7 @@ def test_an_info_that_changes_is_refused_and_the_old_one_is_taken_again(ros, bas
 
 def test_one_problem_is_one_line(ros):
     """A fault in every frame, each with its own number, fills neither the log nor the memory; the next line tells how many there were."""
-    node = ros.add(radar_dsp.node.make_node())
+    node = ros.add(radar_ros.nodes.baseband.make_node())
     lines = []
     node.get_logger = lambda: SimpleNamespace(error=lines.append)
     for sequence in range(1000):
@@ -192,7 +192,7 @@ def test_lost_frames_are_counted(ros, baseband):
 
 def test_hand_service_answers(ros):
     """An unknown track is refused with what there is; the nearest person can be asked for; stopping works."""
-    ros.add(radar_tracking.nodes.hand.make_node())
+    ros.add(radar_ros.nodes.hand.make_node())
     client = ros.node.create_client(TrackHand, "hand/track")
     assert client.wait_for_service(10.0)
 

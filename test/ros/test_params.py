@@ -11,7 +11,7 @@ from radar_core import ConfigError, DataError
 from radar_dsp import BasebandConfig
 from radar_ros.params import declare_config, on_change, refuse_unknown
 from radar_tracking import HandConfig, TrackerConfig
-from radar_tracking.fusion import FusionConfig
+from radar_tracking.fusion.clouds import FusionConfig
 
 
 def make(ros, **overrides):

@@ -12,12 +12,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
+from radar_app.cli import app
+from radar_app.preview import draw
+from radar_app.preview_panels import COLOURS, Deed, Observer, Strip, deeds, find_scale, room_extent
+from radar_app.preview_picture import MOST_SNAPSHOTS, SNAPSHOTS, snapshot_times
+from radar_app.preview_video import step_of
 from radar_core import AntennaArray, ConfigError, Waveform
-from radar_ros.cli import app
-from radar_ros.preview import draw
-from radar_ros.preview_panels import COLOURS, Deed, Observer, Strip, deeds, find_scale, room_extent
-from radar_ros.preview_picture import MOST_SNAPSHOTS, SNAPSHOTS, snapshot_times
-from radar_ros.preview_video import step_of
 from radar_sim import Action, Coupling, Effects, Furniture, Losses, Noise, Person, Point, Scene, SceneRadar, Simulator, Wall, load_scene
 
 EFFECTS = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=25.0), coupling=Coupling(level=-60.0))

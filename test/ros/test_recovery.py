@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor
 from radar_core.paths import find_config
 from radar_ros import bags
-from radar_ros.graph import graph
 from radar_ros.nodes.recorder import make_node
-from radar_ros.supervisor import Supervisor
 
 FRAME = bytes(131_200)
 
@@ -111,7 +111,7 @@ def test_a_model_that_does_not_fit_is_refused_by_the_node(tmp_path, change):
         arrays = dict(shipped)
     assert set(change) <= set(arrays)
     np.savez(tmp_path / "other.npz", **{**arrays, **change})
-    command = [sys.executable, "-m", "radar_gestures.nodes.gesture", "--ros-args", "-p", f"model:={tmp_path / 'other.npz'}"]
+    command = [sys.executable, "-m", "radar_ros.nodes.gestures", "--ros-args", "-p", f"model:={tmp_path / 'other.npz'}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     assert "other.npz" in done.stderr

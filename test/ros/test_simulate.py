@@ -11,9 +11,9 @@ import pytest
 
 from radar_driver.sources import SimSource
 from radar_ros.bags import contents, read, repair
+from radar_ros.messages.truth import truth_from_msg
 from radar_ros.offline import parse, process_recording, simulate, simulators
 from radar_sim import load_scene
-from radar_sim.messages import truth_from_msg
 
 SMALL = "waveform: {n_chirp: 8, n_sample: 32, frame_interval: 0.02}"
 SCENE = f"""
@@ -30,7 +30,7 @@ tolerance: 0.1
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "radar_ros.cli", *map(str, arguments)]
+    return [sys.executable, "-m", "radar_app.cli", *map(str, arguments)]
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from std_msgs.msg import Header, String
 
-from radar_ros.convert import to_time
 from radar_ros.filters import ApproximateTimeSynchronizer, Cache, SimpleFilter, TimeSynchronizer
+from radar_ros.messages.convert import to_time
 
 
 class Stamped:

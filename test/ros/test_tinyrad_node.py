@@ -13,13 +13,13 @@ from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
 
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor
 from radar_core import ConfigError, DeviceError
 from radar_driver.boards.tinyrad import find
-from radar_driver.node import make_node
 from radar_ros import qos
-from radar_ros.convert import from_time
-from radar_ros.graph import graph
-from radar_ros.supervisor import Supervisor
+from radar_ros.messages.convert import from_time
+from radar_ros.nodes.driver import make_node
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "driver"))
 from umockdev_machine import Machine, missing

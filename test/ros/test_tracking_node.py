@@ -17,17 +17,17 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import UInt32
 
-import radar_tracking.nodes.tracking
+import radar_ros.nodes.tracking
 from radar_core import ConfigError, PointCloud, Pose, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_ros import qos
-from radar_ros.convert import cloud_to_msg, info_to_msg
+from radar_ros.messages.convert import cloud_to_msg, info_to_msg
+from radar_ros.messages.tracks import tracks_from_msg, tracks_to_msg
+from radar_ros.nodes.tracking import Tally, TrackConsistencyConfig
 from radar_tracking import PeopleTracker, Track, Tracks, TrackStatus
-from radar_tracking.messages import tracks_from_msg, tracks_to_msg
 from radar_tracking.metrics import ConsistencyConfig
-from radar_tracking.nodes.tracking import Tally, TrackConsistencyConfig
+from radar_tracking.people.zones import ZonesConfig
 from radar_tracking.tracks import Deleted, Reason
-from radar_tracking.zones import ZonesConfig
 
 INFO = RadarInfo(mount=Pose(x=0.5, y=-0.3, z=1.4, yaw=0.2))
 STEP = 20_000_000  # ns
@@ -55,7 +55,7 @@ class Bench:
     def __init__(self, ros, **parameters):
         self.ros, self.problems = ros, []
         overrides = [Parameter(name.replace("__", "."), value=value) for name, value in {"reliable": True, **parameters}.items()]
-        self.node = ros.add(radar_tracking.nodes.tracking.make_node(parameter_overrides=overrides))
+        self.node = ros.add(radar_ros.nodes.tracking.make_node(parameter_overrides=overrides))
         logger = self.node.get_logger()
         self.node.get_logger = lambda: SimpleNamespace(error=self.problems.append, warning=lambda text: None, info=logger.info)
         self.tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
@@ -188,7 +188,7 @@ def test_settings_that_make_no_sense(ros):
         ({"zones.counted": ["sofa"]}, "counted_boxes holds 0 boxes for 1 names"),
     ):
         with pytest.raises(ConfigError, match=message):
-            radar_tracking.nodes.tracking.make_node(parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+            radar_ros.nodes.tracking.make_node(parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
 
 
 def test_tally_of_deletions_and_nis():
@@ -214,7 +214,7 @@ def test_low_consistency_is_the_only_difference():
 WARM = """
 import pickle, sys
 from numba.core.dispatcher import Dispatcher
-import radar_tracking.nodes.tracking as node
+import radar_ros.nodes.tracking as node
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig
 

@@ -10,10 +10,10 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from std_msgs.msg import Bool
 
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor
 from radar_ros import qos
-from radar_ros.convert import from_time
-from radar_ros.graph import graph
-from radar_ros.supervisor import Supervisor
+from radar_ros.messages.convert import from_time
 from radar_tracking import TrackStatus
 
 # Somebody who draws for as long as the test may take. 20 frames a second and the body of ellipsoids: seven processes on two cores.

@@ -12,10 +12,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from radar_core import ConfigError, DataError, PointCloud
 from radar_ros import qos
-from radar_ros.convert import cloud_to_msg, from_time, to_time
+from radar_ros.messages.convert import cloud_to_msg, from_time, to_time
+from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.nodes.visualisation import _colour, labelled_cloud2, make_node
 from radar_tracking import Track, Tracks
-from radar_tracking.messages import tracks_to_msg
 from radar_tracking.tracks import TrackStatus
 
 TENTH = 10**8

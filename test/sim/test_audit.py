@@ -188,7 +188,7 @@ def test_gestures_that_only_one_run_has_are_a_share():
 
 def test_explain_all_wants_no_scene_beside_it():
     for arguments in ([], ["demo", "--all"]):
-        done = subprocess.run([sys.executable, "-m", "radar_ros.cli", "explain", *arguments], capture_output=True, text=True)
+        done = subprocess.run([sys.executable, "-m", "radar_app.cli", "explain", *arguments], capture_output=True, text=True)
         assert done.returncode == 2
         assert "name one scene" in done.stderr
         assert "Traceback" not in done.stderr

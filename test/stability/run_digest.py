@@ -8,7 +8,7 @@ import numpy as np
 
 from radar_core import RadarInfo
 from radar_dsp import BasebandConfig, SpectrumConfig
-from radar_gestures.pipeline import Pipeline, PipelineConfig
+from radar_lab.pipeline import Pipeline, PipelineConfig
 from radar_sim import Action, Effects, Fidelity, Noise, Person, Scene, SceneRadar, Simulator
 
 MODELS = ("separable", "nufft", "blocks", "exact")

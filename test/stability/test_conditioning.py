@@ -7,8 +7,8 @@ import pytest
 
 from radar_core import RadarInfo
 from radar_core.linalg import SingularError, balanced, solve_spd
-from radar_dsp.calibration import Calibration, Calibrator, Snapshots
-from radar_tracking.alignment import NotObservableError, RigidConfig, align_points
+from radar_lab.alignment import NotObservableError, RigidConfig, align_points
+from radar_lab.arrays.calibration import Calibration, Calibrator, Snapshots
 from radar_tracking.estimators import Snapshot, SnapshotConfig
 
 EYE = np.eye(2)

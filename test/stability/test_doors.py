@@ -25,31 +25,31 @@ from radar_core.ladder import Level
 from radar_core.linalg import solve_spd
 from radar_dsp import Baseband, BasebandConfig, DoaConfig, SpectrumConfig
 from radar_dsp.bounds import Bound
-from radar_dsp.calibration import Calibration, Calibrator, Snapshots
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.refine import Refiner
 from radar_dsp.unfold import Unfolder
 from radar_gestures import FEATURE_NAMES, EventConfig, EventDetector, GestureConfig, GestureRecognizer
-from radar_gestures.classifiers.calibration import fit_temperature
 from radar_gestures.classifiers.model import GestureModel
-from radar_gestures.classifiers.training import TrainingConfig, train_on
 from radar_gestures.curves import CurveConfig, EventMaps
-from radar_gestures.datasets.samples import SampleSet
-from radar_gestures.encoder import EncoderConfig, encode
-from radar_gestures.evaluation.truth_events import CriterionConfig, TrueEvents
 from radar_gestures.recognizer import EventStage
+from radar_lab.alignment import Trajectory, align_points
+from radar_lab.alignment.pair import PairConfig, Walker
+from radar_lab.arrays.calibration import Calibration, Calibrator, Snapshots
+from radar_lab.camera.depth import DepthReader
+from radar_lab.camera.residual import ReferenceSample, TrackSample
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents
+from radar_lab.posture.features import PostureFeatureConfig
+from radar_lab.posture.model import PostureModel
+from radar_lab.posture.posture import PostureTracker
+from radar_lab.training.calibration import fit_temperature
+from radar_lab.training.encoder import EncoderConfig, encode
+from radar_lab.training.training import TrainingConfig, train_on
 from radar_tracking import HandTracker, PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus, dbscan, kmeans
-from radar_tracking.alignment import Trajectory, align_points
-from radar_tracking.alignment.pair import PairConfig, Walker
 from radar_tracking.assignment import assign_tracks, mahalanobis
-from radar_tracking.camera.depth import DepthReader
-from radar_tracking.camera.residual import ReferenceSample, TrackSample
 from radar_tracking.clustering import optics, split
 from radar_tracking.estimators import EstimatorConfig, Measurement, Snapshot, from_polar, make_estimator
 from radar_tracking.estimators.config import ESTIMATORS
-from radar_tracking.hand.posture import PostureTracker
-from radar_tracking.hand.posture_features import PostureFeatureConfig
-from radar_tracking.hand.posture_model import PostureModel
 from radar_tracking.metrics import ConsistencyMonitor, ObjectSet, nees
 
 ROOT = Path(__file__).resolve().parents[2]

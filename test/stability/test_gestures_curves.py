@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.variation import VariationConfig, copies
 from radar_gestures.curves import CurveConfig, Curves, EventMaps, join
 from radar_gestures.maps import FeatureMaps, GateAxis
+from radar_lab.training.variation import VariationConfig, copies
 
 SPEED = GateAxis(0.25, 2.0).speed
 

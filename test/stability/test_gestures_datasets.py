@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, DataError, PointCloud, RadarInfo
-from radar_gestures.datasets.labelled import Moment, cut_out, import_labelled
-from radar_gestures.datasets.readings import _surroundings, collect, cubes, maps_of, read, read_stroke
-from radar_gestures.datasets.samples import SampleSet, pack_clouds, read_samples, unpack_clouds
-from radar_gestures.encoder import EncoderConfig, encode
-from radar_gestures.evaluation import pictures
-from radar_gestures.evaluation.comparison import ComparisonConfig, as_text, compare
-from radar_gestures.evaluation.scoring import TruthSegment
 from radar_gestures.recognizer import GestureConfig
+from radar_lab.datasets.labelled import Moment, cut_out, import_labelled
+from radar_lab.datasets.readings import _surroundings, collect, cubes, maps_of, read, read_stroke
+from radar_lab.datasets.samples import SampleSet, pack_clouds, read_samples, unpack_clouds
+from radar_lab.evaluation import pictures
+from radar_lab.evaluation.comparison import ComparisonConfig, as_text, compare
+from radar_lab.evaluation.scoring import TruthSegment
+from radar_lab.training.encoder import EncoderConfig, encode
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "gestures"))
 from small_sets import random_set, stroke_clouds

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError, PointCloud
-from radar_gestures.classifiers.calibration import calibration_error, choose_reject, fit_temperature, soften
 from radar_gestures.classifiers.model import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
-from radar_gestures.classifiers.training import TrainingConfig, train_on
-from radar_gestures.datasets.samples import SampleSet
-from radar_gestures.encoder import EncoderConfig, encode
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, soften
+from radar_lab.training.encoder import EncoderConfig, encode
+from radar_lab.training.training import TrainingConfig, train_on
 
 BRIEF = TrainingConfig(hidden=(4,), max_iterations=20, folds=2)
 

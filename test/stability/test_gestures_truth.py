@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, NO_GESTURE, DataError, Pose
-from radar_gestures.evaluation.truth_events import CriterionConfig, TrueEvents, fast_times
+from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents, fast_times
 
 PUSH = GESTURES.index("push")
 

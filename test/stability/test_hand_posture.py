@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError, PointCloud
+from radar_lab.posture.features import BodyFrame, PostureFeatureConfig, PostureFeatures
+from radar_lab.posture.model import PostureModel, load_postures, save_postures
+from radar_lab.posture.posture import PostureConfig, PostureTracker
+from radar_lab.posture.training import PostureSamples, PostureTrainingConfig, fit_postures
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
-from radar_tracking.hand.posture import PostureConfig, PostureTracker
-from radar_tracking.hand.posture_features import BodyFrame, PostureFeatureConfig, PostureFeatures
-from radar_tracking.hand.posture_model import PostureModel, load_postures, save_postures
-from radar_tracking.hand.posture_training import PostureSamples, PostureTrainingConfig, fit_postures
 
 SETTINGS = PostureFeatureConfig(history=(0.2, 1.0))
 

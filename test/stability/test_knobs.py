@@ -12,7 +12,7 @@ from radar_core import ConfigError
 from radar_core.config import check_knobs
 
 PACKAGES = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
-OPTIONAL = ("radar_sim.bodies.blender", "radar_tracking.camera.mediapipe_pose", "radar_gestures.classifiers.cnn")
+OPTIONAL = ("radar_sim.bodies.blender", "radar_lab.camera.mediapipe_pose", "radar_lab.training.cnn")
 
 
 @functools.cache
@@ -64,7 +64,7 @@ def test_no_knob_takes_what_is_no_number(bad):
 def test_lists_of_numbers_are_looked_into(bad):
     """Boxes of zones, walls, positions of elements: one bad entry is enough."""
     from radar_core import AntennaArray
-    from radar_tracking.zones import ZonesConfig
+    from radar_tracking.people.zones import ZonesConfig
 
     with pytest.raises(ConfigError, match=r"AntennaArray\.rx"):
         AntennaArray(rx=((0.0, 0.0), (bad, 0.0)))

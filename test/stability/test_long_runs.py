@@ -8,9 +8,9 @@ import pytest
 from radar_core import DataError, PointCloud, Pose
 from radar_gestures import EventConfig, EventDetector, GestureConfig
 from radar_gestures.recognizer import EventStage
+from radar_ros.messages.tracks import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
 from radar_tracking import HandTracker, PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus
 from radar_tracking.estimators import Belief, EstimatorConfig, Measurement, make_estimator
-from radar_tracking.messages import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
 
 SECOND = 1_000_000_000
 BILLION = 1_000_000_000

@@ -15,16 +15,16 @@ from radar_dsp import DoaConfig
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.unfold import Unfolder
 from radar_gestures import GestureConfig
-from radar_gestures.encoder import EncoderConfig, encode
 from radar_gestures.features import weighted_medians
 from radar_gestures.recognizer import EventStage
+from radar_lab.alignment import align_points
+from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures
+from radar_lab.training.encoder import EncoderConfig, encode
 from radar_sim import Point, Scene, SceneRadar, Simulator
 from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, dbscan, kmeans
-from radar_tracking.alignment import align_points
 from radar_tracking.clustering import ClusteringConfig, make_clustering, seen_from
 from radar_tracking.estimators import Snapshot
 from radar_tracking.estimators.kernels import correct, predict
-from radar_tracking.hand.posture_features import PostureFeatureConfig, PostureFeatures
 from radar_tracking.metrics import ClearMot, ClearMotConfig, GospaConfig, GospaMetric, ObjectSet, OspaConfig, OspaMetric
 
 INFO = RadarInfo()

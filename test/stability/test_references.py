@@ -13,13 +13,13 @@ from radar_core import AntennaArray, RadarInfo, Waveform
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.linalg import solve_spd
 from radar_dsp.thresholds import ca_factor
-from radar_gestures.classifiers.calibration import log_loss, soften
 from radar_gestures.classifiers.model import GestureModel
+from radar_lab.training.calibration import log_loss, soften
 from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.reference import Reference
 from radar_sim.scatterers import THING, Echoes, Motion
-from radar_tracking.arcs import arc, bend, lag, turn_moments
 from radar_tracking.estimators import from_polar
+from radar_tracking.estimators.arcs import arc, bend, lag, turn_moments
 from radar_tracking.estimators.kernels import correct, correct_reference, surprise
 from radar_tracking.estimators.multiple import _Chain, mixture, reweigh
 from radar_tracking.metrics import chi_square_band

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import DataError, PointCloud, RadarInfo
-from radar_tracking.alignment import NotObservableError, RigidConfig, Trajectory, TrajectoryConfig, align_points, align_trajectories
-from radar_tracking.alignment.correlation import groups_of, integrated_time
-from radar_tracking.alignment.pair import PairConfig, Walker, calibrate_pair
+from radar_lab.alignment import NotObservableError, RigidConfig, Trajectory, TrajectoryConfig, align_points, align_trajectories
+from radar_lab.alignment.correlation import groups_of, integrated_time
+from radar_lab.alignment.pair import PairConfig, Walker, calibrate_pair
 
 EYE = np.eye(2)
 

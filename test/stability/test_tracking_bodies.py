@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_tracking.estimators.base import Belief
-from radar_tracking.pairs import two_heaps, two_heaps_reference
-from radar_tracking.reflections import detours
-from radar_tracking.solid import part
+from radar_tracking.people.pairs import two_heaps, two_heaps_reference
+from radar_tracking.people.reflections import detours
+from radar_tracking.people.solid import part
 
 WIDTH = 0.35
 

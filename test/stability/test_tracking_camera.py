@@ -13,14 +13,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tracking"))
 from camera_scenes import MOUNT, SMALL
 
 from radar_core import ConfigError, DataError
-from radar_tracking.camera.depth import DepthConfig, DepthReader
-from radar_tracking.camera.frame import RgbdFrame
-from radar_tracking.camera.markers import MarkerConfig, MarkerFinder
-from radar_tracking.camera.pinhole import CameraModel, CameraMount
-from radar_tracking.camera.pose import Keypoints
-from radar_tracking.camera.report import budget, collect
-from radar_tracking.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
-from radar_tracking.camera.truth import CameraTruth, CameraTruthConfig
+from radar_lab.camera.depth import DepthConfig, DepthReader
+from radar_lab.camera.frame import RgbdFrame
+from radar_lab.camera.markers import MarkerConfig, MarkerFinder
+from radar_lab.camera.pinhole import CameraModel, CameraMount
+from radar_lab.camera.pose import Keypoints
+from radar_lab.camera.report import budget, collect
+from radar_lab.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
 
 MS = 1_000_000
 coefficient = st.floats(-2.0, 2.0)

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.cloud import ARRAY_FIELDS
-from radar_ros.convert import cloud_from_msg, cloud_to_msg
 from radar_ros.filters import ApproximateTimeSynchronizer, SimpleFilter
-from radar_tracking.fusion import FusionConfig, Roster
-from radar_tracking.zones import Zones, ZonesConfig
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
+from radar_tracking.fusion.clouds import FusionConfig, Roster
+from radar_tracking.people.zones import Zones, ZonesConfig
 
 MS = 1_000_000
 

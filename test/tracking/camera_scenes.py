@@ -2,13 +2,13 @@
 
 import math
 
+from radar_lab.camera.estimators import PoseConfig
+from radar_lab.camera.markers import MarkerConfig
+from radar_lab.camera.pinhole import CameraModel, CameraMount
+from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
 from radar_sim.people import Action, Draw, Person
 from radar_sim.scene import Scene
-from radar_tracking.camera.estimators import PoseConfig
-from radar_tracking.camera.markers import MarkerConfig
-from radar_tracking.camera.pinhole import CameraModel, CameraMount
-from radar_tracking.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_tracking.camera.truth import CameraTruth, CameraTruthConfig
 
 LENS = CameraModel(lens="plumb_bob", distortion=(0.1, -0.2, 0.001, -0.002, 0.05))
 """640 x 480, a lens that moves the corners by 11 pixels."""

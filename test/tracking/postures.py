@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from radar_core import PointCloud
+from radar_lab.posture.features import PostureFeatureConfig
+from radar_lab.posture.training import HandRecording, PostureTrainingConfig
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
-from radar_tracking.hand.posture_features import PostureFeatureConfig
-from radar_tracking.hand.posture_training import HandRecording, PostureTrainingConfig
 
 FRAME_NS = 100_000_000
 ORIGIN = np.array([0.0, 0.0, 1.0])

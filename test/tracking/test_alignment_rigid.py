@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import DataError
-from radar_tracking.alignment import NotObservableError, RigidConfig, align_points
-from radar_tracking.alignment.rigid import closed_form, moved, rigid_jacobian
+from radar_lab.alignment import NotObservableError, RigidConfig, align_points
+from radar_lab.alignment.rigid import closed_form, moved, rigid_jacobian
 
 STD = 0.05
 

@@ -7,11 +7,11 @@ from blobs import make_cloud
 from radar_core import PointCloud
 from radar_core.config import load
 from radar_tracking import TrackerConfig
-from radar_tracking.association import Owners, associate, make_association
 from radar_tracking.clustering import dbscan
-from radar_tracking.points import Admission, Points
-from radar_tracking.roster import RECORD, Roster
-from radar_tracking.sight import Sight, look
+from radar_tracking.people.association import Owners, associate, make_association
+from radar_tracking.people.gating import Sight, look
+from radar_tracking.people.points import Admission, Points
+from radar_tracking.people.track_table import RECORD, Roster
 
 DEVIATION = 0.15  # m: of bodies, along each axis
 KNOBS = {"gate": 1.0, "reach": 0.9, "clustering": {"eps": 0.4, "min_points": 2}}

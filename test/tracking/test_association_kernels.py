@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from radar_core.config import load
 from radar_tracking import TrackerConfig
-from radar_tracking.association import GroupTrackingWithClustering
-from radar_tracking.association_kernels import share_out
-from radar_tracking.points import Admission
+from radar_tracking.people.association import GroupTrackingWithClustering
+from radar_tracking.people.association_kernels import share_out
+from radar_tracking.people.points import Admission
 
 
 @settings(max_examples=80, deadline=None)

@@ -9,9 +9,9 @@ from blobs import FRAME_NS, Shell, blob, empty, make_cloud, standing, together
 from radar_core import PointCloud, Pose, merge
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig
-from radar_tracking.background import Background
-from radar_tracking.people_config import BackgroundConfig
-from radar_tracking.points import Admission, Points
+from radar_tracking.people.background import Background
+from radar_tracking.people.config import BackgroundConfig
+from radar_tracking.people.points import Admission, Points
 
 RATE = 50  # clouds per second
 DT = FRAME_NS * 1e-9

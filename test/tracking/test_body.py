@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.config import load
 from radar_tracking import FilterConfig, PeopleTracker, TrackerConfig
-from radar_tracking.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, measure
-from radar_tracking.body_kernels import centre, centre_reference
-from radar_tracking.points import Admission, Points
+from radar_tracking.people.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, measure
+from radar_tracking.people.body_kernels import centre, centre_reference
+from radar_tracking.people.points import Admission, Points
 
 AROUND = [Pose(x=3 * np.cos(a), y=3 * np.sin(a), yaw=(a + np.pi) % (2 * np.pi) - np.pi * 2) for a in np.arange(8) * np.pi / 4]
 CENTRE = np.array([0.4, -0.2, 1.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_tracking.camera.depth import DepthConfig, DepthReader
+from radar_lab.camera.depth import DepthConfig, DepthReader
 
 EXACT = DepthConfig(noise_floor=0.0, noise_growth=0.0)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import ConfigError, DataError
-from radar_tracking.camera.markers import MarkerConfig, MarkerFinder, enclosing_circle
+from radar_lab.camera.markers import MarkerConfig, MarkerFinder, enclosing_circle
 
 GREEN = 120.0
 

@@ -9,12 +9,12 @@ import pytest
 from camera_scenes import drawing
 
 from radar_core import ConfigError
-from radar_tracking.camera import mediapipe_pose
-from radar_tracking.camera.estimators import PoseConfig, make_estimator
-from radar_tracking.camera.mediapipe_pose import MediapipeConfig, MediapipePose
-from radar_tracking.camera.pinhole import CameraModel, CameraMount
-from radar_tracking.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_tracking.camera.truth import CameraTruth, CameraTruthConfig
+from radar_lab.camera import mediapipe_pose
+from radar_lab.camera.estimators import PoseConfig, make_estimator
+from radar_lab.camera.mediapipe_pose import MediapipeConfig, MediapipePose
+from radar_lab.camera.pinhole import CameraModel, CameraMount
+from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
 
 MOUNT = CameraMount(z=1.1)
 

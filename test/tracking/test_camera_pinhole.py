@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import ConfigError, Pose
-from radar_tracking.camera.pinhole import CameraModel, CameraMount, from_optical, to_optical
+from radar_lab.camera.pinhole import CameraModel, CameraMount, from_optical, to_optical
 
 LENSES = {
     "none": CameraModel(),

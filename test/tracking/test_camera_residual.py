@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_tracking.camera.figures import draw
-from radar_tracking.camera.report import budget, collect
-from radar_tracking.camera.residual import PARTS, HandResiduals, ReferenceSample, ResidualConfig, TrackSample
+from radar_lab.camera.figures import draw
+from radar_lab.camera.report import budget, collect
+from radar_lab.camera.residual import PARTS, HandResiduals, ReferenceSample, ResidualConfig, TrackSample
 
 MS = 1_000_000
 EXACT = ResidualConfig(acceleration=0.0)

@@ -7,12 +7,12 @@ import pytest
 from camera_scenes import LENS, MOUNT, SMALL, camera, drawing
 
 from radar_core import ConfigError, DataError
-from radar_tracking.camera.depth import DepthConfig
-from radar_tracking.camera.frame import RgbdFrame
-from radar_tracking.camera.pinhole import CameraMount
-from radar_tracking.camera.pose import Keypoints
-from radar_tracking.camera.residual import ReferenceSample
-from radar_tracking.camera.truth import PARTS, CameraTruth, CameraTruthConfig, reference_of
+from radar_lab.camera.depth import DepthConfig
+from radar_lab.camera.frame import RgbdFrame
+from radar_lab.camera.pinhole import CameraMount
+from radar_lab.camera.pose import Keypoints
+from radar_lab.camera.residual import ReferenceSample
+from radar_lab.camera.truth import PARTS, CameraTruth, CameraTruthConfig, reference_of
 from radar_tracking.metrics import chi_square_band
 
 NAMES, HUES, RADII = ("right_hand", "left_wrist", "right_shoulder", "right_elbow"), (120.0, 0.0, 240.0, 60.0), (0.07, 0.06, 0.1, 0.08)

@@ -18,9 +18,9 @@ from radar_tracking.estimators import (
     make_estimator,
 )
 from radar_tracking.estimators.filters import GaussianFilter, LinearisedFilter, SigmaPointFilter
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn
 from radar_tracking.estimators.multiple import MultipleModels, SingleModel, mixture, reweigh
 from radar_tracking.estimators.sensing import PolarSensing, PositionSensing, VelocitySensing
-from radar_tracking.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn
 
 ALL = [
     EstimatorConfig(),

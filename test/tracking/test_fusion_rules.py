@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from radar_core import AntennaArray, ConfigError, Pose, RadarInfo, Waveform
 from radar_core.geometry import cartesian_to_spherical
-from radar_tracking.fusion import FusionConfig, Roster, fused_info
+from radar_tracking.fusion.clouds import FusionConfig, Roster, fused_info
 
 MS = 1_000_000
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from radar_core import ConfigError
-from radar_tracking.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded
 
 MODELS = [
     ConstantVelocity((1.0, 2.0)),

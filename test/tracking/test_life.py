@@ -9,8 +9,8 @@ from blobs import FRAME_NS, Shell, blob, empty, make_cloud, together
 from radar_core import PointCloud
 from radar_core.config import load
 from radar_tracking import LifeConfig, PeopleTracker, TrackerConfig
-from radar_tracking.life import TrackManagement
-from radar_tracking.roster import RECORD, Roster
+from radar_tracking.people.life import TrackManagement
+from radar_tracking.people.track_table import RECORD, Roster
 from radar_tracking.tracks import Deleted, Reason
 
 RATE = 50  # clouds per second

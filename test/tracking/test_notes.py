@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radar_tracking.notes import Torsos, match, note_extent, note_extent_reference, note_torso, note_torso_reference
-from radar_tracking.roster import RECORD
+from radar_tracking.people.statistics import Torsos, match, note_extent, note_extent_reference, note_torso, note_torso_reference
+from radar_tracking.people.track_table import RECORD
 
 SEEDS = st.integers(0, 2**32 - 1)
 NUMBERS = ("surface", "slip", "range", "rate", "power", "activity")

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig, TrackStatus
-from radar_tracking.pairs import two_heaps, two_heaps_reference
+from radar_tracking.people.pairs import two_heaps, two_heaps_reference
 
 
 @settings(max_examples=150, deadline=None)

@@ -14,7 +14,7 @@ from radar_sim.effects.config import Effects, Multipath
 from radar_sim.scene import Fidelity, Scene, SceneRadar
 from radar_sim.things import Point, Wall
 from radar_tracking import PeopleTracker, TrackerConfig, TrackStatus
-from radar_tracking.reflections import detours
+from radar_tracking.people.reflections import detours
 
 WALL = np.array([[0.0, 2.0, 6.0, 2.0]])
 

@@ -9,8 +9,8 @@ from blobs import FRAME_NS, Shell, blob, empty, together
 from radar_core import Pose, RadarInfo, Waveform
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking.people.view import View
 from radar_tracking.tracks import Reason
-from radar_tracking.view import View
 
 RATE = 50  # clouds per second
 DT = FRAME_NS * 1e-9

@@ -10,8 +10,8 @@ from hypothesis.extra import numpy as hnp
 
 from radar_core import ConfigError
 from radar_core.config import load
+from radar_tracking.people.zones import Zones, ZonesConfig
 from radar_tracking.tracks import Track, Tracks, TrackStatus
-from radar_tracking.zones import Zones, ZonesConfig
 
 ROOM = (0.0, 5.0, -2.0, 2.0)
 ALCOVE = (5.0, 6.0, 0.0, 1.0)

@@ -17,20 +17,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from typer.testing import CliRunner
 
+from benchmarks.tradeoff import document, run, stages
+from benchmarks.tradeoff.clustering import three_people
+from benchmarks.tradeoff.document import NO_REASON, report, verdicts
+from benchmarks.tradeoff.front import beaten_by, front, kept, panels
+from benchmarks.tradeoff.graph import nodes
+from benchmarks.tradeoff.people import Judge, short, visible
+from benchmarks.tradeoff.plot import COLOUR, GREY, draw, pictures
+from benchmarks.tradeoff.reasons import REASONS
+from benchmarks.tradeoff.rows import Found, Panel, measure, of_rms, of_share, scaled
+from benchmarks.tradeoff.run import Job, conclude, measured, read
+from benchmarks.tradeoff.settings import Settings
+from benchmarks.tradeoff.stages import STAGES, chosen
+from radar_app.cli import app
 from radar_core import ConfigError, DataError
-from radar_ros.cli import app
-from radar_ros.tradeoff import document, run, stages
-from radar_ros.tradeoff.clustering import three_people
-from radar_ros.tradeoff.document import NO_REASON, report, verdicts
-from radar_ros.tradeoff.front import beaten_by, front, kept, panels
-from radar_ros.tradeoff.graph import nodes
-from radar_ros.tradeoff.people import Judge, short, visible
-from radar_ros.tradeoff.plot import COLOUR, GREY, draw, pictures
-from radar_ros.tradeoff.reasons import REASONS
-from radar_ros.tradeoff.rows import Found, Panel, measure, of_rms, of_share, scaled
-from radar_ros.tradeoff.run import Job, conclude, measured, read
-from radar_ros.tradeoff.settings import Settings
-from radar_ros.tradeoff.stages import STAGES, chosen
 from radar_sim import Simulator
 
 CHEAP = ("transforms", "clustering")
@@ -204,7 +204,7 @@ def test_every_reason_is_of_a_panel():
         value.name
         for name in STAGES
         for value in vars(
-            sys.modules.get(f"radar_ros.tradeoff.{name}") or __import__(f"radar_ros.tradeoff.{name}", fromlist=["x"])
+            sys.modules.get(f"benchmarks.tradeoff.{name}") or __import__(f"benchmarks.tradeoff.{name}", fromlist=["x"])
         ).values()
         if isinstance(value, Panel)
     }
@@ -284,7 +284,7 @@ def test_another_factor_scales_what_is_there(finished):
 def test_a_run_that_is_killed_goes_on(tmp_path):
     """Ctrl-C leaves the finished stage and a report of it; the same command does the rest."""
     out = tmp_path / "report"
-    arguments = [sys.executable, "-m", "radar_ros.cli", "tradeoff", "-o", str(out), "--quick", *stage_options(("transforms", "detection"))]
+    arguments = [sys.executable, "-m", "radar_app.cli", "tradeoff", "-o", str(out), "--quick", *stage_options(("transforms", "detection"))]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     end = time.monotonic() + 120
     while not (out / "transforms.json").exists():

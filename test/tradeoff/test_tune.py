@@ -7,14 +7,14 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.budget import BUDGET_MS, experiment
+from benchmarks.tradeoff.budget import LEVELS, rows
+from benchmarks.tradeoff.people import Judge
+from benchmarks.tradeoff.tune import Candidate, Tuned, candidates, ladder, losses
+from radar_app.cli import app
 from radar_core.config import load, nest
 from radar_core.ladder import load_ladders
 from radar_dsp import BasebandConfig
-from radar_ros.cli import app
 from radar_ros.machine import machine
-from radar_ros.tradeoff.budget import LEVELS, rows
-from radar_ros.tradeoff.people import Judge
-from radar_ros.tradeoff.tune import Candidate, Tuned, candidates, ladder, losses
 from radar_tracking import TrackerConfig
 
 

@@ -1,0 +1,138 @@
+"""The report: every choice of every stage, which are worth their time, and why the defaults are what they are."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from benchmarks.tradeoff.front import beaten_by, kept, panels
+from benchmarks.tradeoff.reasons import REASONS
+from benchmarks.tradeoff.rows import Row
+from benchmarks.tradeoff.stages import STAGES, Stage
+
+NO_REASON: Final = "**no reason is given**"
+_HEAD: Final = """# Accuracy against time
+
+Made by `{command}` on {machine}. Every table is one knob: what each choice achieves, what it takes,
+and how that compares with a bare reference measured in the same run, in turn with it. Times are medians, with the 95th percentile in
+brackets; one thread. A choice on the front (●) is one that no other beats in both time and accuracy; the others are grey in the pictures.
+The default is in bold.
+
+A default counts as beaten when another choice is no worse in both, and clearly better in one: quicker by more than a tenth, or more
+accurate by more than ±, two standard errors of the figure (of GOSPA: of its difference from the default's on the same seconds). Where the
+frame rate is a choice, and for the whole chain, times are those that one second of radar takes. Figures in this page are of
+{amount}.
+{notes}
+"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a panel's default is worth its time.
+
+    Attributes
+    ----------
+    panel, default : str
+        Which.
+    text : str
+        The verdict in words.
+    unexplained : bool
+        It is clearly beaten, and nobody has said why it is the default.
+    """
+
+    panel: str
+    default: str
+    text: str
+    unexplained: bool = False
+
+
+def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
+    """Judge the default of every panel that has one."""
+    for name, own in panels(rows):
+        for row, on_front in zip(own, kept(own), strict=True):
+            if not row["default"]:
+                continue
+            beaten = beaten_by(row, own)
+            if on_front:
+                yield Verdict(name, row["choice"], "on the front")
+            elif not beaten:
+                yield Verdict(name, row["choice"], "as good as on the front: what is better is so by chance, or by less than a tenth")
+            else:
+                reason = REASONS.get(name, "").strip()
+                others = "; ".join(other["choice"] for other in beaten)  # names hold commas
+                yield Verdict(name, row["choice"], f"not on the front ({others}). {reason or NO_REASON}", not reason)
+
+
+def report(results: Sequence[dict[str, Any]], *, command: str, quick: bool, factor: float, pictures: str = "", note: str = "") -> str:
+    """Write the report of the stages' results.
+
+    Parameters
+    ----------
+    results : sequence of dict
+        Contents of the stages' files.
+    command : str
+        What was run.
+    quick : bool
+        Whether the amounts were the small ones.
+    factor : float
+        What times were multiplied by.
+    pictures : str
+        Folder of the pictures as seen from the report, with a slash at its end; empty: the same.
+    note : str
+        One more sentence at the head.
+    """
+    amount = "a quick run: few scenes and repetitions, to see that it runs, not for quoting" if quick else "a full run"
+    notes = [note] if note else []
+    if factor != 1.0:
+        notes.append(f"All times are multiplied by {factor:g}: those of a device so much slower than the machine that was measured.")
+    head = _HEAD.format(command=command, machine=machine(), amount=amount, notes="\n" + "\n\n".join(notes) + "\n" if notes else "")
+    rows = [row for result in results for row in result["rows"]]
+    parts = [head.rstrip(), "", "## The defaults", "", *_verdict_table(rows), ""]
+    for result in results:
+        parts += _section(STAGES[result["stage"]], result, pictures)
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def machine() -> str:
+    """Describe what was measured on, without its name."""
+    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def _verdict_table(rows: Sequence[Row]) -> list[str]:
+    lines = ["| knob | default | |", "|---|---|---|"]
+    return lines + [f"| {found.panel} | {found.default} | {found.text} |" for found in verdicts(rows)]
+
+
+def _section(stage: Stage, result: dict[str, Any], pictures: str) -> list[str]:
+    lines = [f"## {stage.title}", ""]
+    for name, own in panels(result["rows"]):
+        figure = own[0]["accuracy"]
+        unit = f" [{figure['unit']}]" if figure["unit"] else ""
+        lines += [
+            f"### {name[0].upper()}{name[1:]}",
+            "",
+            f"Accuracy: {figure['name']}, {own[0]['better']} is better. The reference is {own[0]['reference']}.",
+            "",
+            f"| | choice | {figure['name']}{unit} | ± | time [ms] | x reference |",
+            "|---|---|---|---|---|---|",
+            *(_line(row, bool(on_front)) for row, on_front in zip(own, kept(own), strict=True)),
+            "",
+        ]
+    lines += [f"Left out: {one['choice']} ({one['stage']}): {one['why']}." for one in result["left_out"]]
+    lines += [""] if result["left_out"] else []
+    if result["rows"]:
+        lines += [f"![{stage.title}]({pictures}{stage.name}.png)", ""]
+    return lines
+
+
+def _line(row: Row, on_front: bool) -> str:
+    name = f"**{row['choice']}**" if row["default"] else row["choice"]
+    time = row["time_ms"]
+    margin = f"{row['margin']:.2g}" if row["margin"] else ""
+    return (
+        f"| {'●' if on_front else ''} | {name} | {row['accuracy']['value']:.4g} | {margin} | "
+        f"{time['median']:.3g} ({time['p95']:.3g}) | {row['ratio']:.3g} |"
+    )

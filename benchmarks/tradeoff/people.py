@@ -1,0 +1,168 @@
+"""Short simulated scenes with people for the stages behind the baseband: moments with truth, and how far tracks are from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.tradeoff.settings import Settings
+from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
+from radar_core.geometry import cartesian_to_spherical
+from radar_dsp import Baseband, BasebandConfig
+from radar_sim import Fidelity, Scene, SimulatedFrame, Simulator, Truth, load_scene
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking.metrics import GospaMetric, ObjectSet, people
+
+_SCENES = ("two_crossing", "side_by_side", "five_people")
+_SECONDS = (6.0, 12.0)  # quick, full
+_VISIBLE_RCS = 0.02  # m^2: a tenth of what a person shows from the front; who shows less is hidden
+_MARGIN = 0.2  # m: the last range bins see a person only in part
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One frame's cloud in ``room``, what is true, who can be seen (shape (n_people,)), and what the baseband took [ms]."""
+
+    cloud: PointCloud
+    truth: Truth
+    visible: NDArray[np.bool_]
+    baseband_ms: float
+
+
+def scenes(settings: Settings) -> tuple[str, ...]:
+    """Name the scenes with people that are measured: the user's, else ours."""
+    if settings.scene is not None:
+        return (settings.scene,)
+    return settings.pick(_SCENES[:1], _SCENES)
+
+
+def seconds(settings: Settings) -> float:
+    """How much of each scene is simulated at most [s]."""
+    return settings.pick(*_SECONDS)
+
+
+def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
+    """Load a scene, with another seed than its own unless ``seed`` is 1; one of ours in the cheapest model of propagation.
+
+    Raises
+    ------
+    ConfigError
+        When nobody is in the scene, or it has fewer radars than asked for.
+    """
+    scene = load_scene(name)
+    if not scene.people or len(scene.radars) < radars:
+        has = f"{len(scene.people)} people and {len(scene.radars)} radars"
+        raise ConfigError(f"--scene {name}: it has {has}; this needs somebody in it, and {radars} or more radars")
+    scene = dataclasses.replace(scene, seed=scene.seed + seed - 1)
+    return dataclasses.replace(scene, fidelity=Fidelity(model="separable")) if ours else scene
+
+
+def visible(truth: Truth, info: RadarInfo) -> NDArray[np.bool_]:
+    """Say who shows the radar enough within its field of view and unambiguous range, shape (n_people,)."""
+    own = truth.scatterer_owner >= 0
+    shown = np.bincount(truth.scatterer_owner[own], truth.scatterer_rcs[own].astype(np.float64), len(truth.person_id))
+    distance, azimuth, _ = cartesian_to_spherical(info.mount.from_room(truth.position))
+    inside = (np.abs(azimuth) <= info.array.fov_azimuth / 2) & (distance < info.waveform.max_range - _MARGIN)
+    return np.asarray((shown >= _VISIBLE_RCS) & inside)
+
+
+def bare(truth: Truth) -> Truth:
+    """Leave out the scatterers, which are large."""
+    nothing = np.empty(0, np.float32)
+    return dataclasses.replace(
+        truth, scatterer_position=np.empty((0, 3), np.float32), scatterer_owner=np.empty(0, np.int32), scatterer_rcs=nothing
+    )
+
+
+def frames(name: str, settings: Settings) -> Iterator[tuple[Simulator, SimulatedFrame]]:
+    """Simulate the first seconds of a scene, frame by frame."""
+    simulator = Simulator(short(name, settings.seed, settings.scene is None))
+    for k in range(min(simulator.n_frames, round(seconds(settings) / simulator.interval))):
+        yield simulator, simulator.process(k)
+
+
+@functools.lru_cache(maxsize=8)
+def moments(name: str, settings: Settings) -> tuple[RadarInfo, tuple[Moment, ...]]:
+    """Clouds of a scene by the default baseband; simulated once and shared by all stages of a run."""
+    info, baseband, found = RadarInfo(), None, []
+    for simulator, made in frames(name, settings):
+        if baseband is None:
+            info, baseband = simulator.info, Baseband(BasebandConfig(), simulator.info)
+        cloud, spent = timed(baseband, made.frame)
+        found.append(Moment(cloud.to_room(info.mount), bare(made.truth), visible(made.truth, info), spent))
+    return info, tuple(found)
+
+
+def timed(baseband: Baseband, frame: RadarFrame) -> tuple[PointCloud, float]:
+    """Process a frame and say how long that took [ms]."""
+    start = time.perf_counter_ns()
+    cloud = baseband.process(frame)
+    return cloud, (time.perf_counter_ns() - start) * 1e-6
+
+
+class Judge:
+    """GOSPA of one tracker on the floor plane, moment by moment, and its times."""
+
+    def __init__(self) -> None:
+        self._metric = GospaMetric()
+        self._by_second: dict[tuple[str, int], list[float]] = {}
+        self.times_ms: list[float] = []
+
+    def compare(self, scene: str, truth: Truth, seen: NDArray[np.bool_], tracks: Tracks) -> None:
+        """Take in one moment of a scene; ``seen`` says who counts, shape (n_people,)."""
+        step = self._metric.process(ObjectSet.of(truth.position[:, :2], truth.person_id, seen), people(tracks))
+        self._by_second.setdefault((scene, truth.stamp_ns // 1_000_000_000), []).append(step.distance)
+
+    @property
+    def mean(self) -> float:
+        """Mean GOSPA over all moments [m]."""
+        return self._metric.summary().mean
+
+    def margin(self, default: Judge) -> float:
+        """Two standard errors of the mean difference from another judge's, on the same seconds: neighbouring moments tell the same [m]."""
+        both = [key for key in self._by_second if key in default._by_second]
+        apart = [float(np.mean(self._by_second[key]) - np.mean(default._by_second[key])) for key in both]
+        return float(2 * np.std(apart) / max(len(both), 1) ** 0.5)
+
+
+def track(configs: dict[str, TrackerConfig], settings: Settings, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
+    """Run trackers in turn over the clouds of all scenes.
+
+    Parameters
+    ----------
+    configs : dict of str to TrackerConfig
+        By name.
+    settings : Settings
+        How much.
+    every : int
+        Only each so many'th cloud, as a radar of a lower frame rate gives them.
+
+    Returns
+    -------
+    judges : dict of str to Judge
+        By name.
+    interval : float
+        From cloud to cloud [s].
+    baseband_ms : list of float
+        What the baseband took for each cloud [ms].
+    """
+    judges, interval, spent = {name: Judge() for name in configs}, 0.02, []
+    for scene in scenes(settings):
+        info, found = moments(scene, settings)
+        interval = info.waveform.frame_interval * every
+        slower = dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=interval))
+        trackers = {name: PeopleTracker(config, slower) for name, config in configs.items()}
+        for moment in found[::every]:
+            spent.append(moment.baseband_ms)
+            for name, tracker in trackers.items():
+                start = time.perf_counter_ns()
+                tracks = tracker.process(moment.cloud)
+                judges[name].times_ms.append((time.perf_counter_ns() - start) * 1e-6)
+                judges[name].compare(scene, moment.truth, moment.visible, tracks)
+    return judges, interval, spent

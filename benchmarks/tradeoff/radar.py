@@ -1,0 +1,67 @@
+"""Frame rate and number of transmitters: GOSPA of the people, beside the time that a second of radar takes."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from benchmarks.tradeoff.people import Judge, frames, scenes, timed, track, visible
+from benchmarks.tradeoff.rows import Found, Panel
+from benchmarks.tradeoff.settings import Settings
+from radar_core.transmitters import one_transmitter, one_transmitter_frame
+from radar_dsp import Baseband, BasebandConfig
+from radar_tracking import PeopleTracker, TrackerConfig
+
+RATE = Panel("frame rate", "mean GOSPA", "m", "lower", "50 Hz", "the same at 50 Hz")
+TRANSMITTERS = Panel("number of transmitters", "mean GOSPA", "m", "lower", "2 transmitters", "baseband and tracking with 2 transmitters")
+
+
+def _rates(settings: Settings) -> Found:
+    """Take every n-th cloud; times are of baseband and tracking for one second of radar."""
+    found, reference, default = Found(), [0.0], Judge()
+    for every in (1, 2, 3, 5):
+        judges, interval, baseband = track({"": TrackerConfig()}, settings, every)
+        judge, rate = judges[""], 1.0 / interval
+        times = (rate * np.add(baseband, judge.times_ms)).tolist()
+        reference, default = (times, judge) if every == 1 else (reference, default)
+        name = "50 Hz" if every == 1 and round(rate) == 50 else f"{rate:.3g} Hz"
+        found.rows.append(RATE.row(name, judge.mean, times, reference, margin=judge.margin(default)))
+    return found
+
+
+def _transmitters(settings: Settings) -> Found:
+    """Keep the chirps of the first transmitter of the same frames."""
+    judges: dict[str, Judge] = {}
+    found = Found()
+    for scene in scenes(settings):
+        chains: dict[str, tuple[Baseband, PeopleTracker]] = {}
+        info: Any = None
+        for simulator, made in frames(scene, settings):
+            if info is None:
+                info = simulator.info
+                if info.waveform.n_tx == 1:
+                    found.leave_out(TRANSMITTERS.name, "2 transmitters", f"the radar of {scene} has one transmitter")
+                    return found
+                infos = {f"{info.waveform.n_tx} transmitters": info, "1 transmitter": one_transmitter(info)}
+                chains = {name: (Baseband(BasebandConfig(), one), PeopleTracker(None, one)) for name, one in infos.items()}
+            seen = visible(made.truth, info)
+            for name, (baseband, tracker) in chains.items():
+                frame = made.frame if name != "1 transmitter" else one_transmitter_frame(made.frame, info)
+                cloud, spent = timed(baseband, frame)
+                start = time.perf_counter_ns()
+                tracks = tracker.process(cloud.to_room(info.mount))
+                judge = judges.setdefault(name, Judge())
+                judge.times_ms.append(spent + (time.perf_counter_ns() - start) * 1e-6)
+                judge.compare(scene, made.truth, seen, tracks)
+    most = next(iter(judges.values()))
+    for name, judge in judges.items():
+        found.rows.append(TRANSMITTERS.row(name, judge.mean, judge.times_ms, most.times_ms, margin=judge.margin(most)))
+    return found
+
+
+def measure(settings: Settings) -> Found:
+    """Compare frame rates and numbers of transmitters on the same scenes."""
+    rates, transmitters = _rates(settings), _transmitters(settings)
+    return Found(rates.rows + transmitters.rows, transmitters.left_out)

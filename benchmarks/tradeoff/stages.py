@@ -1,0 +1,78 @@
+"""The stages that are measured, in the order of the chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Final
+
+from benchmarks.tradeoff.rows import Found
+from benchmarks.tradeoff.settings import Settings
+from radar_core import ConfigError
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One module of this package that measures.
+
+    Attributes
+    ----------
+    name : str
+        Of the module, and of the stage's files.
+    title : str
+        Heading in the report.
+    packages : tuple of str
+        Whose code its figures depend on.
+    scene : bool
+        Whether `Settings.scene` replaces its own.
+    """
+
+    name: str
+    title: str
+    packages: tuple[str, ...]
+    scene: bool
+
+    @property
+    def measure(self) -> Callable[[Settings], Found]:
+        """What measures it; its imports take seconds, so they wait until then."""
+        found: Callable[[Settings], Found] = import_module(f"benchmarks.tradeoff.{self.name}").measure
+        return found
+
+
+_DSP: Final = ("radar_core", "radar_dsp")
+_PEOPLE: Final = (*_DSP, "radar_sim", "radar_tracking")
+_ALL: Final = (*_PEOPLE, "radar_gestures")
+
+STAGES: Final[dict[str, Stage]] = {
+    stage.name: stage
+    for stage in (
+        Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True),
+        Stage("transforms", "Baseband: sample type, FFT back end, word length", _DSP, False),
+        Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False),
+        Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False),
+        Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False),
+        Stage("tracking", "Tracking: trackers, estimators, clustering", _PEOPLE, True),
+        Stage("radar", "Radar: frame rate, number of transmitters", _PEOPLE, True),
+        Stage("hand", "Hand: number of radars, filter", _PEOPLE, True),
+        Stage("gestures", "Gestures: feature source, classifier", _ALL, False),
+        Stage("budget", "Budget: levels of accuracy", (*_PEOPLE, "benchmarks/tradeoff/tune.py"), True),
+        Stage("graph", "Graph: processes", _ALL, True),
+        Stage("chain", "The whole chain", _ALL, True),
+    )
+}
+"""By name."""
+
+
+def chosen(names: tuple[str, ...]) -> tuple[Stage, ...]:
+    """Look stages up by name; none: all.
+
+    Raises
+    ------
+    ConfigError
+        Naming what there is not, and what there is.
+    """
+    unknown = [name for name in names if name not in STAGES]
+    if unknown:
+        raise ConfigError(f"--stage {unknown[0]}: there is no such stage; choose of {', '.join(STAGES)}")
+    return tuple(stage for name, stage in STAGES.items() if not names or name in names)

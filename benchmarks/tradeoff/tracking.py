@@ -1,0 +1,42 @@
+"""Trackers and estimators of people: GOSPA on simulated scenes, beside the time of a cloud."""
+
+from __future__ import annotations
+
+from benchmarks.tradeoff.people import track
+from benchmarks.tradeoff.rows import Found, Panel
+from benchmarks.tradeoff.settings import Settings
+from radar_core.config import load, nest
+from radar_tracking import TrackerConfig
+
+_REFERENCE = "the baseband's time of the same frames"
+TRACKER = Panel("tracker", "mean GOSPA", "m", "lower", "group_clustering", _REFERENCE)
+ESTIMATOR = Panel("estimator", "mean GOSPA", "m", "lower", "linear", _REFERENCE)
+WITHIN = Panel("clustering within the tracker", "mean GOSPA", "m", "lower", "dbscan", _REFERENCE)
+
+KNOBS: dict[Panel, dict[str, dict[str, str]]] = {
+    TRACKER: {
+        "group_clustering": {},
+        "group": {"tracker": "group"},
+        "cluster_first": {"tracker": "cluster_first"},
+        "cluster_first, split=kmeans": {"tracker": "cluster_first", "association.split": "kmeans"},
+    },
+    ESTIMATOR: {
+        name: {"filter.estimator.name": name} for name in ("linear", "extended", "unscented", "imm", "mmae", "mm_vel_est")
+    },
+    WITHIN: {
+        name: {"association.clustering.name": name} for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
+    },
+}  # fmt: skip
+
+
+def measure(settings: Settings) -> Found:
+    """Compare trackers, estimators and clusterings within the tracker on the same clouds."""
+    found = Found()
+    configs = {f"{panel.name}: {name}": load(TrackerConfig, nest(knobs)) for panel, own in KNOBS.items() for name, knobs in own.items()}
+    judges, _, baseband = track(configs, settings)
+    for panel, own in KNOBS.items():
+        default = judges[f"{panel.name}: {panel.default}"]
+        for name in own:
+            judge = judges[f"{panel.name}: {name}"]
+            found.rows.append(panel.row(name, judge.mean, judge.times_ms, baseband, margin=judge.margin(default)))
+    return found

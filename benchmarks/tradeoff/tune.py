@@ -1,0 +1,230 @@
+"""What nodes with a time budget choose from: levels of accuracy of a stage, with their times on this machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from rich.progress import track
+from threadpoolctl import threadpool_limits
+
+from benchmarks.tradeoff.front import FASTER
+from benchmarks.tradeoff.people import Judge, frames, scenes, visible
+from benchmarks.tradeoff.settings import Settings
+from radar_core import PointCloud, RadarInfo
+from radar_core.config import flat, load, nest
+from radar_core.ladder import Ladder, Level
+from radar_dsp import Baseband, BasebandConfig
+from radar_ros.machine import machine
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
+from radar_ros.messages.tracks import tracks_to_msg
+from radar_sim import Simulator, Truth
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+
+FIGURE: Final = "mean GOSPA of the people"
+_BASEBAND: Final[Mapping[str, Mapping[str, Any]]] = {
+    "one refinement step": {"doa.newton_steps": 1},
+    "one echo in a cell": {},
+    "two echoes in a cell": {"doa.method": "dml2"},
+}
+_REFINED: Final[Mapping[str, Mapping[str, Any]]] = {  # ten times the time of the rest: not for a quick look
+    "one echo, refined on the samples": {"refine": "ml"},
+    "two echoes, refined on the samples": {"doa.method": "dml2", "refine": "ml"},
+}
+_TRACKING: Final[Mapping[str, Mapping[str, Any]]] = {
+    "linear filter, group tracker": {"tracker": "group"},
+    "linear filter": {},
+    "velocity filter": {"filter.estimator.name": "mm_vel_est"},
+    "unscented filter": {"filter.estimator.name": "unscented"},
+}
+_EVERY: Final = (1, 2, 3, 5)  # below 10 Hz people are lost, and gestures long before
+_OTHERS: Final = np.zeros(1_000_000)
+"""Walked through before each timed frame, so that caches are as cold as between two frames of a radar, when other processes run."""
+DEFAULTS: Final = {"baseband": "one echo in a cell", "tracking": "linear filter"}
+
+
+@dataclass(eq=False)
+class Candidate:
+    """One way to run a stage, and what it showed so far.
+
+    Attributes
+    ----------
+    knobs : mapping
+        By dotted name; all that any candidate of its stage sets.
+    every : int
+        Every so many'th frame is processed.
+    times_ms : list of float
+        Of processed frames.
+    judge : Judge
+        Of the tracks that are there at every frame, new or not.
+    """
+
+    name: str
+    knobs: Mapping[str, Any]
+    every: int
+    times_ms: list[float] = field(default_factory=list)
+    judge: Judge = field(default_factory=Judge)
+
+    @property
+    def level(self) -> Level:
+        """What it showed."""
+        name = self.name if self.every == 1 else f"{self.name}, one frame in {self.every}"
+        return Level(name, dict(self.knobs), self.every, float(np.median(self.times_ms)), self.judge.mean)
+
+
+def candidates(presets: Mapping[str, Mapping[str, Any]], config: Any) -> list[Candidate]:
+    """List all presets at all frame rates; each says the value of every knob that one of them sets, so that it means the same anywhere."""
+    usual = flat(config)
+    every_knob = {name: usual[name] for knobs in presets.values() for name in knobs}
+    return [Candidate(name, {**every_knob, **knobs}, every) for every in _EVERY for name, knobs in presets.items()]
+
+
+class _Follower:
+    """A tracker behind one candidate's clouds; between them its last tracks stay, as for whoever reads them."""
+
+    def __init__(self, candidate: Candidate, config: TrackerConfig, info: RadarInfo) -> None:
+        self.candidate, self._tracker = candidate, PeopleTracker(config, info)
+        self._last: Tracks | None = None
+
+    def process(self, scene: str, number: int, cloud: PointCloud, truth: Truth, info: RadarInfo, *, timed: bool) -> None:
+        if number % self.candidate.every == 0:
+            if timed:
+                _OTHERS.sum()
+            start = time.perf_counter_ns()
+            self._last = self._tracker.process(cloud)
+            if timed:
+                tracks_to_msg(self._last)
+                self.candidate.times_ms.append((time.perf_counter_ns() - start) * 1e-6)
+        if self._last is not None:
+            self.candidate.judge.compare(scene, truth, visible(truth, info), self._last)
+
+
+def _baseband(settings: Settings) -> Iterator[tuple[str, Simulator, Any]]:
+    for scene in scenes(settings):
+        for simulator, made in frames(scene, settings):
+            yield scene, simulator, made
+
+
+def baseband(settings: Settings) -> list[Candidate]:
+    """Run all candidates of the baseband over the same frames, each with a default tracker of people behind it."""
+    found = candidates({**_BASEBAND, **settings.pick({}, _REFINED)}, BasebandConfig())
+    chains: dict[str, Baseband] = {}
+    followers: list[_Follower] = []
+    before = ""
+    for scene, simulator, made in _baseband(settings):
+        info = simulator.info
+        if scene != before:
+            chains = {one.name: Baseband(load(BasebandConfig, nest(one.knobs)), info) for one in found if one.every == 1}
+            followers, before = [_Follower(one, TrackerConfig(), info) for one in found], scene
+        clouds = {}
+        for name, chain in chains.items():
+            _OTHERS.sum()
+            start = time.perf_counter_ns()
+            cloud = chain.process(made.frame)
+            cloud_to_msg(cloud)
+            spent = (time.perf_counter_ns() - start) * 1e-6
+            clouds[name] = cloud.to_room(info.mount)
+            for one in found:
+                if one.name == name and made.frame.sequence % one.every == 0:
+                    one.times_ms.append(spent)
+        for follower in followers:
+            follower.process(scene, made.frame.sequence, clouds[follower.candidate.name], made.truth, info, timed=False)
+    return found
+
+
+def tracking(settings: Settings) -> list[Candidate]:
+    """Run all candidates of the tracking over the clouds of the default baseband."""
+    found = candidates(_TRACKING, TrackerConfig())
+    followers: list[_Follower] = []
+    chain, before = None, ""
+    for scene, simulator, made in _baseband(settings):
+        info = simulator.info
+        if scene != before or chain is None:
+            chain, before = Baseband(BasebandConfig(), info), scene
+            followers = [_Follower(one, load(TrackerConfig, nest(one.knobs)), info) for one in found]
+        cloud = cloud_from_msg(cloud_to_msg(chain.process(made.frame))).to_room(info.mount)
+        for follower in followers:
+            follower.process(scene, made.frame.sequence, cloud, made.truth, info, timed=True)
+    return found
+
+
+def losses(found: Sequence[Candidate], default: str) -> list[float]:
+    """Say how inaccurate the candidates are [m], chance left out.
+
+    What cannot be told from the default at the same frame rate is as accurate as the default; and leaving out more frames makes nothing
+    more accurate, whatever one run shows.
+
+    Parameters
+    ----------
+    found : sequence of Candidate
+        All presets at all frame rates, rates one after the other, the highest first.
+    default : str
+        Name of the default preset.
+    """
+    result: list[float] = []
+    worst: dict[str, float] = {}
+    usual = {one.every: one.judge for one in found if one.name == default}
+    for one in found:
+        own, other = one.judge.mean, usual[one.every].mean
+        loss = other if abs(own - other) <= one.judge.margin(usual[one.every]) else own
+        worst[one.name] = max(loss, worst.get(one.name, loss))
+        result.append(worst[one.name])
+    return result
+
+
+def ladder(stage: str, found: Sequence[Candidate]) -> Ladder:
+    """Keep what is worth its time, the most accurate first.
+
+    A candidate stays when it is clearly quicker for each frame of the radar than all that are as accurate and leave out no more frames. Of
+    several that cannot be told apart the default stays, else the quickest.
+    """
+    default = DEFAULTS[stage]
+    groups: dict[tuple[float, int], list[Candidate]] = {}
+    for loss, one in zip(losses(found, default), found, strict=True):
+        groups.setdefault((loss, one.every), []).append(one)
+    kept: list[Level] = []
+    for key in sorted(groups):
+        quickest = min(one.level.cost_ms for one in groups[key])
+        near = [one for one in groups[key] if (1 - FASTER) * one.level.cost_ms <= quickest]
+        level = min(near, key=lambda one: (one.name != default, one.level.cost_ms)).level
+        if not kept or level.cost_ms < (1 - FASTER) * kept[-1].cost_ms:
+            kept.append(level)
+    return Ladder(stage, FIGURE, "m", "lower", tuple(kept), machine())
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """What was measured of a stage, and what of it is worth its time."""
+
+    ladder: Ladder
+    candidates: tuple[Candidate, ...]
+
+
+def tune(settings: Settings, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
+    """Measure the stages that have levels, in one thread.
+
+    Parameters
+    ----------
+    settings : Settings
+        How much, and of which scene.
+    factor : float
+        What times are multiplied by.
+    progress : bool
+        Show a bar.
+
+    Raises
+    ------
+    ConfigError
+        When nobody is in the scene.
+    """
+    found = []
+    with threadpool_limits(1):
+        for stage in track(("baseband", "tracking"), "tuning", disable=not progress, transient=True):
+            made = (baseband if stage == "baseband" else tracking)(settings)
+            for one in made:
+                one.times_ms = [factor * value for value in one.times_ms]
+            found.append(Tuned(ladder(stage, made), tuple(made)))
+    return found

@@ -1,0 +1,1 @@
+"""What a person starts: the handwave command, the graph of nodes, the demo, previews."""

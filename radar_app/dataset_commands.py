@@ -1,0 +1,268 @@
+"""Commands about data sets of gestures: generate, inspect, import, compare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from radar_core import ConfigError, DataError, PointCloud
+
+if TYPE_CHECKING:
+    from radar_lab.datasets.labelled import Moment
+    from radar_lab.datasets.samples import SampleSet
+    from radar_lab.evaluation.scoring import TruthSegment
+    from radar_ros.offline import Recording
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Data sets of single gestures: simulate them, look at them, cut them out of recordings, compare them.",
+)
+Folder = Annotated[Path, typer.Argument(help="folder of the data set; what is there already stays, and a stopped run goes on")]
+
+
+@app.command()
+def generate(
+    folder: Folder,
+    plan: Annotated[
+        str, typer.Option(help="subjects: 10 people x 10 gestures x 15; thesis: 600 samples of seven gestures; all: 600 of ten")
+    ] = "subjects",
+    samples: Annotated[int | None, typer.Option("--samples", "-n", help="samples that the folder shall hold in the end", min=1)] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", help="processes that simulate; -1: one per core", min=-1)] = -1,
+    seed: Annotated[int, typer.Option(help="of everything random, subjects included", min=0)] = 1,
+    subjects: Annotated[int | None, typer.Option(help="people; with 0 every sample is of another", min=0)] = None,
+    repetitions: Annotated[int | None, typer.Option(help="of every gesture by every subject", min=1)] = None,
+    gestures: Annotated[str, typer.Option(help="only these of the plan, with commas between, e.g. push,pull")] = "",
+    body: Annotated[str, typer.Option(help="mesh, or ellipsoids, which takes less time")] = "mesh",
+    one_tx: Annotated[bool, typer.Option("--one-tx", help="also keep what one transmitter alone would have seen")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="keep the raw frames too, about 16 MB a sample")] = False,
+    cluster: Annotated[str, typer.Option(help="address of a Dask scheduler whose workers share the folder, e.g. tcp://host:8786")] = "",
+) -> None:
+    """Simulate single gestures of many people, each with clouds, features and truth in a file of its own.
+
+    A sample depends on the seed and its number only: workers, machines and restarts change no byte. A run that is stopped, or killed, goes
+    on with the same command. Every sample can be made again from its file alone (`radar_lab.datasets.synthesis.remake`).
+
+    Examples: `handwave dataset generate people --one-tx` · `handwave dataset generate strokes --plan thesis --body ellipsoids --seed 7`
+    """
+    from radar_lab.datasets.synthesis import synthesise as run
+    from radar_lab.datasets.synthesis_plan import named_plan
+    from radar_ros.interrupts import INTERRUPTED, interruptible
+
+    if jobs == 0:
+        raise ConfigError("--jobs 0: give the number of processes, or -1 for one per core")
+    names = tuple(name.strip() for name in gestures.split(",") if name.strip())
+    given: dict[str, Any] = {"n_subjects": subjects, "repetitions": repetitions}
+    chosen = named_plan(plan, gestures=names, **{name: value for name, value in given.items() if value is not None})
+    wanted = chosen.n_samples if samples is None else samples
+    with interruptible(), _workers(cluster):
+        try:
+            done = run(folder, wanted, seed=seed, n_jobs=jobs, plan=chosen, body=body, raw=raw, one_tx=one_tx)
+        except KeyboardInterrupt:
+            held = len(list(folder.glob("sample_*.npz")))
+            print(f"stopped: {held} of {wanted} samples in {folder}; the same command goes on")
+            raise typer.Exit(INTERRUPTED) from None
+    print(f"{done} samples simulated, {wanted} in {folder}")
+
+
+@contextmanager
+def _workers(cluster: str) -> Iterator[None]:
+    """Let a Dask cluster work; without an address, joblib's own processes."""
+    if not cluster:
+        yield
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ConfigError("--cluster needs Dask; install it with: pip install 'handwave[cluster]'") from None
+    from joblib import parallel_config
+
+    try:
+        client = Client(cluster)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConfigError(f"--cluster {cluster}: there is no scheduler ({error}); start one with `dask scheduler`") from None
+    with client, parallel_config(backend="dask"):
+        yield
+
+
+@app.command()
+def inspect(
+    folder: Annotated[Path, typer.Argument(help="folder of the data set")],
+    numbers: Annotated[list[int] | None, typer.Argument(help="samples to draw; none: the first of every gesture")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="folder for the pictures; without it only the table is shown")] = None,
+) -> None:
+    """Show what a data set holds, and draw feature maps and signals of its samples, with the event that was found.
+
+    A picture has micro-Doppler, azimuth and elevation over time, below them the signals that features are made of; grey: what was
+    performed, red: start and end of the event.
+
+    Examples: `handwave dataset inspect strokes` · `handwave dataset inspect strokes 0 17 230 --out pictures`
+    """
+    from rich.console import Console
+
+    from radar_lab.datasets.samples import read_sample, sample_files, sample_path
+
+    files = sample_files(folder)
+    chosen = [sample_path(folder, number) for number in numbers or ()]
+    if absent := [path for path in chosen if path not in files]:
+        raise DataError(f"{folder}: there is no {absent[0].name}; it has samples {_number(files[0])} to {_number(files[-1])}")
+    table, firsts = _contents(files)
+    Console().print(table)
+    if out is None:
+        return
+    from radar_lab.evaluation.pictures import draw_sample_maps
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"--out {out}: this folder cannot be made ({error.strerror}); name another one") from None
+    for path in chosen or firsts:
+        sample = read_sample(path)
+        picture = out / f"{path.stem}_{sample['gesture']}.png"
+        draw_sample_maps(sample, picture)
+        print(picture)
+
+
+def _number(path: Path) -> int:
+    return int(path.stem.removeprefix("sample_"))
+
+
+def _contents(files: list[Path]) -> tuple[Any, list[Path]]:
+    """Table of the gestures in files, and the first file of each."""
+    import numpy as np
+    from rich.table import Table
+
+    from radar_core import GESTURES
+    from radar_lab.datasets.samples import read_sample
+
+    rows = []
+    for path in files:
+        sample = read_sample(path)
+        rows.append([int(sample[name]) for name in ("label", "subject", "found")])
+    label, subject, found = np.array(rows).T
+    table = Table("gesture", "samples", "subjects", "found", "missed")
+    for number in np.unique(label):
+        own = label == number
+        hits = int(found[own].sum())
+        table.add_row(GESTURES[number], str(own.sum()), str(len(np.unique(subject[own]))), str(hits), str(int(own.sum()) - hits))
+    return table, [files[int(np.argmax(label == number))] for number in np.unique(label)]
+
+
+@app.command("import")
+def import_(
+    bag: Annotated[Path, typer.Argument(help="folder of the recording, with raw frames or point clouds")],
+    folder: Annotated[Path, typer.Argument(help="folder of the data set; samples of several recordings of one radar may go into it")],
+    labels: Annotated[
+        Path | None, typer.Option(help="CSV file with the columns start,end,gesture,person; without it: the recording's own truth")
+    ] = None,
+    one_tx: Annotated[bool, typer.Option("--one-tx", help="of raw frames: also keep what one transmitter alone saw")] = False,
+) -> None:
+    """Cut labelled gestures out of a recording and add them to a data set, one file each.
+
+    Start and end are seconds from the recording's first frame. A simulated recording says itself what was performed, and by whom. Raw
+    frames go through the baseband with its usual settings. A label that was imported before is left out.
+
+    Examples: `handwave dataset import living_room people --labels labels.csv` · `handwave dataset import my_demo strokes`
+    """
+    from radar_lab.datasets.labelled import import_labelled, read_labels
+    from radar_ros.offline import open_recording
+
+    recording = open_recording(bag)
+    if one_tx and recording.topic != "radar/frame":
+        raise ConfigError(f"--one-tx needs raw frames, and {bag} only has point clouds")
+    wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording))
+    report = import_labelled(folder, recording.info, _moments(recording, one_tx), wanted, source=bag.resolve().name, one_tx=one_tx)
+    print(f"{report.n_written} samples added to {folder}, in {report.n_found} of them the gesture is found")
+    if report.n_known:
+        print(f"{report.n_known} were there already")
+    if report.n_outside:
+        print(f"{report.n_outside} labels lie outside of the recording")
+
+
+def _first_stamp(recording: Recording) -> int:
+    """When the recording's seconds begin [ns]."""
+    for _, item in recording.messages():
+        return item.stamp_ns
+    raise DataError(f"{recording.path}: holds no frame and no cloud")
+
+
+def _truths(bag: Path) -> Iterator[Any]:
+    from radar_ros.bags import read
+    from radar_ros.messages.truth import truth_from_msg
+    from radar_ros.offline import parse
+
+    return (truth_from_msg(parse(item.data, "truth")) for item in read(bag, ("truth",)))
+
+
+def _own_labels(bag: Path) -> tuple[TruthSegment, ...]:
+    from radar_lab.evaluation.scoring import truth_segments
+
+    found = truth_segments(_truths(bag))
+    if not found:
+        raise ConfigError(f"{bag}: says of no gesture what it is; give --labels with the columns start,end,gesture,person")
+    return found
+
+
+def _moments(recording: Recording, one_tx: bool) -> Iterator[Moment]:
+    """Clouds of a recording, with the truth of the same stamps where there is some."""
+    from radar_core import RadarFrame
+    from radar_core.transmitters import one_transmitter, one_transmitter_frame
+    from radar_dsp import Baseband, BasebandConfig
+    from radar_lab.datasets.labelled import Moment
+
+    places = {truth.stamp_ns: dict(zip(truth.person_id.tolist(), truth.position, strict=True)) for truth in _truths(recording.path)}
+    info = recording.info
+    baseband = Baseband(BasebandConfig(), info) if recording.topic == "radar/frame" else None
+    single = Baseband(BasebandConfig(), one_transmitter(info)) if one_tx else None
+    for _, item in recording.messages():
+        one: PointCloud | None = None
+        if isinstance(item, RadarFrame):
+            assert baseband is not None  # the topic says what comes
+            cloud = baseband.process(item)
+            one = None if single is None else single.process(one_transmitter_frame(item, info))
+        else:
+            cloud = item
+        yield Moment(cloud, one, places.get(cloud.stamp_ns, {}))
+
+
+@app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(help="data set that a classifier is trained on, e.g. simulated", metavar="A")],
+    second: Annotated[Path, typer.Argument(help="data set that it is tested on, e.g. recorded", metavar="B")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="folder for pictures and comparison.txt")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", help="processes that read; -1: one per core", min=-1)] = 1,
+) -> None:
+    """Compare two data sets as the thesis compares simulated and recorded gestures (section 5.3.3).
+
+    Are features normally distributed (Shapiro), alike in both (Kruskal-Wallis, for every feature and gesture), are their medians
+    (Wilcoxon), and what does a classifier that learned from A make of B, with all features and without the two most different ones?
+
+    Examples: `handwave dataset compare simulated recorded --out comparison`
+    """
+    from radar_lab.evaluation.comparison import as_text
+    from radar_lab.evaluation.comparison import compare as run
+
+    if jobs == 0:
+        raise ConfigError("--jobs 0: give the number of processes, or -1 for one per core")
+    a, b = (_collected(folder, jobs) for folder in (first, second))
+    result = run(a, b)
+    text = as_text(result)
+    print(text)
+    if out is not None:
+        from radar_lab.evaluation.pictures import draw_comparison
+
+        made = draw_comparison(result, a, b, out, (first.name, second.name))
+        (out / "comparison.txt").write_text(text + "\n", encoding="utf-8")
+        print(f"\n{len(made)} pictures and comparison.txt in {out}")
+
+
+def _collected(folder: Path, jobs: int) -> SampleSet:
+    """Read a data set of single gestures, or one of whole scenes."""
+    from radar_lab.datasets.readings import collect
+    from radar_lab.datasets.samples import load_samples
+
+    return load_samples(folder) if any(folder.glob("chunk_*.npz")) else collect(folder, n_jobs=jobs)

@@ -1,0 +1,187 @@
+"""The graph of nodes, described once: launch files, `handwave up`, the demo and `ros2 run` are all made from it."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from radar_core import ConfigError
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of the graph.
+
+    Attributes
+    ----------
+    name : str
+        Of the node, and of its executable ``<name>_node``.
+    module : str
+        Python module with ``make_node`` and ``main``.
+    parameters : mapping
+        Parameters that differ from the defaults.
+    remappings : mapping
+        Topic names from the node's own to the graph's.
+    namespace : str
+        ROS namespace, "" for none.
+    place : str
+        Namespace within the graph, for a node of which the graph has several: ``left`` and ``right``. It ends `namespace`.
+    """
+
+    name: str
+    module: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
+    namespace: str = ""
+    place: str = ""
+
+    @property
+    def label(self) -> str:
+        """What tells it from all other nodes of its graph: ``left/driver``, or its name where there is only one."""
+        return f"{self.place}/{self.name}" if self.place else self.name
+
+
+NODES: Mapping[str, NodeSpec] = {
+    spec.name: spec
+    for spec in (
+        NodeSpec("driver", "radar_ros.nodes.driver"),
+        NodeSpec("cloud2", "radar_ros.nodes.cloud2"),
+        NodeSpec("baseband", "radar_ros.nodes.baseband"),
+        NodeSpec("fusion", "radar_ros.nodes.fusion"),
+        NodeSpec("tracking", "radar_ros.nodes.tracking"),
+        NodeSpec("gestures", "radar_ros.nodes.gestures"),
+        NodeSpec("hand", "radar_ros.nodes.hand"),
+        NodeSpec("camera", "radar_ros.nodes.camera"),
+        NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
+        NodeSpec("evaluation", "radar_ros.nodes.evaluation"),
+        NodeSpec("hand_evaluation", "radar_ros.nodes.hand_evaluation"),
+        NodeSpec("recorder", "radar_ros.nodes.recorder"),
+    )
+}
+"""Every node there is."""
+
+STAGES = ("baseband", "tracking", "gestures", "hand")
+"""The stages between raw frames and results, in the order data flows."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Which nodes run together, and why.
+
+    Attributes
+    ----------
+    doc : str
+        One sentence for users.
+    nodes : tuple of str
+        Names; ``left/driver`` is a driver in the namespace ``left`` below that of the graph.
+    parameters : mapping
+        Per entry of ``nodes``, what this graph sets unless the user does.
+    """
+
+    doc: str
+    nodes: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+_RADARS = ("left", "right")
+_EACH = tuple(f"{radar}/{node}" for radar in _RADARS for node in ("driver", "baseband"))
+
+VARIANTS: Mapping[str, Variant] = {
+    "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
+    "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
+    "clouds": Variant(
+        "a board that gives point clouds (handwave devices --boards) to people, gestures and a hand",
+        ("driver", *STAGES[1:], "visualisation"),
+        {"driver": {"source": "ti_demo"}},
+    ),
+    "cloud2": Variant("clouds of somebody else's driver (sensor_msgs/PointCloud2) to the same", ("cloud2", *STAGES[1:], "visualisation")),
+    "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
+    "camera": Variant("a camera as the reference of the hand, beside a graph that runs", ("camera", "hand_evaluation")),
+    "stages": Variant("the bare stages, for lockstep and measurements", STAGES),
+    "two_radars": Variant(
+        "two radars (or simulated radars) in left/ and right/, fused to people, gestures and a hand",
+        (*_EACH, "fusion", *STAGES[1:], "visualisation"),
+        {**{f"{radar}/driver": {"scene": "two_radars"} for radar in _RADARS}, "fusion": {"radars": list(_RADARS)}},
+    ),
+}
+"""The graphs that launch files and `handwave up` offer."""
+
+
+def graph(
+    variant: str, *, namespace: str = "", parameters: Mapping[str, Mapping[str, Any]] | None = None, without: Sequence[str] = ()
+) -> tuple[NodeSpec, ...]:
+    """List the nodes of a variant with their settings.
+
+    Parameters
+    ----------
+    variant : str
+        Key of `VARIANTS`.
+    namespace : str
+        Namespace of all nodes, one per radar.
+    parameters : mapping
+        Per node name, parameters to set: ``driver`` is every driver, ``left/driver`` that one, ``"*"`` all nodes. The narrower one wins.
+    without : sequence of str
+        Nodes to leave out.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such variant or node.
+    """
+    if variant not in VARIANTS:
+        raise ConfigError(f"there is no graph {variant!r}; choose one of {', '.join(VARIANTS)}")
+    chosen = VARIANTS[variant]
+    given = dict(parameters or {})
+    common = given.pop("*", {})
+    known = (*NODES, *(name for name in chosen.nodes if name not in NODES))
+    for name in (*given, *without):
+        if name not in known:
+            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(known)}")
+    specs = []
+    for label in chosen.nodes:
+        place, _, name = label.rpartition("/")
+        if name in without or label in without:
+            continue
+        settings = {**chosen.parameters.get(label, {}), **common, **given.get(name, {}), **given.get(label, {})}
+        space = "/".join(part for part in (namespace.strip("/"), place) if part)
+        specs.append(replace(NODES[name], namespace=space, place=place, parameters=settings))
+    return tuple(specs)
+
+
+def arguments(spec: NodeSpec) -> list[str]:
+    """Command-line arguments after ``python -m module`` that start a node as described."""
+    result = ["--ros-args", "-r", f"__node:={spec.name}"]
+    if spec.namespace:
+        result += ["-r", f"__ns:=/{spec.namespace.strip('/')}"]
+    for old, new in spec.remappings.items():
+        result += ["-r", f"{old}:={new}"]
+    for name, value in spec.parameters.items():
+        result += ["-p", f"{name}:={_yaml(value)}"]
+    return result
+
+
+def _yaml(value: Any) -> str:
+    """Write a parameter value as YAML on one line; a string that looks like a number stays a string."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, (list, tuple)):
+        if {type(entry) for entry in value} == {int, float}:  # one ROS parameter has numbers of one kind only
+            value = [float(entry) for entry in value]
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    return repr(value)
+
+
+def run_node(name: str) -> int:
+    """Run the node of that name in this process; for the executables of a ROS installation."""
+    if name not in NODES:
+        raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
+    return int(importlib.import_module(NODES[name].module).main())
+
+
+def replace_parameters(spec: NodeSpec, namespace: str, parameters: Mapping[str, Any]) -> NodeSpec:
+    """Return a node's description with another namespace and other parameters."""
+    return replace(spec, namespace=namespace, parameters=dict(parameters))

@@ -1,0 +1,99 @@
+"""Pictures of a scene: bodies and what the radar sees of them, range-Doppler maps, micro-Doppler; for ``simulate --preview``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from radar_core import ConfigError
+
+if TYPE_CHECKING:
+    from radar_sim.simulator import Simulator
+
+
+def draw(simulator: Simulator, out: Path, every: float | None = None) -> None:
+    """Draw a scene as one radar sees it: a film (.mp4) at true speed, or a picture (.png) of the whole scene.
+
+    Both show the scatterers that the radar sees, coloured by person, from in front and from above, hands with their trails, the
+    range-Doppler map (power integrated over the channels) and the micro-Doppler: for every frame and range rate the strongest range
+    (thesis, section 4.2), before any detection. Gestures are marked where the truth has them.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the radar whose view is drawn; all its frames are simulated.
+    out : Path
+        Where to; an existing file is replaced when the new one is complete, and stays as it was if that does not come about.
+    every : float or None
+        Of a film: scene time from one of its pictures to the next [s], rounded to whole frames; None: every frame, but at most 25 per
+        second. Of a picture: scene time between its snapshots, of which there are at most 12; None: 6 snapshots, where possible of
+        something that people do.
+
+    Raises
+    ------
+    ConfigError
+        When the ending is neither, the file cannot be written, the scene has no frame, ``every`` is not positive, or a film is asked
+        for where PyAV is not installed.
+    """
+    check(simulator, out, every)
+    if out.suffix == ".mp4":
+        from radar_app.preview_video import film
+
+        with replacing(out) as part:
+            film(simulator, part, every)
+    else:
+        from radar_app.preview_picture import picture
+
+        figure = picture(simulator, every)
+        with replacing(out) as part:
+            figure.savefig(part, format="png")
+
+
+def check(simulator: Simulator, out: Path, every: float | None = None) -> None:
+    """Raise what `draw` would raise, before anything is simulated."""
+    if out.suffix not in (".mp4", ".png"):
+        raise ConfigError(f"preview {out}: a preview is a film or a picture; end its name in .mp4 or .png")
+    if every is not None and not every > 0.0:
+        raise ConfigError(f"preview {out}: every is {every}; give a time above 0 s")
+    if simulator.n_frames == 0:
+        raise ConfigError(f"preview {out}: the scene has no frame to draw; lengthen its duration")
+    if out.suffix == ".mp4":
+        from radar_app.preview_video import need_av
+
+        need_av(out)
+    with replacing(out, keep=False) as part:
+        part.touch()
+
+
+@contextmanager
+def replacing(out: Path, *, keep: bool = True) -> Iterator[Path]:
+    """Write a file under another name beside ``out`` and put it in its place at the end; whatever goes wrong, nothing half done is left.
+
+    Parameters
+    ----------
+    out : Path
+        The file.
+    keep : bool
+        False: only find out whether it can be written.
+
+    Raises
+    ------
+    ConfigError
+        When the file cannot be written.
+    """
+    part = out.with_name(f"{out.name}.part")
+    try:
+        if out.is_dir():
+            raise IsADirectoryError(21, "it is a folder")
+        yield part
+        if keep:
+            os.replace(part, out)
+    except OSError as error:
+        raise ConfigError(
+            f"preview {out}: it cannot be written ({error.strerror or error}); name a file in a folder that exists"
+        ) from error
+    finally:
+        part.unlink(missing_ok=True)

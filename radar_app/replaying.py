@@ -1,0 +1,159 @@
+"""`handwave replay`: the graph and the player together."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+
+from radar_app.graph import STAGES, graph
+from radar_app.live import Monitor
+from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
+from radar_core import ConfigError, DataError
+from radar_ros.bags import TYPES, BagWriter, contents, local
+from radar_ros.interrupts import INTERRUPTED, interruptible, ros
+from radar_ros.offline import copy_info, open_recording
+from radar_ros.replay import Lockstep, Player, expected_stages, play, source_topics
+
+READER_TIMEOUT = 30.0
+"""How long the player waits for a reader of its frames [s]; nodes take seconds to start."""
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What the user asked for."""
+
+    bag: Path
+    lockstep: bool = False
+    out: Path | None = None
+    rate: float = 1.0
+    loop: bool = False
+    graph_too: bool = True
+    parameters: Mapping[str, Mapping[str, Any]] | None = None
+    domain: int | None = None
+    namespace: str = ""
+    clock: bool = True
+    topics: tuple[str, ...] = ()
+
+
+def run_replay(options: ReplayOptions) -> int:
+    """Replay a recording.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 1 when a node died, 130 when interrupted.
+
+    Raises
+    ------
+    DataError
+        When the bag cannot be replayed, or in lockstep a frame was lost.
+    """
+    _refuse_contradictions(options)
+    recording = open_recording(options.bag)
+    os.environ.update(environment(options.domain))
+    common = {"reliable": True} if options.lockstep else {"use_sim_time": options.clock}
+    parameters = {name: dict(values) for name, values in (options.parameters or {}).items()}
+    parameters["*"] = {**common, **parameters.get("*", {})}
+    without = ("baseband",) if recording.topic == "radar/points" else ()
+    specs = graph("stages" if options.lockstep else "replay", namespace=options.namespace, parameters=parameters, without=without)
+    if options.graph_too:
+        refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
+    console = Console()
+    supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=_errors_only(console))
+    status = 0
+    with interruptible(), ros(), supervisor:
+        try:
+            if options.lockstep:
+                _lockstep(options, supervisor, recording.topic, console)
+            else:
+                _in_time(options, supervisor, console)
+            supervisor.poll()
+        except KeyboardInterrupt:
+            console.print("interrupted")
+            status = INTERRUPTED
+    for name, code in supervisor.crashes:
+        console.print(f"[red]node {name} died with status {code}")
+    return 1 if supervisor.crashes else status
+
+
+def _refuse_contradictions(options: ReplayOptions) -> None:
+    """Options that would be ignored are refused."""
+    if options.out is not None and not options.lockstep:
+        raise ConfigError("--out goes with --lockstep; to record a replay in its own time run: handwave record")
+    if options.lockstep and (options.loop or options.rate != 1.0 or options.topics or not options.clock):
+        raise ConfigError("--lockstep goes once, as fast as the nodes answer: leave out --loop, --rate, --topics and --no-clock")
+    for topic in options.topics:
+        if topic not in TYPES:
+            raise ConfigError(f"--topics: there is no {topic!r}; topics: {', '.join(TYPES)}")
+
+
+def _errors_only(console: Console) -> Any:
+    def sink(name: str, line: str) -> None:
+        if "[INFO]" not in line:
+            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+
+    return sink
+
+
+def _total(options: ReplayOptions, topic: str) -> int:
+    return sum(count for name, count in contents(options.bag).items() if local(name) == topic)
+
+
+def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console) -> None:
+    def watch() -> None:
+        for name, status in supervisor.poll():
+            raise DataError(f"node {name} ended with status {status}; the replay is not complete")
+
+    out = BagWriter(options.out) if options.out is not None else None
+    if out is not None:
+        copy_info(options.bag, out)
+    lockstep = Lockstep(expected_stages(STAGES, topic), options.namespace, out, watch)
+    try:
+        with Progress(console=console) as progress:
+            task = progress.add_task("lockstep", total=_total(options, topic))
+            count = lockstep.run(options.bag, lambda done: progress.update(task, completed=done))
+        console.print(f"{count} frames, none lost" + (f"; results in {options.out}" if options.out else ""))
+    finally:
+        lockstep.close()
+        if out is not None:
+            out.close()
+
+
+def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console) -> None:
+    topics = options.topics or source_topics(options.bag)
+    awaited = next((topic for topic in topics if topic in ("radar/frame", "radar/points")), topics[0])
+    player, monitor = Player(options.namespace), Monitor(options.namespace)
+    try:
+        source = player.publisher(awaited)
+        end = time.monotonic() + READER_TIMEOUT
+        while not source.get_subscription_count():
+            if supervisor.poll():
+                raise DataError("a node did not start; its message stands above")
+            if time.monotonic() > end:
+                raise DataError(f"nobody reads {awaited}; start the graph (handwave up replay), or let replay start it (--graph)")
+            monitor.spin(0.1)
+        monitor.spin(0.5)
+
+        def spin(seconds: float) -> None:
+            monitor.spin(seconds)
+            while monitor.gestures:
+                track, name, confidence = monitor.gestures.popleft()
+                console.print(f"person {track}: {name} ({confidence:.0%})", highlight=False)
+
+        while True:
+            count = play(player, options.bag, topics, rate=options.rate, spin=spin, clock=options.clock)
+            monitor.spin(0.5)
+            people = len(monitor.tracks.tracks) if monitor.tracks is not None else 0
+            console.print(f"{count} messages sent, {monitor.received} track arrays came back, {people} tracks at the end", highlight=False)
+            if not options.loop:
+                return
+    finally:
+        monitor.close()
+        player.close()

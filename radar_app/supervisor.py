@@ -1,0 +1,299 @@
+"""Start the nodes of a graph as processes, show their logs, keep them running, and stop them all."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import psutil
+
+from radar_app.graph import NodeSpec, arguments
+from radar_core import ConfigError
+from radar_core.paths import share_dir
+
+_GRACE = (1.5, 0.7)  # s: after SIGINT, after SIGTERM; then SIGKILL. Together below the 3 s that a user waits.
+_LAST_DOMAIN = 232  # a higher number's ports lie above 65535
+_AGAIN = 0.2  # s: between two SIGINTs, which a node that is still being imported ignores
+_PR_SET_PDEATHSIG = 1
+_STABLE = 10.0  # s: a node that lived that long is started again at once; one that dies sooner, after a growing pause
+_LONGEST_PAUSE = 10.0  # s
+_CONFIGURATION = 2  # exit status of a node whose settings make no sense, now and the next time
+_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
+
+LogSink = Callable[[str, str], None]
+
+
+def environment(domain: int | None = None) -> dict[str, str]:
+    """Environment for nodes: one thread per pool, discovery on this machine only and quick, ROS's index found.
+
+    Parameters
+    ----------
+    domain : int or None
+        ROS domain; None: as in the environment.
+
+    Raises
+    ------
+    ConfigError
+        When ROS would have no place for its logs, or the domain is none.
+    """
+    env = dict(os.environ)
+    for pool in ("OMP", "OPENBLAS", "MKL"):
+        env.setdefault(f"{pool}_NUM_THREADS", "1")
+    env.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if not any(env.get(f"{library}_DEFAULT_PROFILES_FILE") for library in ("FASTDDS", "FASTRTPS")):
+        env["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(share_dir() / "config" / "dds" / "discovery.xml")
+    env.setdefault("RCUTILS_COLORIZED_OUTPUT", "0")
+    env.setdefault("PYTHONUNBUFFERED", "1")
+    if not env.get("AMENT_PREFIX_PATH"):
+        env["AMENT_PREFIX_PATH"] = sys.prefix
+    if domain is not None:
+        env["ROS_DOMAIN_ID"] = str(domain)
+    number = env.get("ROS_DOMAIN_ID") or "0"
+    if not number.isdecimal() or int(number) > _LAST_DOMAIN:
+        raise ConfigError(f"ROS_DOMAIN_ID is {number!r}; it must be a number from 0 to {_LAST_DOMAIN}: export ROS_DOMAIN_ID=0")
+    if not env.get("HOME") and not env.get("ROS_LOG_DIR"):
+        raise ConfigError("neither HOME nor ROS_LOG_DIR is set; ROS 2 writes its logs there: export one of them")
+    return env
+
+
+def _in_child(parent: int) -> Callable[[], None]:
+    """Make what the child does before it becomes a node (Linux): it is to end when whoever started it ends, however that happens."""
+
+    def prepare() -> None:
+        # A node takes a second to import; until it can tidy up, Python's answer to SIGINT would be a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if _LIBC is not None:
+            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+            if os.getppid() != parent:  # it ended before we asked to be told
+                os._exit(1)
+
+    return prepare
+
+
+@dataclass
+class _Child:
+    spec: NodeSpec
+    process: subprocess.Popen[str]
+    reader: threading.Thread
+    started: float
+    deaths: int = 0
+
+
+class Supervisor:
+    """Runs nodes as processes of their own.
+
+    Parameters
+    ----------
+    specs : sequence of NodeSpec
+        What to run.
+    domain : int or None
+        ROS domain; None: as in the environment.
+    respawn : bool
+        Restart a node that died.
+    log : callable
+        Called with node name and line for every line that a node prints.
+    """
+
+    def __init__(self, specs: Sequence[NodeSpec], *, domain: int | None = None, respawn: bool = False, log: LogSink | None = None) -> None:
+        self.specs = tuple(specs)
+        self.respawn = respawn
+        self.crashes: list[tuple[str, int]] = []
+        self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
+        self._environment = environment(domain)
+        self._children: dict[str, _Child] = {}
+        self._due: dict[str, tuple[float, NodeSpec, int]] = {}
+        self._stopping = False
+
+    def __enter__(self) -> Supervisor:
+        try:
+            self.start()
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.stop()
+
+    def start(self, *, without: Sequence[str] = ()) -> None:
+        """Start all nodes that do not run yet, except ``without``: a source may start when its readers wait."""
+        for spec in self.specs:
+            if spec.label not in self._children and spec.label not in without:
+                self._children[spec.label] = self._start(spec)
+
+    def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
+        process = subprocess.Popen(
+            [sys.executable, "-m", spec.module, *arguments(spec)],
+            env=self._environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,  # a Ctrl-C reaches only us; we stop the nodes in order
+            preexec_fn=_in_child(os.getpid()),
+        )
+        reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
+        reader.start()
+        return _Child(spec, process, reader, time.monotonic(), deaths)
+
+    def _read(self, name: str, process: subprocess.Popen[str]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            self._log(name, line.rstrip())
+
+    def pid(self, name: str) -> int:
+        """Process id of a node."""
+        return self._children[name].process.pid
+
+    def cpu_seconds(self) -> dict[str, float]:
+        """CPU time that each living node has used [s]."""
+        used = {}
+        for name, child in self._children.items():
+            try:
+                times = psutil.Process(child.process.pid).cpu_times()
+            except psutil.Error:
+                continue
+            used[name] = times.user + times.system
+        return used
+
+    def poll(self) -> list[tuple[str, int]]:
+        """Look for nodes that ended by themselves; restart those that crashed if asked to.
+
+        Returns
+        -------
+        list of (str, int)
+            Name and exit status (negative: signal) of every node that has ended since the last look.
+        """
+        ended = []
+        for name, child in list(self._children.items()):
+            status = child.process.poll()
+            if status is None or self._stopping:
+                continue
+            child.reader.join(timeout=1.0)
+            ended.append((name, status))
+            del self._children[name]
+            if status != 0:
+                self.crashes.append((name, status))
+                if self.respawn and status != _CONFIGURATION:
+                    self._plan_restart(name, status, child)
+        for name, (due, spec, deaths) in list(self._due.items()):
+            if time.monotonic() >= due:
+                del self._due[name]
+                self._children[name] = self._start(spec, deaths)
+        return ended
+
+    def _plan_restart(self, name: str, status: int, child: _Child) -> None:
+        """Start it again: at once the first time, ever later when it dies again and again."""
+        now = time.monotonic()
+        deaths = 1 if now - child.started > _STABLE else child.deaths + 1
+        pause = 0.0 if deaths == 1 else min(0.25 * 2.0**deaths, _LONGEST_PAUSE)
+        self._log(name, f"ended with status {status}; starting it again" + (f" in {pause:g} s" if pause else ""))
+        self._due[name] = (now + pause, child.spec, deaths)
+
+    @property
+    def active(self) -> bool:
+        """Whether any node lives or will be started again."""
+        return bool(self.running or self._due)
+
+    @property
+    def running(self) -> list[str]:
+        """Names of the nodes that live."""
+        return [name for name, child in self._children.items() if child.process.poll() is None]
+
+    def stop(self) -> None:
+        """Stop all nodes within 3 s: SIGINT, then SIGTERM, then SIGKILL."""
+        self._stopping = True
+        self._due.clear()
+        waiting = [child.process for child in self._children.values()]
+        for number, grace in ((signal.SIGINT, _GRACE[0]), (signal.SIGTERM, _GRACE[1]), (signal.SIGKILL, 0.5)):
+            waiting = _end(waiting, number, grace)
+        for child in self._children.values():
+            child.reader.join(timeout=0.5)
+
+
+def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, grace: float) -> list[subprocess.Popen[str]]:
+    """Send a signal and wait; return the processes that live all the same."""
+    now = time.monotonic()
+    deadline, again = now + grace, now
+    while True:
+        processes = [process for process in processes if process.poll() is None]
+        now = time.monotonic()
+        if not processes or now > deadline:
+            return list(processes)
+        if now >= again:
+            for process in processes:
+                process.send_signal(number)
+            again = now + _AGAIN
+        time.sleep(0.01)
+
+
+def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None, wait: float = 1.0) -> None:
+    """Raise `ConfigError` when nodes of ours already run in this ROS domain: two graphs on the same topics disturb each other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Labels of the nodes that are about to start.
+    namespace : str
+        Their namespace.
+    domain : int or None
+        ROS domain.
+    wait : float
+        Time given to discovery [s].
+    """
+    code = "import sys, time, rclpy; rclpy.init(args=[]); n = rclpy.create_node('handwave_look', start_parameter_services=False)\n"
+    code += f"time.sleep({wait}); print(*(f'{{s}}|{{m}}' for m, s in n.get_node_names_and_namespaces()), sep='\\n'); rclpy.shutdown()"
+    done = subprocess.run([sys.executable, "-c", code], env=environment(domain), capture_output=True, text=True, timeout=30)
+    space = f"/{namespace.strip('/')}"
+    running = {found.replace("|", "/").replace("//", "/") for found in done.stdout.split()}
+    busy = sorted(name for name in names if f"{space.rstrip('/')}/{name}" in running)
+    if busy:
+        number = domain if domain is not None else int(os.environ.get("ROS_DOMAIN_ID", "0"))
+        raise ConfigError(
+            f"ROS domain {number} already has {', '.join(busy)} in namespace {space}: another Handwave runs there (or was killed "
+            f"less than 20 s ago). Stop it, or choose another domain (--domain {(number + 1) % 100}) or namespace (--namespace left)"
+        )
+
+
+def run_composed(specs: Sequence[NodeSpec], domain: int | None = None) -> int:
+    """Run all nodes in this process, on one executor, until interrupted.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    os.environ.update(environment(domain))
+    import importlib
+
+    from radar_ros.stage import run_many
+
+    def maker(spec: NodeSpec) -> Callable[[], Any]:
+        return lambda: importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
+
+    return run_many([maker(spec) for spec in specs])
+
+
+def default_log_sink(width: int) -> LogSink:
+    """Print lines with the node's name in a colour of its own."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console()
+    colours = ("cyan", "green", "magenta", "yellow", "blue", "bright_cyan", "bright_green", "bright_magenta")
+    known: dict[str, str] = {}
+
+    def sink(name: str, line: str) -> None:
+        colour = known.setdefault(name, colours[len(known) % len(colours)])
+        console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
+
+    return sink

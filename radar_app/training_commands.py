@@ -1,0 +1,178 @@
+"""Commands about classifiers: train one, evaluate one."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from radar_core import GESTURES, ConfigError
+
+if TYPE_CHECKING:
+    from radar_gestures.classifiers.model import GestureModel
+    from radar_lab.datasets.samples import SampleSet
+    from radar_lab.training.training import TrainingConfig
+    from radar_lab.training.validation import Validation
+
+SPLITS = ("subjects", "random", "all")
+
+
+def train(
+    folders: Annotated[list[Path], typer.Argument(help="folders of data sets: of scenes, or of single samples")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="model file to write (.npz); its card goes beside it (.md)")] = Path(
+        "gestures.npz"
+    ),
+    labels: Annotated[str, typer.Option(help="only these gestures, with commas between, e.g. random,push,pull; default: all ten")] = "",
+    hidden: Annotated[str, typer.Option(help="neurons of the hidden layers, with commas between")] = "32",
+    regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 0.1,
+    starts: Annotated[int, typer.Option(help="start weights to try; the network with the least loss is kept", min=1, max=100)] = 1,
+    lost: Annotated[float, typer.Option(help="share of known gestures given up to reject unknown ones", min=0.0, max=1.0)] = 0.05,
+    seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
+    scenes: Annotated[
+        int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s of one core each", min=0)
+    ] = 0,
+    jobs: Annotated[int, typer.Option(help="with --scenes: processes that simulate", min=1)] = 2,
+) -> None:
+    """Train the perceptron that names gestures.
+
+    Its accuracy, its calibration and the limit for rejecting unknown gestures are measured on people left out of the training, two or more
+    at a time; the model itself is then trained on everybody. The same samples and seed give the same file.
+
+    Use the model with: `handwave up --param gestures.model=gestures.npz`
+
+    Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
+    """
+    from radar_lab.training.card import card, write_card
+    from radar_lab.training.training import TrainingConfig, describe
+    from radar_lab.training.training import train as fit
+
+    if out.suffix != ".npz":
+        raise ConfigError(f"--out {out}: give a file that ends in .npz")
+    if scenes:
+        from radar_lab.datasets.scenes import generate
+
+        generate(folders[0], scenes, seed=seed, n_jobs=jobs)
+    settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, starts=starts, lost=lost, seed=seed)
+    report = fit(folders, out, settings, labels=_names(labels))
+    print(describe(report))
+    text = card(
+        report.model,
+        [report.validation],
+        data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
+        command=_command(folders, out, labels, settings, scenes),
+        n_bytes=out.stat().st_size,
+    )
+    write_card(text, out.with_suffix(".md"))
+    print(f"model in {out}, its card in {out.with_suffix('.md')}")
+
+
+def evaluate(
+    model: Annotated[str, typer.Argument(help="model file, or one of ours by name, e.g. gestures")],
+    folder: Annotated[Path, typer.Argument(help="folder of a data set")],
+    split: Annotated[str, typer.Option(help="subjects: anew, people left out; random: anew, 80/20; all: the model as it is")] = "subjects",
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="folder for the pictures and the card")] = None,
+    unknown: Annotated[bool, typer.Option("--unknown", help="also keep each gesture from the training in turn: is it rejected?")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Say how good a model is on a data set: accuracy, recall and precision of each gesture, confusion matrix, calibration.
+
+    `subjects` and `random` train models like the given one (same labels, layers and settings of training) on parts of the data set and
+    test each on the rest, because a model must not be tested on what it was trained on. `all` tests the model itself: for data it has
+    never seen.
+
+    Examples: `handwave evaluate gestures strokes --split all` · `handwave evaluate mine.npz samples --split random -o pictures`
+    """
+    import json
+
+    from radar_gestures.classifiers.model import load_model
+    from radar_lab.training.training import of_labels, read_folder
+    from radar_lab.training.validation import as_text
+
+    if split not in SPLITS:
+        raise ConfigError(f"--split {split}: choose one of {', '.join(SPLITS)}")
+    judged = load_model(model)
+    samples = of_labels(read_folder(folder), judged.labels)
+    _check_features(judged, samples)
+    validation = _validate(judged, samples, split)
+    figures = validation.figures()
+    if not as_json:
+        print(as_text(validation))
+    if unknown:
+        figures["unknown_rejected"] = _unknown(judged, samples, quiet=as_json)
+    if as_json:
+        print(json.dumps(figures))
+    if out is not None:
+        _draw(judged, validation, out, model, folder, split)
+        if not as_json:
+            print(f"pictures and card in {out}")
+
+
+def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation:
+    from radar_lab.training.calibration import soften
+    from radar_lab.training.training import settings_of, validate
+    from radar_lab.training.validation import Validation, leave_subjects_out, random_split
+
+    if split == "all":
+        return Validation("all", model.labels, model.probabilities(samples.features), samples.label, samples.person)
+    settings = settings_of(model)
+    if split == "random":
+        folds = random_split(len(samples.label), seed=settings.seed)
+    else:
+        folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
+    found = validate(samples, folds, settings, labels=model.labels, split=split)
+    return dataclasses.replace(found, probabilities=soften(found.probabilities, model.temperature))
+
+
+def _unknown(model: GestureModel, samples: SampleSet, *, quiet: bool) -> dict[str, float]:
+    from radar_lab.training.training import settings_of
+    from radar_lab.training.unknown import as_table, leave_one_gesture_out
+
+    reports = leave_one_gesture_out(samples, settings_of(model), labels=model.labels)
+    if not quiet:
+        print(as_table(reports))
+    return {report.rejector: report.mean for report in reports}
+
+
+def _draw(model: GestureModel, validation: Validation, out: Path, name: str, folder: Path, split: str) -> None:
+    from radar_core.paths import find_config
+    from radar_lab.evaluation.reports import draw_confusion, draw_reliability
+    from radar_lab.training.card import card, write_card
+
+    draw_confusion({split: validation}, out / "confusion.png")
+    draw_reliability({split: validation}, out / "calibration.png")
+    text = card(
+        model,
+        [validation],
+        data={"data set": folder.name, **model.settings},
+        command=f"handwave evaluate {name} {folder} --split {split} --out {out}",
+        n_bytes=find_config(name, "models", ".npz").stat().st_size,
+    )
+    write_card(text, out / "card.md")
+
+
+def _check_features(model: GestureModel, samples: SampleSet) -> None:
+    """Raise `ConfigError` when the model was made for other features than the samples hold."""
+    if model.names != samples.names:
+        raise ConfigError(f"the model takes {len(model.names)} features, the data set holds {len(samples.names)}; train one on it")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip()) or GESTURES
+
+
+def _sizes(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(size) for size in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--hidden {text}: give whole numbers with commas between, e.g. 32 or 64,32") from None
+
+
+def _command(folders: list[Path], out: Path, labels: str, settings: TrainingConfig, scenes: int) -> str:
+    """Return the command that was given, with all that matters for the result."""
+    parts = [
+        f"handwave train {' '.join(map(str, folders))} --out {out} --hidden {','.join(map(str, settings.hidden))}",
+        f"--regularisation {settings.regularisation:g} --starts {settings.starts} --lost {settings.lost:g} --seed {settings.seed}",
+    ]
+    return " ".join(parts + ([f"--labels {labels}"] if labels else []) + ([f"--scenes {scenes}"] if scenes else []))

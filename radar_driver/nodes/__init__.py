@@ -1,1 +1,0 @@
-"""Nodes of the driver besides the driver itself."""

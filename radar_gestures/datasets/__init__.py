@@ -1,1 +1,0 @@
-"""Labelled samples: simulated ones, recorded ones, and what is read from them."""

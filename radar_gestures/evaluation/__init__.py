@@ -1,1 +1,0 @@
-"""How good recognition is: scores against the truth, statistics, reports and pictures."""

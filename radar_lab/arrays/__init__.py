@@ -1,0 +1,1 @@
+"""Calibration of an antenna array from turntable measurements, and its ambiguity function."""

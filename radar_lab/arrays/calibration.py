@@ -1,0 +1,194 @@
+"""Calibration of an array from turntable measurements (thesis, section 3.2): gain, phase and position of every virtual channel.
+
+In direction u the reflector gives channel c the amplitude A_m g_c exp(j phi_c - j 2 pi / lambda (p_c + d_c).u), with an unknown A_m per
+snapshot, the nominal position p_c, and gain g_c, phase phi_c and shift d_c to be found. A common gain, phase and shift of all channels goes
+into A_m: it cannot be seen, and no direction depends on it; here their means are zero. docs/calibration.md says what else cannot be seen.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import DataError, RadarInfo
+from radar_core.config import config, knob
+from radar_dsp.array_file import CalibratedArray
+from radar_lab.arrays.channel_fit import ChannelFit, Channels, Residual
+from radar_lab.arrays.outer_product import outer_product
+from radar_lab.arrays.turntable import Snapshots, spherical
+
+Float64Array = NDArray[np.float64]
+
+DEAD_GAIN = -100.0
+"""Gain that a dead channel gets [dB]: it then has no say in any direction."""
+
+_MAX_CONDITION = 100.0
+_SPAN = 0.15
+"""Direction cosines of an axis have to span this for its shifts to be fitted: 9 degrees."""
+
+
+@config
+class Calibration:
+    """How an array is calibrated."""
+
+    method: str = knob(
+        "fit",
+        choices=("fit", "outer"),
+        doc="fit: gain, phase and position of each channel by least squares; outer: also the thesis's table of both sweeps, for comparison",
+    )
+    distance: float = knob(0.0, unit="m", low=0.0, high=1e4, doc="where the reflector stands; 0: the strongest echo beyond nearest")
+    nearest: float = knob(0.5, unit="m", low=0.0, high=1e4, doc="nearer echoes are taken for coupling")
+    max_shift: float = knob(2e-3, unit="m", low=1e-5, high=0.1, doc="largest position error of an element that is believed")
+    dead: float = knob(-20.0, unit="dB", low=-100.0, high=-3.0, doc="channels weaker than this against the median are taken for dead")
+    max_residual: float = knob(
+        0.2,
+        unit="rad",
+        low=1e-3,
+        high=3.0,
+        doc="rms phase that the fit may leave; with more the angles are wrong, or it is noise",
+    )
+    offsets: bool = knob(False, doc="also fit mounting offsets of each sweep, seen through the curvature of the cosine only")
+
+
+class Calibrator:
+    """Fit an array to snapshots of a turntable.
+
+    Parameters
+    ----------
+    config : Calibration
+        What to fit and what to refuse.
+    info : RadarInfo
+        The radar; of its array the nominal positions, whatever calibration it already carries.
+    """
+
+    def __init__(self, config: Calibration, info: RadarInfo) -> None:
+        self.config = config
+        self.info = info
+        self.nominal = dataclasses.replace(info.array, channel_gain=(), channel_phase=(), channel_shift=())
+
+    def process(self, snapshots: Snapshots) -> CalibratedArray:
+        """Fit gain, phase and shift of every channel.
+
+        Parameters
+        ----------
+        snapshots : Snapshots
+            From one or both sweeps, in any order.
+
+        Returns
+        -------
+        CalibratedArray
+            The array and how well it is known.
+
+        Raises
+        ------
+        DataError
+            When the number of channels is not the array's, fewer than two channels live, the angles span too little, or no array near the
+            nominal one explains the phases.
+        """
+        n = self.nominal.n_tx * self.nominal.n_rx
+        if snapshots.values.shape[1] != n:
+            raise DataError(
+                f"snapshots have {snapshots.values.shape[1]} channels, but the array has {n} ({self.nominal.n_tx} tx x "
+                f"{self.nominal.n_rx} rx); calibrate with the radar info of the recording"
+            )
+        dead = self._dead(snapshots.values)
+        observed = self._observed(snapshots)
+        fit = self._fit(snapshots, ~dead, observed, 1.0)
+        channels = fit.solve(self.config.max_shift, self.config.offsets)
+        left = fit.residual(channels)
+        if not self._believed(channels, left):
+            self._refuse(channels, left, self._fit(snapshots, ~dead, observed, -1.0))
+        return self._result(fit, channels, left, dead, observed, snapshots)
+
+    def _fit(self, snapshots: Snapshots, live: NDArray[np.bool_], observed: tuple[bool, bool], sense: float) -> ChannelFit:
+        """Set up least squares; ``sense`` of -1 negates all angles."""
+        wavelength = self.info.waveform.wavelength
+        near = spherical(self.nominal, sense * snapshots.cosines, snapshots.range, wavelength)
+        angles = sense * np.stack([snapshots.azimuth, snapshots.elevation], axis=-1)
+        sweep = np.unique(snapshots.sweep, return_inverse=True)[1]
+        values = (snapshots.values * near.conj())[:, live]
+        return ChannelFit(2 * np.pi / wavelength, self.nominal.virtual[live], angles, sweep, values, observed)
+
+    def _dead(self, values: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        power = (np.abs(values) ** 2).mean(axis=0)
+        dead = np.asarray(power <= np.median(power) * 10 ** (self.config.dead / 10))
+        if np.sum(~dead) < 2:
+            raise DataError(
+                f"only {np.sum(~dead)} of {len(dead)} channels receive the reflector; two are needed: check the recording's cables and gain"
+            )
+        return dead
+
+    @staticmethod
+    def _observed(snapshots: Snapshots) -> tuple[bool, bool]:
+        """Axes along which directions spread enough, over three angles at least."""
+        u = snapshots.cosines
+        seen = [bool(np.ptp(u[:, i]) >= _SPAN and len(np.unique(np.round(u[:, i], 6))) >= 3) for i in range(2)]
+        if not any(seen):
+            spans = [np.degrees(np.ptp(angle)) for angle in (snapshots.azimuth, snapshots.elevation)]
+            raise DataError(
+                f"too few angles: {len(snapshots)} snapshots span {spans[0]:.1f} degrees in azimuth and {spans[1]:.1f} in elevation; "
+                "at least one needs three angles over 9 degrees, better 120 and 60 degrees in steps of one"
+            )
+        columns = np.column_stack([np.ones(len(u)), u[:, seen]])
+        if np.linalg.cond(columns / np.linalg.norm(columns, axis=0)) > _MAX_CONDITION:
+            raise DataError("the angles do not tell phase and shifts apart; sweep azimuth at elevation 0, then elevation at azimuth 0")
+        return seen[0], seen[1]
+
+    def _believed(self, channels: Channels, left: Residual) -> bool:
+        within = bool(np.abs(channels.shift).max() <= self.config.max_shift)
+        return within and left.rms(channels.gain) <= self.config.max_residual
+
+    def _refuse(self, channels: Channels, left: Residual, mirrored: ChannelFit) -> NoReturn:
+        advice = "check start, step and dwell of the sweeps, the order of the channels, and that the reflector is the strongest echo"
+        other = mirrored.solve(self.config.max_shift, False)
+        if self._believed(other, mirrored.residual(other)):
+            advice = "with all angles negated it fits: the turntable counts the other way, so negate start, stop and step"
+        raise DataError(
+            f"the phases are not those of the nominal array with small errors: the best fit leaves {left.rms(channels.gain):.2f} rad "
+            f"rms and moves elements by up to {np.abs(channels.shift).max() * 1e3:.1f} mm (allowed: {self.config.max_residual:g} rad, "
+            f"{self.config.max_shift * 1e3:g} mm); {advice}"
+        )
+
+    def _result(
+        self,
+        fit: ChannelFit,
+        channels: Channels,
+        left: Residual,
+        dead: NDArray[np.bool_],
+        observed: tuple[bool, bool],
+        snapshots: Snapshots,
+    ) -> CalibratedArray:
+        def spread(values: Float64Array, fill: float = np.nan) -> Float64Array:
+            full = np.full((len(dead), *values.shape[1:]), fill)
+            full[~dead] = values
+            return full
+
+        gain = np.maximum(spread(20 * np.log10(channels.gain), DEAD_GAIN), DEAD_GAIN)
+        array = dataclasses.replace(
+            self.nominal,
+            channel_gain=tuple(gain.tolist()),
+            channel_phase=tuple(spread(channels.phase, 0.0).tolist()),
+            channel_shift=tuple((y, z) for y, z in spread(channels.shift, 0.0).tolist()),
+        )
+        gain_std, phase_std, shift_std, offset_std = fit.deviations(channels, left, self.config.offsets)
+        return CalibratedArray(
+            array=array,
+            carrier=self.info.waveform.carrier,
+            dead=dead,
+            observed=observed,
+            phase_residual=spread(np.sqrt((left.phase**2).mean(axis=0))),
+            gain_residual=spread(np.sqrt((left.level**2).mean(axis=0))),
+            gain_std=spread(gain_std),
+            phase_std=spread(phase_std),
+            shift_std=spread(shift_std),
+            condition=fit.condition(channels, left),
+            structure=left.structure(snapshots.sweep),
+            offset=np.where(np.isfinite(offset_std), channels.offset, np.nan),
+            offset_std=offset_std,
+            range=snapshots.range,
+            n_snapshot=len(snapshots),
+            table=outer_product(snapshots, ~dead) if self.config.method == "outer" else None,
+        )

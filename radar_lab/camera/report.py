@@ -1,0 +1,174 @@
+"""How good is a hand track, given that the reference has errors of its own? The error budget of a session."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from radar_core import DataError
+from radar_core.linalg import SingularError, solve_spd
+from radar_lab.camera.residual import PARTS, Residual, ResidualConfig
+
+Float64Array = NDArray[np.float64]
+
+_SECOND = 1e-9
+_BASE = 0.2  # s: a hand's direction changes little in this time
+_LATENCY = PARTS.index("latency")
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Residuals of one track, as arrays.
+
+    Attributes
+    ----------
+    time : ndarray of float64, shape (n,)
+        Since the first stamp of all tracks [s].
+    position, reference, residual : ndarray of float64, shape (n, 3)
+        Of the track, of the reference, and the difference of both [m].
+    track_covariance, covariance, common : ndarray of float64, shape (n, 3, 3)
+        Of the track, of the reference, and what of the latter is the same at all times [m^2].
+    part_std : ndarray of float64, shape (n, 6)
+        As in `Residual` [m].
+    """
+
+    time: Float64Array
+    position: Float64Array
+    reference: Float64Array
+    residual: Float64Array
+    track_covariance: Float64Array
+    covariance: Float64Array
+    common: Float64Array
+    part_std: Float64Array
+
+
+def collect(residuals: Iterable[Residual]) -> dict[str, Series]:
+    """Sort residuals by track; empty for none."""
+    found: dict[str, list[Residual]] = {}
+    for item in residuals:
+        found.setdefault(item.sample.track, []).append(item)
+    start = min((items[0].sample.stamp_ns for items in found.values()), default=0)
+    return {track: _series(items, start) for track, items in found.items()}
+
+
+def _series(items: Sequence[Residual], start: int) -> Series:
+    return Series(
+        time=np.array([(item.sample.stamp_ns - start) * _SECOND for item in items]),
+        position=np.array([item.sample.position for item in items]),
+        reference=np.array([item.reference for item in items]),
+        residual=np.array([item.residual for item in items]),
+        track_covariance=np.array([item.sample.covariance for item in items]),
+        covariance=np.array([item.covariance for item in items]),
+        common=np.array([item.common for item in items]),
+        part_std=np.array([item.part_std for item in items]),
+    )
+
+
+def budget(series: Series, settings: ResidualConfig) -> dict[str, Any]:
+    """Say how far a track is from the reference, and how much of that is the radar's.
+
+    The mean square of the residual is that of the radar's errors plus that of the reference's, because the two know nothing of each other;
+    the reference's is the mean trace of its covariance. The interval has two sources: residuals that hang together for `block` (they are
+    drawn again in blocks, Kuensch 1989), and errors of the reference that are the same throughout: drawn only once, they may be larger or
+    smaller than their standard deviation says, and they add to the radar's own mean error or take from it.
+
+    Parameters
+    ----------
+    series : Series
+        Of one track, at least one residual.
+    settings : ResidualConfig
+        Blocks and confidence.
+
+    Returns
+    -------
+    dict
+        ``samples``; ``seconds`` from first to last; of the residual ``rms_total_m``, ``p95_m``, ``max_m``, along x, y, z ``bias_m`` and
+        ``rms_axis_m``; ``rms_reference_m`` and its parts ``reference_m``; ``rms_radar_m`` (None: the reference is worse than the residual
+        says) with its interval ``rms_radar_low_m``, ``rms_radar_high_m`` of ``confidence``; ``nees`` (mean, per degree of freedom, of the
+        residual over the covariances of track and reference; None where these are singular); ``lag_s``: by how much the track is late,
+        as far as its residual goes with the velocity (None where nothing moves).
+
+    Raises
+    ------
+    DataError
+        When there is no residual.
+    """
+    n = len(series.time)
+    if n == 0:
+        raise DataError("there is no residual: track and reference never overlap in time; compare their stamps (clocks, latency, max_gap)")
+    square = (series.residual**2).sum(-1)
+    own = np.trace(series.covariance, axis1=-2, axis2=-1)
+    middle, deviation = float((square - own).mean()), math.hypot(_scatter(series.time, square - own, settings), _shared(series))
+    reach = float(ndtri(0.5 + settings.confidence / 2)) * deviation
+    return {
+        "samples": n,
+        "seconds": float(series.time[-1] - series.time[0]),
+        "rms_total_m": math.sqrt(float(square.mean())),
+        "p95_m": float(np.percentile(np.sqrt(square), 95)),
+        "max_m": math.sqrt(float(square.max())),
+        "bias_m": series.residual.mean(0).tolist(),
+        "rms_axis_m": np.sqrt((series.residual**2).mean(0)).tolist(),
+        "rms_reference_m": math.sqrt(max(float(own.mean()), 0.0)),
+        "reference_m": dict(zip(PARTS, np.sqrt((series.part_std**2).mean(0)).tolist(), strict=True)),
+        "rms_radar_m": math.sqrt(middle) if middle > 0 else None,
+        "rms_radar_low_m": math.sqrt(max(middle - reach, 0.0)),
+        "rms_radar_high_m": math.sqrt(max(middle + reach, 0.0)),
+        "confidence": settings.confidence,
+        "nees": _nees(series),
+        "lag_s": _lag(series),
+    }
+
+
+def _scatter(time: Float64Array, value: Float64Array, settings: ResidualConfig) -> float:
+    """Estimate the standard deviation of the mean of values that hang together for a while, by drawing blocks of time with replacement."""
+    block = ((time - time[0]) / settings.block).astype(np.int64)
+    _, place, count = np.unique(block, return_inverse=True, return_counts=True)
+    total = np.bincount(place, weights=value)
+    if len(total) < 2:  # one block says nothing about how blocks differ: no certainty at all
+        return float(np.abs(value).max())
+    drawn = np.random.default_rng(settings.seed).integers(0, len(total), (settings.resamples, len(total)))
+    # The spread of m blocks about their own mean is too small by a factor of (m - 1) / m.
+    return float((total[drawn].sum(1) / count[drawn].sum(1)).std() * math.sqrt(len(total) / (len(total) - 1)))
+
+
+def _shared(series: Series) -> float:
+    """Bound the standard deviation of the mean square by errors of the reference that are drawn once for the whole session.
+
+    Such an error b, of covariance C, changes the mean square of the residual by ``|b|^2 - tr C - 2 b.m``, m being the radar's mean error.
+    The variance of the first part is at most 2 (tr C)^2; the latency, which acts along the velocity, counts by itself.
+    """
+    common = series.common.mean(0)
+    latency = float((series.part_std[:, _LATENCY] ** 2).mean())
+    rest = max(float(np.trace(common)) - latency, 0.0)
+    bias = series.residual.mean(0)
+    return math.sqrt(max(2 * (latency**2 + rest**2) + 4 * float(bias @ common @ bias), 0.0))
+
+
+def _nees(series: Series) -> float | None:
+    try:
+        solved = solve_spd(series.track_covariance + series.covariance, series.residual[..., None])[..., 0]
+    except SingularError:
+        return None
+    return float((series.residual * solved).sum(-1).mean() / 3)
+
+
+def _lag(series: Series) -> float | None:
+    """Least-squares delay of the track: one that is late by t has the residual ``-t v``, beside a constant.
+
+    The velocity is taken over `_BASE`: over two images the reference's noise would make it much too large, and the delay too small.
+    """
+    time = series.time
+    inner = np.flatnonzero((time >= time[0] + _BASE / 2) & (time <= time[-1] - _BASE / 2))
+    if len(inner) < 2:
+        return None
+    ahead, behind = (np.stack([np.interp(time[inner] + s, time, x) for x in series.reference.T], -1) for s in (_BASE / 2, -_BASE / 2))
+    speed = (ahead - behind) / _BASE
+    speed -= speed.mean(0)
+    power = float((speed**2).sum())
+    return -float((speed * series.residual[inner]).sum()) / power if power > 1e-6 * len(inner) else None

@@ -1,0 +1,1 @@
+"""Labelled samples of gestures: simulated, recorded, published."""

@@ -1,0 +1,280 @@
+"""Recordings with labels to sample files, beside those that are simulated (thesis, section 4.4)."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import difflib
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core.config import plain
+from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_lab.datasets.readings import read_stroke
+from radar_lab.datasets.samples import FORMAT, ONE, open_folder, pack_clouds, read_sample, sample_path, write_chunk
+from radar_lab.evaluation.scoring import TruthSegment
+
+COLUMNS: Final[tuple[str, ...]] = ("start", "end", "gesture", "person")
+"""Of a file of labels: start and end in seconds of the recording, one of `GESTURES`, number of the person."""
+AROUND: Final[float] = 1.0
+"""Clouds that long before and after a label are kept [s]: tracks settle, events end."""
+_NOWHERE: Final[NDArray[np.float64]] = np.full(3, np.nan)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a recording holds at one stamp.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        In the sensor frame.
+    one : PointCloud or None
+        Of the same frame through the first transmitter alone, where it was asked for.
+    places : mapping of int to ndarray
+        Where people truly are, shape (3,), by their numbers, in ``room`` [m]; empty: not known.
+    """
+
+    cloud: PointCloud
+    one: PointCloud | None = None
+    places: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What `import_labelled` did.
+
+    Attributes
+    ----------
+    n_written : int
+        New samples.
+    n_known : int
+        Labels whose samples were there already.
+    n_found : int
+        New samples in which the event stage finds the gesture.
+    n_outside : int
+        Labels at times that the recording does not have.
+    """
+
+    n_written: int
+    n_known: int
+    n_found: int
+    n_outside: int
+
+
+def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
+    """Read a file of labels: comma-separated, with `COLUMNS` in its first line.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    start_ns : int
+        Stamp at which the recording's seconds begin: its first cloud's [ns].
+
+    Returns
+    -------
+    tuple of TruthSegment
+        Ordered by start.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be read, naming line and column of what makes no sense.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: the labels cannot be read ({error})") from None
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+    if missing:
+        raise DataError(f"{path}:1: the first line has to name the columns {','.join(COLUMNS)}; it lacks {', '.join(missing)}")
+    rows = [_segment(row, f"{path}:{reader.line_num}", start_ns) for row in reader]
+    return tuple(sorted(rows, key=lambda s: (s.start_ns, s.person_id)))
+
+
+def _segment(row: Mapping[str, str | None], where: str, start_ns: int) -> TruthSegment:
+    start, end = (_number(row[name], name, where) for name in ("start", "end"))
+    person = _number(row["person"], "person", where)
+    gesture = (row["gesture"] or "").strip()
+    if gesture not in GESTURES:
+        near = difflib.get_close_matches(gesture, GESTURES, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise DataError(f"{where}: gesture is {gesture!r}{hint}; choose one of {', '.join(GESTURES)}")
+    if not 0.0 <= start < end:
+        raise DataError(f"{where}: start is {start:g} and end {end:g}; give seconds of the recording, the end after the start")
+    if person < 0 or person != int(person):
+        raise DataError(f"{where}: person is {person:g}; give a whole number from 0")
+    return TruthSegment(int(person), GESTURES.index(gesture), start_ns + round(start * 1e9), start_ns + round(end * 1e9))
+
+
+def _number(text: str | None, name: str, where: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or abs(value) > 1e9:
+        raise DataError(f"{where}: {name} is {text!r}, which is no number")
+    return value
+
+
+def import_labelled(
+    folder: str | Path,
+    info: RadarInfo,
+    moments: Iterable[Moment],
+    labels: Sequence[TruthSegment],
+    *,
+    source: str,
+    settings: GestureConfig | None = None,
+    one_tx: bool = False,
+) -> ImportReport:
+    """Cut the labelled gestures out of a recording and add each to a data set as a sample of its own.
+
+    Labels of several recordings of the same radar may go into one folder. What is there already stays, and is not added again.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Data set; it is made.
+    info : RadarInfo
+        The radar.
+    moments : iterable of Moment
+        The recording, in order of time.
+    labels : sequence of TruthSegment
+        What was performed, when and by whom.
+    source : str
+        What the recording is called, to know its samples again.
+    settings : GestureConfig or None
+        Knobs of events and features; None: the defaults.
+    one_tx : bool
+        Whether moments hold clouds of one transmitter that are to be kept.
+
+    Returns
+    -------
+    ImportReport
+        What was done.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples of another radar or made with other settings, or there is no label.
+    DataError
+        When stamps go back, or a file cannot be written.
+    """
+    if not labels:
+        raise ConfigError(f"{source}: there is no label, so there is nothing to import")
+    settings = settings or GestureConfig()
+    manifest = {
+        "format": FORMAT,
+        "recorded": True,
+        "settings": feature_settings(settings),
+        "radar": plain(info),
+        "one_tx": one_tx,
+    }
+    place = open_folder(folder, manifest)
+    known = {str(read_sample(path)["hash"]) for path in sorted(place.glob("sample_*.npz"))}
+    number = max((int(path.stem.removeprefix("sample_")) for path in place.glob("sample_*.npz")), default=-1) + 1
+    written = found = outside = repeated = 0
+    for label, cut in cut_out(moments, labels):
+        inside = [moment for moment in cut if label.start_ns <= moment.cloud.stamp_ns <= label.end_ns]
+        digest = _digest(source, label, info, settings)
+        if not inside or digest in known:
+            outside += not inside
+            repeated += bool(inside)
+            continue
+        columns = _columns(number, label, cut, info, settings, one_tx) | {"hash": np.array(digest)}
+        write_chunk(sample_path(place, number), columns, compressed=True)
+        known.add(digest)
+        number, written, found = number + 1, written + 1, found + bool(columns["found"])
+    return ImportReport(written, repeated, found, outside)
+
+
+def cut_out(moments: Iterable[Moment], labels: Sequence[TruthSegment]) -> Iterator[tuple[TruthSegment, list[Moment]]]:
+    """Give every label the moments from `AROUND` before its start to `AROUND` after its end, in the order in which they end.
+
+    Only what is under way is kept in memory, however long the recording.
+
+    Raises
+    ------
+    DataError
+        When stamps go back.
+    """
+    around = round(AROUND * 1e9)
+    waiting = sorted(labels, key=lambda label: label.start_ns, reverse=True)
+    under_way: list[tuple[TruthSegment, list[Moment]]] = []
+    last: int | None = None
+    for moment in moments:
+        stamp = moment.cloud.stamp_ns
+        if last is not None and stamp < last:
+            raise DataError(
+                f"cloud {moment.cloud.sequence} is {(last - stamp) * 1e-9:g} s older than the one before; cut the recording there"
+            )
+        last = stamp
+        while waiting and stamp >= waiting[-1].start_ns - around:
+            under_way.append((waiting.pop(), []))
+        over = [entry for entry in under_way if stamp > entry[0].end_ns + around]
+        under_way = [entry for entry in under_way if stamp <= entry[0].end_ns + around]
+        yield from over
+        for _, own in under_way:
+            own.append(moment)
+    yield from under_way
+    yield from ((label, []) for label in reversed(waiting))
+
+
+def _digest(source: str, label: TruthSegment, info: RadarInfo, settings: GestureConfig) -> str:
+    """SHA-256 over what makes a recorded sample."""
+    described = [FORMAT, source, label.person_id, label.label, label.start_ns, label.end_ns, plain(info), feature_settings(settings)]
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+
+def _columns(
+    number: int, label: TruthSegment, cut: list[Moment], info: RadarInfo, settings: GestureConfig, one_tx: bool
+) -> dict[str, NDArray[Any]]:
+    """Columns of a file, as `synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
+    clouds = [moment.cloud for moment in cut]
+    position = np.array([moment.places.get(label.person_id, _NOWHERE) for moment in cut], np.float64).reshape(-1, 3)
+    reading = read_stroke(info, clouds, position, label, settings, padded=False)
+    unknown = np.full(position.shape, np.nan)
+    columns = {
+        "number": np.array(number, np.int64),
+        "label": np.array(label.label, np.int64),
+        "variant": np.array(0, np.int64),
+        "subject": np.array(label.person_id, np.int64),
+        "gesture": np.array(GESTURES[label.label]),
+        "scene": np.array(""),
+        "radar": np.array(json.dumps(plain(info), sort_keys=True)),
+        "settings": np.array(json.dumps(plain(settings), sort_keys=True)),
+        "margin": np.array(AROUND),
+        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
+        **pack_clouds([in_sensor(cloud, info) for cloud in clouds]),
+        **reading.columns,
+        "stroke_ns": np.array([label.start_ns, label.end_ns], np.int64),
+        "position": position,
+        **dict.fromkeys(("velocity", "hand_position", "hand_velocity"), unknown),
+    }
+    if one_tx:
+        single = [moment.one for moment in cut if moment.one is not None]
+        if len(single) < len(cut):
+            raise DataError(
+                f"{len(cut) - len(single)} of {len(cut)} moments have no cloud of one transmitter; give it, or leave one_tx out"
+            )
+        columns |= pack_clouds([in_sensor(cloud, info) for cloud in single], ONE)
+    return columns
+
+
+def in_sensor(cloud: PointCloud, info: RadarInfo) -> PointCloud:
+    """Return the same points with x, y, z in the sensor frame: some recordings hold clouds that were levelled already."""
+    if cloud.frame_id != "room":
+        return cloud
+    x, y, z = info.mount.from_room(cloud.position).astype(np.float32).T
+    return dataclasses.replace(cloud, frame_id=info.frame_id, x=x.copy(), y=y.copy(), z=z.copy())

@@ -1,0 +1,372 @@
+"""Stored clouds to events and features: event detection, features, frame rate and transmitters change without simulating again.
+
+Each sample goes through the same tracking, event detection and features as at run time. What stands in a file is what the radar saw.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo
+from radar_core.geometry import cartesian_to_spherical
+from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
+from radar_gestures.maps import FeatureMaps, feature_maps
+from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_lab.datasets.samples import BOTH, ONE, SampleSet, info_of, read_sample, sample_files, unpack_clouds
+from radar_lab.datasets.scenes import label_events
+from radar_lab.evaluation.scoring import TruthSegment
+from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
+from radar_tracking import PeopleTracker, Track, TrackedCloud, TrackerConfig
+
+T = TypeVar("T")
+Columns = Mapping[str, NDArray[Any]]
+_LEAD: Final[float] = 0.6  # s: time in which a track settles
+_LEAST_STEP: Final[int] = 100_000  # ns: no radar has shorter frame intervals, so nearer stamps tell nothing about it
+_GATE: Final[float] = 0.8  # m: a track farther from the person on the floor is not theirs
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What the event stage made of one sample.
+
+    Attributes
+    ----------
+    label : int
+        Index into `GESTURES`.
+    person : int
+        The subject.
+    stroke_ns : tuple of int
+        True start and end [ns].
+    event : TrackEvent or None
+        The gesture's event; None: it was missed. Its features are never None.
+    clouds : tuple of PointCloud
+        The track's own points, in ``room``, from ``margin`` before the event to ``margin`` after it; empty without an event.
+    samples : tuple of MotionSample
+        Of these clouds: the one-dimensional signals of the thesis's figure 4.9.
+    """
+
+    label: int
+    person: int
+    stroke_ns: tuple[int, int]
+    event: TrackEvent | None
+    clouds: tuple[PointCloud, ...]
+    samples: tuple[MotionSample, ...]
+
+    @property
+    def features(self) -> NDArray[np.float64]:
+        """The thirteen features, shape (13,); NaN when it was missed."""
+        given = None if self.event is None else self.event.features
+        return np.full(len(FEATURE_NAMES), np.nan) if given is None else given
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of a file that say whether, and how, the gesture was found."""
+        best = self.event
+        event = (0, 0) if best is None else (best.event.start_ns, best.event.end_ns)
+        return {
+            "features": self.features,
+            "found": np.array(best is not None),
+            "walked": np.array(0.0 if best is None else best.walked),
+            "event_ns": np.array(event, np.int64),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Cubes:
+    """Feature cubes of a data set (thesis, section 4.5.5).
+
+    Attributes
+    ----------
+    cube : ndarray of float32, shape (n, 5, n_detections, n_frames)
+        One sample a row, each as `radar_lab.training.encoder.encode` gives it.
+    label, person : ndarray of int64, shape (n,)
+        As in `SampleSet`.
+    missed : ndarray of int64, shape (10,)
+        As in `SampleSet`.
+    """
+
+    cube: NDArray[np.float32]
+    label: NDArray[np.int64]
+    person: NDArray[np.int64]
+    missed: NDArray[np.int64]
+
+
+def read_stroke(
+    info: RadarInfo,
+    clouds: Sequence[PointCloud],
+    position: NDArray[np.floating],
+    stroke: TruthSegment,
+    settings: GestureConfig,
+    *,
+    padded: bool = True,
+) -> Reading:
+    """Take the clouds of one stroke through tracking, event detection and features.
+
+    An event is the gesture when a training sample of it would get its label (`label_events`) and it is of a track within 0.8 m of the
+    person; of several, the longest.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        The radar.
+    clouds : sequence of PointCloud
+        In order of time, in the sensor frame or in ``room``.
+    position : ndarray, shape (n_clouds, 3)
+        Of the person when the clouds were made, in ``room`` [m]; NaN: not known, then anybody's event may be the gesture.
+    stroke : TruthSegment
+        What was performed, and when.
+    settings : GestureConfig
+        Knobs of events and features.
+    padded : bool
+        Whether the clouds only span the stroke: then those before and after it are continued as a body at rest would look, long enough
+        for tracks to settle and events to end.
+    """
+    room = [cloud.to_room(info.mount) for cloud in clouds]
+    places = [*np.asarray(position, np.float64)]
+    if padded and room:
+        lead, rest = _surroundings(room, stroke, settings, info.waveform.frame_interval)
+        room = [*lead, *room, *rest]
+        places = [*places[:1] * len(lead), *places, *places[-1:] * len(rest)]
+    tracker, stage = PeopleTracker(TrackerConfig(), info), EventStage(settings, info.mount)
+    passed: list[TrackedCloud] = []
+    found: list[TrackEvent] = []
+    for cloud, place in zip(room, places, strict=True):
+        tracked = TrackedCloud(cloud, tracker.process(cloud))
+        passed.append(tracked)
+        for event in stage.process(tracked):
+            own = _is_of(tracked.tracks.find(event.track_id), place)
+            missed = label_events([(stroke.person_id, event)], [stroke])["missed"].any()
+            if own and not missed and event.features is not None:
+                found.append(event)
+    best = max(found, key=lambda one: one.event.end_ns - one.event.start_ns, default=None)
+    own_clouds, samples = ((), ()) if best is None else _signals(passed, best, settings, info)
+    return Reading(stroke.label, stroke.person_id, (stroke.start_ns, stroke.end_ns), best, own_clouds, samples)
+
+
+def _is_of(track: Track | None, place: NDArray[np.float64]) -> bool:
+    """Whether a track is the person's; where the person is may not be known."""
+    if track is None:
+        return False
+    return not math.hypot(track.position[0] - place[0], track.position[1] - place[1]) > _GATE
+
+
+def _surroundings(
+    room: list[PointCloud], stroke: TruthSegment, settings: GestureConfig, interval: float
+) -> tuple[list[PointCloud], list[PointCloud]]:
+    """Clouds to come before and after those of a stroke, in order of time."""
+    before = [cloud for cloud in room if cloud.stamp_ns < stroke.start_ns] or room[:1]
+    after = [cloud for cloud in room if cloud.stamp_ns > stroke.end_ns] or room[-1:]
+    stamps = np.array([cloud.stamp_ns for cloud in room])
+    step = round(float(np.median(np.diff(stamps)))) if len(stamps) > 1 else 0
+    step = step if step >= _LEAST_STEP else round(interval * 1e9)
+    lead = _at_rest(before, settings, room[0].stamp_ns - step, -step, _LEAD)
+    return lead[::-1], _at_rest(after, settings, room[-1].stamp_ns + step, step, settings.events.quiet)
+
+
+def _at_rest(near: list[PointCloud], settings: GestureConfig, start_ns: int, step_ns: int, duration: float) -> list[PointCloud]:
+    """Clouds before or after those that were simulated: body and hand rest then, so what stands still nearby is what would come.
+
+    With them tracking knows the person, as it long does at run time when a gesture begins, and the quiet time that ends an event passes.
+    """
+    slow = min(settings.features.body_speed, settings.events.release)
+    still = [cloud.select(np.flatnonzero(~(np.abs(cloud.radial_speed) >= slow))) for cloud in near]
+    n = math.ceil(duration * 1e9 / abs(step_ns)) + 1
+    return [dataclasses.replace(still[k % len(still)], stamp_ns=start_ns + k * step_ns) for k in range(n)]
+
+
+def _signals(
+    passed: list[TrackedCloud], found: TrackEvent, settings: GestureConfig, info: RadarInfo
+) -> tuple[tuple[PointCloud, ...], tuple[MotionSample, ...]]:
+    """Return the track's own points about the event, cloud by cloud, and what they tell."""
+    margin = round(settings.margin * 1e9)
+    clouds, samples = [], []
+    for tracked in passed:
+        track = tracked.tracks.find(found.track_id)
+        if track is None or not found.event.start_ns - margin <= tracked.cloud.stamp_ns <= found.event.end_ns + margin:
+            continue
+        own = tracked.cloud.select(np.flatnonzero(tracked.tracks.point_track_id == track.id))
+        distance, azimuth, elevation = cartesian_to_spherical(info.mount.from_room(np.asarray(track.position)))
+        clouds.append(own)
+        samples.append(summarise(own, (float(distance), float(azimuth), float(elevation)), settings.features))
+    return tuple(clouds), tuple(samples)
+
+
+def read(sample: Columns, settings: GestureConfig | None = None, *, every: int = 1, one_tx: bool = False) -> Reading:
+    """Read one stored sample.
+
+    Parameters
+    ----------
+    sample : mapping
+        As `read_samples` gives it.
+    settings : GestureConfig or None
+        Knobs of events and features; None: the defaults.
+    every : int
+        Take every n-th cloud only, as a radar of a lower frame rate would give them.
+    one_tx : bool
+        Take the clouds of the first transmitter alone.
+
+    Raises
+    ------
+    DataError
+        When the sample holds no clouds of one transmitter.
+    ConfigError
+        When ``every`` is below 1.
+    """
+    if every < 1:
+        raise ConfigError(f"every is {every}; 1 takes every cloud, 2 every second, and so on")
+    kind = ONE if one_tx else BOTH
+    clouds, start_end = unpack_clouds(sample, kind)[::every], sample["stroke_ns"].tolist()
+    stroke = TruthSegment(int(sample["subject"]), int(sample["label"]), *start_end)
+    return read_stroke(
+        info_of(sample, kind), clouds, sample["position"][::every], stroke, settings or GestureConfig(), padded=bool(str(sample["scene"]))
+    )
+
+
+def maps_of(sample: Columns, gate: float | None = None, *, one_tx: bool = False) -> FeatureMaps:
+    """Return the feature maps of all that a sample's radar saw (thesis, figures 4.4 to 4.8).
+
+    Parameters
+    ----------
+    sample : mapping
+        As `read_samples` gives it.
+    gate : float or None
+        Width of a Doppler gate [m/s]; None: the usual of `FeatureConfig`.
+    one_tx : bool
+        As in `read`.
+    """
+    kind = ONE if one_tx else BOTH
+    width = GestureConfig().features.gate if gate is None else gate
+    return feature_maps(unpack_clouds(sample, kind), width, info_of(sample, kind).waveform.max_speed)
+
+
+def collect(
+    folder: str | Path,
+    settings: GestureConfig | None = None,
+    *,
+    every: int = 1,
+    one_tx: bool = False,
+    n_jobs: int = 1,
+    vector: Callable[[Reading], NDArray[np.float64]] | None = None,
+    names: tuple[str, ...] = FEATURE_NAMES,
+) -> SampleSet:
+    """Read a data set into features and labels, as training takes them.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A data set of `radar_lab.datasets.synthesis` or `radar_lab.datasets.labelled`.
+    settings, every, one_tx
+        As in `read`.
+    n_jobs : int
+        Processes, -1: one per core.
+    vector : callable or None
+        Makes other features of a reading whose event was found, shape (n_features,); a function of a module. None: the thirteen.
+    names : tuple of str
+        Of these features.
+
+    Returns
+    -------
+    SampleSet
+        Of the samples whose gesture was found; the others are counted in ``missed``. ``person`` is the subject.
+
+    Raises
+    ------
+    DataError
+        When the folder is no such data set, holds no sample, or one cannot be read.
+    """
+    settings = settings or GestureConfig()
+    work = functools.partial(_row, settings=settings, every=every, one_tx=one_tx, vector=vector)
+    rows = _each(folder, work, n_jobs)
+    found = [row for row in rows if row[0] is not None]
+    return SampleSet(
+        features=np.array([row[0] for row in found], np.float64).reshape(-1, len(names)),
+        label=np.array([row[1] for row in found], np.int64),
+        person=np.array([row[2] for row in found], np.int64),
+        walked=np.array([row[3] for row in found], np.float64),
+        missed=_count_missed(rows),
+        settings=feature_settings(settings),
+        names=names,
+    )
+
+
+def cubes(
+    folder: str | Path,
+    settings: GestureConfig | None = None,
+    *,
+    encoder: EncoderConfig | None = None,
+    every: int = 1,
+    one_tx: bool = False,
+    n_jobs: int = 1,
+) -> Cubes:
+    """Read a data set into feature cubes: the strongest detections of each frame of the event, cloud by cloud (section 4.5.5).
+
+    Parameters
+    ----------
+    folder : str or Path
+        As in `collect`.
+    settings, every, one_tx
+        As in `read`.
+    encoder : EncoderConfig or None
+        Size and kind of the cubes; None: the thesis's 50 detections of 50 frames.
+    n_jobs : int
+        As in `collect`.
+
+    Raises
+    ------
+    DataError
+        As `collect`.
+    """
+    encoder = encoder or EncoderConfig()
+    rows = _each(
+        folder, functools.partial(_cube_row, settings=settings or GestureConfig(), every=every, one_tx=one_tx, encoder=encoder), n_jobs
+    )
+    found = [row for row in rows if row[0] is not None]
+    return Cubes(
+        np.array([row[0] for row in found], np.float32).reshape(-1, len(ATTRIBUTES), encoder.n_detections, encoder.n_frames),
+        np.array([row[1] for row in found], np.int64),
+        np.array([row[2] for row in found], np.int64),
+        _count_missed(rows),
+    )
+
+
+_Row = tuple[NDArray[Any] | None, int, int, float]
+
+
+def _row(path: Path, settings: GestureConfig, every: int, one_tx: bool, vector: Callable[[Reading], NDArray[np.float64]] | None) -> _Row:
+    reading = read(read_sample(path), settings, every=every, one_tx=one_tx)
+    if reading.event is None:
+        return None, reading.label, reading.person, 0.0
+    return reading.features if vector is None else vector(reading), reading.label, reading.person, reading.event.walked
+
+
+def _cube_row(path: Path, settings: GestureConfig, every: int, one_tx: bool, encoder: EncoderConfig) -> _Row:
+    reading = read(read_sample(path), settings, every=every, one_tx=one_tx)
+    if reading.event is None:
+        return None, reading.label, reading.person, 0.0
+    distance, azimuth, elevation = np.median([sample.body for sample in reading.samples], axis=0).tolist()
+    event = reading.event.event
+    cube = encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
+    return cube, reading.label, reading.person, reading.event.walked
+
+
+def _count_missed(rows: list[_Row]) -> NDArray[np.int64]:
+    return np.bincount([row[1] for row in rows if row[0] is None], minlength=len(GESTURES)).astype(np.int64)
+
+
+def _each(folder: str | Path, work: Callable[[Path], T], n_jobs: int) -> list[T]:
+    """Do the work on every file, several at a time; the results are in the order of the files."""
+    files = sample_files(folder)
+    if n_jobs == 1:
+        return list(map(work, files))
+    done: list[T] = Parallel(n_jobs=n_jobs)(delayed(work)(path) for path in files)
+    return done

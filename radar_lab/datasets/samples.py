@@ -1,0 +1,320 @@
+"""Sample files: what simulation and recordings write, and training reads."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import platform
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core.config import load
+from radar_core.transmitters import one_transmitter
+from radar_gestures.features import FEATURE_NAMES
+
+MANIFEST: Final[str] = "dataset.json"
+FORMAT: Final[int] = 2
+"""Of the files of single samples; a folder or file of another one is refused."""
+CLOUD_FIELDS: Final[tuple[str, ...]] = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std")
+"""What a sample keeps of its points: all that tracking, event detection and features look at."""
+BOTH: Final[str] = "cloud"
+"""How the columns of clouds begin."""
+ONE: Final[str] = "one"
+"""How those of the first transmitter alone do."""
+_COLUMNS: Final[tuple[str, ...]] = ("features", "label", "person", "walked", "missed")
+_ADVICE: Final[str] = "make some with `handwave dataset generate`, or radar_lab.datasets.synthesis.synthesise"
+
+
+@dataclass(frozen=True, eq=False)
+class SampleSet:
+    """Labelled samples.
+
+    Attributes
+    ----------
+    features : ndarray of float64, shape (n, n_features)
+        One row a sample: the thirteen that `extract` gives, or those that ``names`` says.
+    label : ndarray of int64, shape (n,)
+        Index into `GESTURES`.
+    person : ndarray of int64, shape (n,)
+        Whose; every simulated scene has people of its own, every subject of a data set a number.
+    walked : ndarray of float64, shape (n,)
+        Ground distance moved during the event [m].
+    missed : ndarray of int64, shape (10,)
+        Gestures performed that gave no event, by label.
+    settings : mapping
+        How the features were made.
+    names : tuple of str, length n_features
+        Of the features.
+    """
+
+    features: NDArray[np.float64]
+    label: NDArray[np.int64]
+    person: NDArray[np.int64]
+    walked: NDArray[np.float64]
+    missed: NDArray[np.int64]
+    settings: Mapping[str, Any]
+    names: tuple[str, ...] = FEATURE_NAMES
+
+    def __post_init__(self) -> None:
+        n = len(self.label)
+        if self.features.shape != (n, self.n_features) or self.person.shape != (n,) or self.walked.shape != (n,):
+            raise DataError(
+                f"samples: {n} labels and {self.n_features} names, but features {self.features.shape}, person {self.person.shape}, "
+                f"walked {self.walked.shape}"
+            )
+        if not np.isfinite(self.features).all():
+            raise DataError("samples: features has non-finite values")
+        if n and not (self.label.min() >= 0 and self.label.max() < len(GESTURES)):
+            raise DataError(f"samples: labels must lie in 0..{len(GESTURES) - 1}, found {self.label.min()}..{self.label.max()}")
+
+    @property
+    def n_features(self) -> int:
+        """Number of features."""
+        return len(self.names)
+
+
+def open_folder(folder: str | Path, manifest: Mapping[str, Any]) -> Path:
+    """Make a data set folder, or check that an existing one was made with the same settings, so that a stopped run can go on.
+
+    What a killed run left half written is removed.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples made with other settings, or cannot be made.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: this folder cannot be made ({error.strerror}); name another one") from None
+    file = folder / MANIFEST
+    text = json.dumps(dict(manifest), sort_keys=True, indent=1)
+    if not file.exists():
+        partial = _partial(file)
+        partial.write_text(text + "\n", encoding="utf-8")
+        partial.replace(file)
+    elif file.read_text(encoding="utf-8").strip() != text:
+        raise ConfigError(f"{folder}: holds samples made with other settings (see {MANIFEST}); name another folder, or delete this one")
+    for partial in folder.glob("*.part"):
+        if _is_left(partial):
+            partial.unlink(missing_ok=True)
+    return folder
+
+
+def chunk_path(folder: Path, number: int) -> Path:
+    """File of the samples of one simulated scene."""
+    return folder / f"chunk_{number:05d}.npz"
+
+
+def sample_path(folder: Path, number: int) -> Path:
+    """File of a single sample."""
+    return folder / f"sample_{number:05d}.npz"
+
+
+def write_chunk(path: Path, columns: Mapping[str, NDArray[Any]], *, compressed: bool = False) -> None:
+    """Write one file; it appears under its name only when complete, so that a killed run leaves no broken file.
+
+    The same columns give the same bytes: numpy dates the members of every file alike.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be written, as on a full disk.
+    """
+    partial, save = _partial(path), np.savez_compressed if compressed else np.savez
+    try:
+        with partial.open("wb") as file:
+            save(file, **dict[str, Any](columns))
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise DataError(f"{path}: cannot be written ({error.strerror}); make room or rights, then start again: it goes on here") from None
+
+
+def _partial(path: Path) -> Path:
+    """Name that no other process uses, on whatever machine of a cluster that shares the folder."""
+    return path.with_suffix(f".{platform.node()}.{os.getpid()}.part")
+
+
+def _is_left(partial: Path) -> bool:
+    """Whether the process that began a file is gone; it must have been one of this machine, of others we cannot know."""
+    begun_by = re.fullmatch(rf".*\.{re.escape(platform.node())}\.(\d+)\.part", partial.name)
+    return begun_by is not None and not psutil.pid_exists(int(begun_by[1]))
+
+
+def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH) -> dict[str, NDArray[Any]]:
+    """Lay clouds out as flat arrays.
+
+    Parameters
+    ----------
+    clouds : sequence of PointCloud
+        In order of time, in the sensor frame.
+    kind : str
+        How the columns begin.
+
+    Returns
+    -------
+    dict of ndarray
+        ``<kind>_offset``, int64 (n_clouds + 1,): points of cloud ``i`` are ``offset[i]`` to ``offset[i + 1]``; and ``<kind>_<field>``,
+        float32 (n_points,), for each of `CLOUD_FIELDS`.
+    """
+    offset = np.zeros(len(clouds) + 1, np.int64)
+    offset[1:] = np.cumsum([len(cloud) for cloud in clouds])
+    empty = np.empty(0, np.float32)
+    points = {name: np.concatenate([empty, *(getattr(cloud, name) for cloud in clouds)]) for name in CLOUD_FIELDS}
+    return {f"{kind}_offset": offset, **{f"{kind}_{name}": array for name, array in points.items()}}
+
+
+def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[PointCloud]:
+    """Clouds of a sample, in the sensor frame, as `pack_clouds` laid them out; fields that are not kept are NaN.
+
+    Raises
+    ------
+    DataError
+        When the sample does not hold them.
+    """
+    if f"{kind}_offset" not in sample:
+        how = " with only one transmitter; generate with --one-tx" if kind == ONE else "; make the data set again"
+        raise DataError(f"sample {int(sample['number'])} holds no clouds{how}")
+    offset, frame_id = sample[f"{kind}_offset"], info_of(sample).frame_id
+    fields = {name: sample[f"{kind}_{name}"] for name in CLOUD_FIELDS}
+    clouds = []
+    for number, stamp in enumerate(sample["stamp_ns"]):
+        own: dict[str, Any] = {name: array[offset[number] : offset[number + 1]] for name, array in fields.items()}
+        clouds.append(PointCloud(int(stamp), number, frame_id, **own))
+    return clouds
+
+
+def info_of(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> RadarInfo:
+    """Return the radar that a sample's clouds come from."""
+    info = load(RadarInfo, json.loads(str(sample["radar"])), "sample")
+    return one_transmitter(info) if kind == ONE else info
+
+
+def read_manifest(folder: str | Path) -> dict[str, Any]:
+    """Read what a data set was made with.
+
+    Raises
+    ------
+    DataError
+        When the folder is no data set, or one of another format.
+    """
+    path = Path(folder) / MANIFEST
+    try:
+        manifest = dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        raise DataError(f"{folder}: no samples here; {_ADVICE}") from None
+    if manifest.get("format") != FORMAT:
+        raise DataError(f"{folder}: the samples have format {manifest.get('format')}, this version reads {FORMAT}; generate them again")
+    return manifest
+
+
+def sample_files(folder: str | Path) -> list[Path]:
+    """Files of a folder's samples, in order.
+
+    Raises
+    ------
+    DataError
+        When the folder is no such data set, or holds no sample.
+    """
+    read_manifest(folder)
+    files = sorted(Path(folder).glob("sample_*.npz"))
+    if not files:
+        raise DataError(f"{folder}: no samples here; {_ADVICE}")
+    return files
+
+
+def read_sample(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the file of one sample.
+
+    Raises
+    ------
+    DataError
+        When it cannot be read.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return {name: content[name] for name in content.files}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise DataError(f"{path}: cannot be read ({error}); delete it and make it again") from None
+
+
+def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
+    """Read the samples of a folder one after the other, in order; each as `radar_lab.datasets.synthesis.simulate_sample` describes it.
+
+    Raises
+    ------
+    DataError
+        When the folder is no such data set, holds no sample, or one cannot be read.
+    """
+    yield from map(read_sample, sample_files(folder))
+
+
+def load_samples(folder: str | Path) -> SampleSet:
+    """Read all chunks of a data set of scenes (`radar_lab.datasets.scenes.generate`).
+
+    Raises
+    ------
+    DataError
+        When the folder is no data set, holds no chunk, or a chunk cannot be read.
+    """
+    folder = Path(folder)
+    chunks = sorted(folder.glob("chunk_*.npz"))
+    if not chunks or not (folder / MANIFEST).is_file():
+        raise DataError(f"{folder}: no samples here; make some with `handwave train`, or radar_lab.datasets.scenes.generate")
+    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in _COLUMNS}
+    for path in chunks:
+        content = read_sample(path)
+        if missing := [name for name in _COLUMNS if name not in content]:
+            raise DataError(f"{path}: cannot be read ({missing[0]} is missing); delete it and simulate again")
+        for name in _COLUMNS:
+            columns[name].append(content[name])
+    settings = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["settings"]
+    missed = np.sum(columns.pop("missed"), axis=0)
+    joined: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return SampleSet(**joined, missed=np.asarray(missed, np.int64), settings=settings)
+
+
+def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
+    """Put data sets together; people of different ones are different people.
+
+    Parameters
+    ----------
+    sets : sequence of SampleSet
+        At least one.
+
+    Raises
+    ------
+    DataError
+        When their features were made with different settings, or are others.
+    """
+    first = sets[0]
+    person, above = [], 0
+    for samples in sets:
+        if dict(samples.settings) != dict(first.settings) or samples.names != first.names:
+            raise DataError("data sets whose features were made with different settings do not go together; generate one of them anew")
+        known, number = np.unique(samples.person, return_inverse=True)
+        person.append(number.astype(np.int64) + above)
+        above += len(known)
+    columns = {name: np.concatenate([getattr(samples, name) for samples in sets]) for name in ("features", "label", "walked")}
+    missed = np.sum([samples.missed for samples in sets], axis=0)
+    return SampleSet(**columns, person=np.concatenate(person), missed=missed, settings=first.settings, names=first.names)
+
+
+def standing(samples: SampleSet, most: float) -> SampleSet:
+    """Leave out samples whose person moved farther than ``most`` [m]: these a recogniser calls random without asking its model."""
+    keep = samples.walked <= most
+    columns = {name: getattr(samples, name)[keep] for name in ("features", "label", "person", "walked")}
+    return dataclasses.replace(samples, **columns)

@@ -1,0 +1,225 @@
+"""Simulated, labelled samples: random people gesture in random places, and the run-time chain cuts and measures what they do (section 5.3).
+
+Samples come from whole scenes with one to three people, through the same baseband, tracking, event detection and features as at run time,
+so that training sees what the recogniser will see: events cut too early, points lost to the neighbour, walking, fidgeting.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, PointCloud, Pose, RadarInfo
+from radar_dsp import Baseband, BasebandConfig, DoaConfig
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_lab.datasets.samples import chunk_path, load_samples, open_folder, write_chunk
+from radar_lab.datasets.training_scenes import training_scene
+from radar_lab.datasets.workers import work_through
+from radar_lab.evaluation.scoring import TruthSegment, nearest_person, truth_segments
+from radar_sim import Scene, Simulator, Truth
+from radar_sim.motions.library import library_hash
+from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+
+BASEBANDS: Final = (BasebandConfig(), dataclasses.replace(BasebandConfig(), doa=DoaConfig(method="dml2")))
+"""Scenes are seen through these in turn, so that a model does for either (preset people)."""
+
+
+def generate(
+    folder: str | Path,
+    n_scenes: int = 100,
+    *,
+    seed: int = 1,
+    n_jobs: int = 1,
+    settings: GestureConfig | None = None,
+    info: RadarInfo | None = None,
+    progress: bool = True,
+) -> int:
+    """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped.
+
+    A scene takes about 10 s of one core and gives about 20 samples, see `radar_lab.datasets.training_scenes`.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where the samples go, one file per scene.
+    n_scenes : int
+        Scenes that the folder shall hold in the end.
+    seed : int
+        Scene ``i`` depends on ``seed`` and ``i`` only: the number of jobs or a restart change nothing.
+    n_jobs : int
+        Scenes simulated at the same time, each on a core of its own.
+    settings : GestureConfig or None
+        Knobs of events and features; None: the defaults.
+    info : RadarInfo or None
+        The radar; None: the default radar.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    int
+        Samples that the folder now holds.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples made with another seed, radar or other settings.
+    """
+    settings = settings if settings is not None else GestureConfig()
+    info = info if info is not None else RadarInfo()
+    manifest = {"seed": seed, "settings": feature_settings(settings), "radar": dataclasses.asdict(info), "motions": library_hash()}
+    place = open_folder(folder, manifest)
+    todo = [number for number in range(n_scenes) if not chunk_path(place, number).exists()]
+    work_through(
+        functools.partial(_make_chunk, place, seed, settings=settings, info=info),
+        todo,
+        n_total=n_scenes,
+        n_jobs=n_jobs,
+        progress=progress,
+        title="simulating scenes",
+    )
+    return len(load_samples(place).label)
+
+
+def _make_chunk(folder: Path, seed: int, number: int, *, settings: GestureConfig, info: RadarInfo) -> None:
+    rng = np.random.default_rng([seed, number])
+    recording = record(training_scene(number, rng, info), baseband_of(number))
+    columns = label_events(find_events(recording, settings), truth_segments(recording.truths))
+    columns["person"] = columns["person"] + 10 * number  # people of different scenes are different people
+    write_chunk(chunk_path(folder, number), columns)
+
+
+def baseband_of(number: int) -> BasebandConfig:
+    """Return what the scene of a number is seen through; every kind of scene comes through all of `BASEBANDS`."""
+    return BASEBANDS[(number + number // 8) % len(BASEBANDS)]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A simulated scene after the baseband.
+
+    Attributes
+    ----------
+    info : RadarInfo
+        The radar.
+    clouds : list of PointCloud
+        In ``room``.
+    truths : list of Truth
+        Of the same stamps.
+    """
+
+    info: RadarInfo
+    clouds: list[PointCloud]
+    truths: list[Truth]
+
+    @property
+    def mount(self) -> Pose:
+        """Where the radar stands."""
+        return self.info.mount
+
+
+def record(scene: Scene, baseband: BasebandConfig | None = None) -> Recording:
+    """Simulate a scene up to its point clouds.
+
+    Parameters
+    ----------
+    scene : Scene
+        What happens.
+    baseband : BasebandConfig or None
+        How frames become clouds; None: the defaults.
+    """
+    simulator = Simulator(scene)
+    processor, mount = Baseband(baseband if baseband is not None else BasebandConfig(), simulator.info), simulator.info.mount
+    recording = Recording(simulator.info, [], [])
+    for number in range(simulator.n_frames):
+        simulated = simulator.process(number)
+        recording.clouds.append(processor.process(simulated.frame).to_room(mount))
+        recording.truths.append(simulated.truth)
+    return recording
+
+
+def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
+    """Run tracking and event detection over a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        Clouds and truth.
+    settings : GestureConfig
+        Knobs of events and features.
+    every : int
+        Take every n-th cloud only, as a radar with a lower frame rate would give them.
+
+    Returns
+    -------
+    list of (int, TrackEvent)
+        Events with the person whose they are (-1: nobody near).
+    """
+    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(settings, recording.mount)
+    events = []
+    for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
+        tracks = tracker.process(cloud)
+        for event in stage.process(TrackedCloud(cloud, tracks)):
+            track = tracks.find(event.track_id)
+            person = None if track is None else nearest_person(truth, track.position)
+            events.append((-1 if person is None else person, event))
+    return events
+
+
+def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
+    """Name every event by what its person was doing.
+
+    An event that overlaps a gesture by 40 % of the longer of the two gets its label; one that touches no gesture is random (walking, slow
+    arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
+
+    Parameters
+    ----------
+    events : iterable of (int, TrackEvent)
+        Events and whose they are.
+    segments : iterable of TruthSegment
+        What was performed.
+
+    Returns
+    -------
+    dict of ndarray
+        The columns of `SampleSet`.
+    """
+    segments = list(segments)
+    rows: list[tuple[NDArray[np.float64], int, int, float]] = []
+    seen: set[TruthSegment] = set()
+    for person, found in events:
+        own = [(s, _overlap(found, s)) for s in segments if s.person_id == person]
+        best, overlap = max(own, key=lambda pair: pair[1], default=(None, -math.inf))
+        label = 0
+        if best is not None and overlap > -0.2:
+            length = (found.event.end_ns - found.event.start_ns) * 1e-9
+            if overlap < 0.4 * max(length, (best.end_ns - best.start_ns) * 1e-9):
+                continue
+            label = best.label
+            seen.add(best)
+        if found.features is not None:
+            rows.append((found.features, label, max(person, 0), found.walked))
+    missed = np.zeros(len(GESTURES), np.int64)
+    for segment in segments:
+        missed[segment.label] += segment not in seen
+    return {
+        "features": np.array([r[0] for r in rows], np.float64).reshape(-1, len(FEATURE_NAMES)),
+        "label": np.array([r[1] for r in rows], np.int64),
+        "person": np.array([r[2] for r in rows], np.int64),
+        "walked": np.array([r[3] for r in rows], np.float64),
+        "missed": missed,
+    }
+
+
+def _overlap(found: TrackEvent, segment: TruthSegment) -> float:
+    """Return the common time of an event and a gesture [s]; negative: the time between them."""
+    return (min(found.event.end_ns, segment.end_ns) - max(found.event.start_ns, segment.start_ns)) * 1e-9

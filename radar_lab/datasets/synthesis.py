@@ -1,0 +1,366 @@
+"""Synthetic data sets: one gesture of one person a file, with clouds, features and truth (thesis, sections 4.3 and chapter 5).
+
+`radar_lab.datasets.scenes` simulates whole scenes, for training what the recogniser will meet. Here each sample is one stroke, as in
+the thesis: for maps, for other classifiers, for comparing with recordings. A sample takes about half a second of one core.
+
+Workers are joblib's, see `radar_lab.datasets.workers`. On a Dask cluster whose machines share the folder::
+
+    with Client("tcp://scheduler:8786"), joblib.parallel_config(backend="dask"):
+        synthesise("folder", 600, seed=1)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+import math
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core.config import load, plain
+from radar_core.transmitters import one_transmitter, one_transmitter_frame
+from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_lab.datasets.readings import read_stroke
+from radar_lab.datasets.samples import (
+    FORMAT,
+    ONE,
+    SampleSet,
+    open_folder,
+    pack_clouds,
+    read_manifest,
+    read_samples,
+    sample_path,
+    write_chunk,
+)
+from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample, named_plan, stroke_of
+from radar_lab.datasets.workers import work_through
+from radar_lab.evaluation.scoring import TruthSegment
+from radar_sim import Scene, SimulatedFrame, Simulator
+from radar_sim.motions.library import library_hash
+from radar_tracking import TrackerConfig
+
+__all__ = ["Job", "feature_samples", "read_samples", "remake", "scene_of", "simulate_sample", "stroke_frames", "synthesise", "write_sample"]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """All that a worker has to know.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the files go.
+    seed : int
+        Of the data set.
+    plan : Plan
+        What is drawn.
+    body : str
+        As `Person.body`.
+    raw : bool
+        Whether raw frames are kept.
+    one_tx : bool
+        Whether the clouds of the first transmitter alone are kept too.
+    settings : GestureConfig
+        Knobs of events and features.
+    info : RadarInfo
+        The radar.
+    """
+
+    folder: Path
+    seed: int
+    plan: Plan
+    body: str
+    raw: bool
+    one_tx: bool
+    settings: GestureConfig
+    info: RadarInfo
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What has to be equal for a run to go on in a folder; in plain words, for the file."""
+        return {
+            "format": FORMAT,
+            "seed": self.seed,
+            "plan": dataclasses.asdict(self.plan),
+            "body": self.body,
+            "raw": self.raw,
+            "one_tx": self.one_tx,
+            "settings": feature_settings(self.settings),
+            "radar": dataclasses.asdict(self.info),
+            "motions": library_hash(),
+        }
+
+    def check(self) -> None:
+        """Raise `ConfigError` when samples cannot be made so, or would show nobody: before there is a folder."""
+        farthest, limit = self.plan.distance[1], self.info.waveform.max_range
+        if self.info.waveform.modulation == "fmcw" and farthest + 1.0 > limit:
+            raise ConfigError(
+                f"Plan.distance reaches {farthest:g} m, too far for a radar that sees {limit:.3g} m: put people at least 1 m nearer than "
+                "that, or use more samples per chirp"
+            )
+        Simulator(self.draw(0).scene)
+
+    def path(self, number: int) -> Path:
+        """File of a sample."""
+        return sample_path(self.folder, number)
+
+    def draw(self, number: int) -> Sample:
+        """Draw a sample."""
+        return draw_sample(self.plan, self.seed, number, body=self.body, info=self.info)
+
+
+def synthesise(
+    folder: str | Path,
+    n_samples: int | None = None,
+    *,
+    seed: int = 1,
+    n_jobs: int | None = None,
+    plan: Plan | str = "thesis",
+    body: str = "mesh",
+    raw: bool = False,
+    one_tx: bool = False,
+    settings: GestureConfig | None = None,
+    info: RadarInfo | None = None,
+    progress: bool = True,
+) -> int:
+    """Simulate single strokes and write each, with clouds, features and truth, to a file of its own; a stopped run goes on where it was.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where the files go: ``sample_00000.npz`` and so on, as `simulate_sample` describes them, and ``dataset.json``.
+    n_samples : int or None
+        Samples that the folder shall hold in the end; None: `Plan.n_samples`. More can be added later.
+    seed : int
+        The file of sample ``i`` depends on ``seed`` and ``i`` only, byte for byte: neither the workers nor a restart change anything.
+    n_jobs : int or None
+        Samples simulated at the same time, each on a core of its own, -1: on all cores; None: what joblib's configuration says, else 1.
+    plan : Plan or str
+        What is drawn; a name: one of `PLANS`.
+    body : str
+        As `Person.body`: ``mesh``, or ``ellipsoids``, which takes less time.
+    raw : bool
+        Keep the raw frames too, about 16 MB a sample.
+    one_tx : bool
+        Keep the clouds of the same frames through the first transmitter alone too (thesis, table 4.1).
+    settings : GestureConfig or None
+        Knobs of events and features; None: the defaults.
+    info : RadarInfo or None
+        The radar; None: the default radar.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    int
+        Samples that were simulated now.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples made with another seed, plan, radar or other settings, or there is no such plan or body.
+    """
+    chosen = named_plan(plan) if isinstance(plan, str) else plan
+    n_samples = chosen.n_samples if n_samples is None else n_samples
+    if n_samples < 0 or seed < 0:
+        raise ConfigError(f"synthesise: n_samples ({n_samples}) and seed ({seed}) must not be negative")
+    job = Job(Path(folder).absolute(), seed, chosen, body, raw, one_tx, settings or GestureConfig(), info or RadarInfo())
+    job.check()
+    open_folder(job.folder, job.manifest)
+    todo = [number for number in range(n_samples) if not job.path(number).exists()]
+    make = functools.partial(write_sample, job)
+    work_through(make, todo, n_total=n_samples, n_jobs=n_jobs, progress=progress, title="simulating samples")
+    return len(todo)
+
+
+def write_sample(job: Job, number: int) -> None:
+    """Simulate one sample of a data set and write its file."""
+    columns = simulate_sample(job.draw(number), job.settings, raw=job.raw, one_tx=job.one_tx, margin=job.plan.margin)
+    write_chunk(job.path(number), columns, compressed=True)
+
+
+def simulate_sample(
+    sample: Sample, settings: GestureConfig, *, raw: bool = False, one_tx: bool = False, margin: float = 0.2
+) -> dict[str, NDArray[Any]]:
+    """Simulate one stroke and take it through baseband, tracking, event detection and features.
+
+    Only the frames that begin between ``margin`` before the stroke and ``margin`` after it are simulated.
+
+    Parameters
+    ----------
+    sample : Sample
+        What happens.
+    settings : GestureConfig
+        Knobs of events and features.
+    raw : bool
+        Whether to keep raw frames.
+    one_tx : bool
+        Whether to keep the clouds of the first transmitter alone.
+    margin : float
+        Before and after the stroke [s].
+
+    Returns
+    -------
+    dict of ndarray
+        What a file holds:
+
+        - ``number``, ``label``, ``variant``, ``subject`` (int64), ``gesture`` (text);
+        - ``scene``, ``radar``, ``settings`` (JSON), ``margin`` (float64) and ``hash`` (text), from which `remake` makes it again;
+        - ``stamp_ns`` (n_frames,), and the clouds, in the sensor frame: ``cloud_offset`` and ``cloud_<field>``, see `pack_clouds`; with
+          ``one_tx`` also ``one_offset`` and ``one_<field>``, of the first transmitter alone;
+        - ``found``: whether the event stage found the gesture; if so ``features`` (13,), ``event_ns`` (2,), its start and end, and
+          ``walked`` as in `TrackEvent`, else NaN, 0 and 0;
+        - ``stroke_ns`` (2,): true start and end; ``position``, ``velocity``, ``hand_position``, ``hand_velocity`` (n_frames, 3): true
+          centre of the body and acting hand at ``stamp_ns``, in the room [m], [m/s];
+        - with ``raw``: ``cube``, complex64 (n_frames, tx, chirp, rx, sample), and ``frame_ns`` (n_frames,), when the frames begin.
+    """
+    simulator = Simulator(sample.scene)
+    frames = [simulator.process(sequence) for sequence in stroke_frames(simulator, sample, margin)]
+    baseband = _baseband(simulator.info, threading.get_ident())
+    clouds = [baseband.process(simulated.frame) for simulated in frames]
+    truths = [simulated.truth for simulated in frames]
+    truth = {name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")}
+    stroke = TruthSegment(sample.subject, sample.label, _ns(sample.start), _ns(sample.end))
+    columns: dict[str, NDArray[Any]] = {
+        **_about(sample, settings, margin),
+        "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
+        **pack_clouds(clouds),
+        **read_stroke(simulator.info, clouds, truth["position"], stroke, settings).columns,
+        "stroke_ns": np.array([stroke.start_ns, stroke.end_ns], np.int64),
+        **truth,
+    }
+    if one_tx:
+        columns |= pack_clouds(one_clouds(simulator.info, frames), ONE)
+    if raw:
+        columns["cube"] = np.stack([simulated.frame.cube for simulated in frames])
+        columns["frame_ns"] = np.array([simulated.frame.stamp_ns for simulated in frames], np.int64)
+    return columns
+
+
+def _about(sample: Sample, settings: GestureConfig, margin: float) -> dict[str, NDArray[Any]]:
+    """Columns that say what a sample is and how it was made."""
+    return {
+        "number": np.array(sample.number, np.int64),
+        "label": np.array(sample.label, np.int64),
+        "variant": np.array(sample.variant, np.int64),
+        "subject": np.array(sample.subject, np.int64),
+        "gesture": np.array(sample.gesture),
+        "scene": np.array(json.dumps(plain(sample.scene), sort_keys=True)),
+        "radar": np.array(json.dumps(plain(sample.scene.radars[0].info), sort_keys=True)),
+        "settings": np.array(json.dumps(plain(settings), sort_keys=True)),
+        "margin": np.array(margin),
+        "hash": np.array(sample_hash(sample.scene, settings, margin)),
+    }
+
+
+def sample_hash(scene: Scene, settings: GestureConfig, margin: float) -> str:
+    """SHA-256 over all that a sample depends on: scene with seed and radar, knobs of every stage with their defaults, motion library."""
+    described = {
+        "format": FORMAT,
+        "scene": dataclasses.asdict(scene),
+        "baseband": dataclasses.asdict(BasebandConfig()),
+        "tracker": dataclasses.asdict(TrackerConfig()),
+        "settings": feature_settings(settings),
+        "margin": margin,
+        "motions": library_hash(),
+    }
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+
+def stroke_frames(simulator: Simulator, sample: Sample, margin: float) -> range:
+    """Numbers of the frames that begin from ``margin`` [s] before the stroke to ``margin`` after it."""
+    offset = simulator.radar.trigger_offset
+    first = math.ceil((sample.start - margin - offset) / simulator.interval)
+    last = math.floor((sample.end + margin - offset) / simulator.interval)
+    return range(max(first, 0), min(last + 1, simulator.n_frames))
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+@functools.lru_cache(maxsize=8)
+def _baseband(info: RadarInfo, thread: int) -> Baseband:
+    """Design and compile once per worker; one thread at a time may use it."""
+    return Baseband(BasebandConfig(), info)
+
+
+def one_clouds(info: RadarInfo, frames: list[SimulatedFrame]) -> list[PointCloud]:
+    """Clouds of the same frames through the first transmitter alone."""
+    baseband = _baseband(one_transmitter(info), threading.get_ident())
+    return [baseband.process(one_transmitter_frame(simulated.frame, info)) for simulated in frames]
+
+
+def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
+    """Return the scene that a sample is of, to simulate it again, look at it or change it.
+
+    Raises
+    ------
+    DataError
+        When the sample was recorded, not simulated.
+    """
+    text = str(sample["scene"])
+    if not text:
+        raise DataError(f"sample {int(sample['number'])} was recorded, not simulated: it has no scene")
+    return load(Scene, json.loads(text), "sample")
+
+
+def remake(sample: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Simulate a stored sample again, from nothing but what its file says; equal to it byte for byte on the same kind of machine.
+
+    Parameters
+    ----------
+    sample : mapping
+        As `read_samples` gives it.
+
+    Returns
+    -------
+    dict of ndarray
+        As `simulate_sample`; with raw frames and the clouds of one transmitter where the sample has them.
+
+    Raises
+    ------
+    DataError
+        When the sample was recorded, or what it depends on (defaults of the stages, the motion library) is no longer the same.
+    """
+    scene, settings = scene_of(sample), load(GestureConfig, json.loads(str(sample["settings"])), "sample")
+    margin = float(sample["margin"])
+    if sample_hash(scene, settings, margin) != str(sample["hash"]):
+        raise DataError(
+            f"sample {int(sample['number'])} was made with other defaults or another motion library: it cannot be made again by this "
+            "version; install the one that made it, or generate the data set anew"
+        )
+    start, end = stroke_of(scene)
+    again = Sample(int(sample["number"]), str(sample["gesture"]), int(sample["variant"]), int(sample["subject"]), scene, start, end)
+    return simulate_sample(again, settings, raw="cube" in sample, one_tx=f"{ONE}_offset" in sample, margin=margin)
+
+
+def feature_samples(folder: str | Path) -> SampleSet:
+    """Read features and labels as they were made with the data set's own settings; `collect` makes them with others.
+
+    Raises
+    ------
+    DataError
+        As `read_samples`.
+    """
+    names = ("label", "subject", "found", "features", "walked")
+    samples = [[sample[name] for name in names] for sample in read_samples(folder)]
+    label, subject, found, features, walked = (np.array(column) for column in zip(*samples, strict=True))
+    return SampleSet(
+        features=features[found],
+        label=label[found],
+        person=subject[found],
+        walked=walked[found],
+        missed=np.bincount(label[~found], minlength=len(GESTURES)),
+        settings=read_manifest(folder)["settings"],
+    )

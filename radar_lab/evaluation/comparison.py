@@ -1,0 +1,281 @@
+"""How alike are two data sets, say simulated and recorded? The statistics of the thesis's section 5.3.3."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, DataError
+from radar_core.config import config, knob
+from radar_lab.datasets.samples import SampleSet
+
+Float64Array = NDArray[np.float64]
+_LARGEST: Final[int] = 5000  # samples of which Shapiro's p-value is known
+_FEWEST: Final[int] = 3  # samples of which a test says anything
+
+
+@config
+class ComparisonConfig:
+    """How two data sets are compared."""
+
+    significance: float = knob(0.05, low=1e-9, high=0.5, doc="p-values below this reject that both come from one distribution")
+    left_out: int = knob(2, low=0, high=100, doc="how many of the most different features are left out for the second accuracy")
+    hidden: int = knob(32, low=1, high=10_000, doc="neurons of the classifier's hidden layer")
+    regularisation: float = knob(1e-2, low=0.0, high=100.0, doc="L2 penalty on its weights")
+    max_iterations: int = knob(600, low=1, high=100_000, doc="most passes over the training samples")
+    seed: int = knob(1, low=0, high=(1 << 32) - 1, doc="of its start weights and the order of samples")
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """A classifier trained on one data set and tested on another (tables 5.1 and 5.2).
+
+    Attributes
+    ----------
+    accuracy : float
+        Share of the test samples that are named right.
+    precision, recall : ndarray of float64, shape (n_labels,)
+        Of each compared gesture; NaN: nothing was named so.
+    confusion : ndarray of int64, shape (n_labels, n_labels)
+        True by recognised gesture.
+    """
+
+    accuracy: float
+    precision: Float64Array
+    recall: Float64Array
+    confusion: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What `compare` found. A p-value is NaN where a test says nothing; ``notes`` says why.
+
+    Attributes
+    ----------
+    names : tuple of str, length n_features
+        Features.
+    labels : tuple of int, length n_labels
+        Gestures that both data sets have, as indices into `GESTURES`.
+    counts : ndarray of int64, shape (2, n_labels)
+        Samples of each, of A and of B.
+    shapiro : ndarray of float64, shape (2, n_features)
+        p-values that a feature of A, of B, is normally distributed.
+    kruskal : ndarray of float64, shape (n_labels, n_features)
+        p-values that a feature of a gesture has one distribution in A and B (figure 5.15).
+    statistic : ndarray of float64, shape (n_labels, n_features)
+        H of the same tests: the larger, the more different.
+    wilcoxon : ndarray of float64, shape (n_labels,)
+        p-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3).
+    left_out : tuple of int
+        The most different features: those of the largest mean H.
+    transfer : Transfer or None
+        Trained on A, tested on B, with all features; None: there are too few gestures or samples.
+    reduced : Transfer or None
+        The same without ``left_out``.
+    significance : float
+        p-values below this count as different.
+    notes : tuple of str
+        What could not be tested.
+    """
+
+    names: tuple[str, ...]
+    labels: tuple[int, ...]
+    counts: NDArray[np.int64]
+    shapiro: Float64Array
+    kruskal: Float64Array
+    statistic: Float64Array
+    wilcoxon: Float64Array
+    left_out: tuple[int, ...]
+    transfer: Transfer | None
+    reduced: Transfer | None
+    significance: float
+    notes: tuple[str, ...]
+
+
+def compare(a: SampleSet, b: SampleSet, settings: ComparisonConfig | None = None) -> Comparison:
+    """Compare two data sets feature by feature, gesture by gesture, and by what a classifier learns from one about the other.
+
+    Parameters
+    ----------
+    a, b : SampleSet
+        With the same features. The classifier is trained on ``a`` and tested on ``b``.
+    settings : ComparisonConfig or None
+        Knobs; None: the defaults.
+
+    Raises
+    ------
+    DataError
+        When the features differ, or no gesture is in both.
+    """
+    settings = settings or ComparisonConfig()
+    if a.names != b.names:
+        raise DataError(f"the data sets have different features ({', '.join(a.names)}; {', '.join(b.names)}); make both with the same ones")
+    labels = tuple(sorted({*a.label.tolist()} & {*b.label.tolist()}))
+    if not labels:
+        raise DataError("the data sets have no gesture in common: there is nothing to compare")
+    notes: list[str] = []
+    shapiro = np.array([[_shapiro(column, f"{name} of {which}", notes) for name, column in zip(a.names, one.features.T, strict=True)]
+                        for which, one in (("A", a), ("B", b))])  # fmt: skip
+    pairs = [(a.features[a.label == label], b.features[b.label == label]) for label in labels]
+    tests = np.array([[_kruskal(x, y, f"{a.names[i]} of {GESTURES[label]}", notes) for i, (x, y) in enumerate(zip(p.T, q.T, strict=True))]
+                      for label, (p, q) in zip(labels, pairs, strict=True)])  # fmt: skip
+    tests = tests.reshape(len(labels), len(a.names), 2)
+    left_out = most_different(tests[..., 0], min(settings.left_out, len(a.names) - 1))
+    rest = np.setdiff1d(np.arange(len(a.names)), left_out)
+    return Comparison(
+        names=a.names,
+        labels=labels,
+        counts=np.array([[int((one.label == label).sum()) for label in labels] for one in (a, b)], np.int64),
+        shapiro=shapiro,
+        kruskal=tests[..., 1],
+        statistic=tests[..., 0],
+        wilcoxon=np.array([_wilcoxon(np.median(p, axis=0), np.median(q, axis=0)) for p, q in pairs]),
+        left_out=left_out,
+        transfer=_transfer(a, b, labels, np.arange(len(a.names)), settings, notes),
+        reduced=_transfer(a, b, labels, rest, settings, []) if left_out else None,
+        significance=settings.significance,
+        notes=tuple(notes),
+    )
+
+
+def most_different(statistic: Float64Array, n: int) -> tuple[int, ...]:
+    """Numbers of the ``n`` features (axis 1) with the largest mean H over the gestures (axis 0), most different first; NaN counts as 0."""
+    mean = np.nan_to_num(statistic, nan=0.0).mean(axis=0)
+    return tuple(int(i) for i in np.argsort(-mean, kind="stable")[:n])
+
+
+def _shapiro(values: Float64Array, what: str, notes: list[str]) -> float:
+    """P-value of Shapiro and Wilk's test; of many samples, 5,000 spread evenly."""
+    from scipy.stats import shapiro
+
+    if len(values) < _FEWEST:
+        notes.append(f"Shapiro: {what} has {len(values)} samples, too few")
+        return float("nan")
+    if np.ptp(values) == 0.0:
+        notes.append(f"Shapiro: {what} is constant, which no normal distribution is")
+        return float("nan")
+    if len(values) > _LARGEST:
+        values = values[np.linspace(0, len(values) - 1, _LARGEST).astype(np.int64)]
+    # Centred and scaled, which changes nothing, so that features of any unit keep their digits.
+    return float(shapiro((values - np.median(values)) / np.ptp(values)).pvalue)
+
+
+def _kruskal(x: Float64Array, y: Float64Array, what: str, notes: list[str]) -> tuple[float, float]:
+    """H and p-value of Kruskal and Wallis's test of two groups."""
+    from scipy.stats import kruskal
+
+    if min(len(x), len(y)) < _FEWEST:
+        notes.append(f"Kruskal-Wallis: {what} has {len(x)} and {len(y)} samples, too few")
+        return float("nan"), float("nan")
+    if np.ptp(np.concatenate([x, y])) == 0.0:
+        notes.append(f"Kruskal-Wallis: {what} is one constant in both")
+        return 0.0, 1.0
+    found = kruskal(x, y)
+    return float(found.statistic), float(found.pvalue)
+
+
+def _wilcoxon(x: Float64Array, y: Float64Array) -> float:
+    """P-value of Wilcoxon's signed-rank test of pairs; pairs without a difference say nothing, and without any the two are alike."""
+    from scipy.stats import wilcoxon
+
+    different = x - y
+    different = different[different != 0.0]
+    return float(wilcoxon(different).pvalue) if len(different) else 1.0
+
+
+def _transfer(
+    a: SampleSet, b: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64], settings: ComparisonConfig, notes: list[str]
+) -> Transfer | None:
+    """Train on the common gestures of A, test on those of B."""
+    if len(labels) < 2:
+        notes.append(f"classifier: only {GESTURES[labels[0]]} is in both data sets; it takes two gestures to tell apart")
+        return None
+    (train_x, train_y), (test_x, test_y) = (_part(one, labels, columns) for one in (a, b))
+    guess = _classifier(train_x, train_y, settings)(test_x)
+    confusion = np.zeros((len(labels), len(labels)), np.int64)
+    np.add.at(confusion, (np.searchsorted(labels, test_y), np.searchsorted(labels, guess)), 1)
+    right = np.diag(confusion).astype(np.float64)
+    named, there = confusion.sum(axis=0), confusion.sum(axis=1)
+    precision = np.divide(right, named, out=np.full(len(labels), np.nan), where=named > 0)
+    return Transfer(float(right.sum() / there.sum()), precision, right / there, confusion)
+
+
+def _part(one: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64]) -> tuple[Float64Array, NDArray[np.int64]]:
+    chosen = np.isin(one.label, labels)
+    return one.features[chosen][:, columns], one.label[chosen]
+
+
+def _classifier(x: Float64Array, label: NDArray[np.int64], settings: ComparisonConfig) -> Callable[[Float64Array], NDArray[np.int64]]:
+    """Fit the thesis's perceptron; L2 in place of dropout."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.neural_network import MLPClassifier
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    network = MLPClassifier(
+        (settings.hidden,),
+        alpha=settings.regularisation,
+        max_iter=settings.max_iterations,
+        random_state=settings.seed,
+        learning_rate_init=3e-3,
+    )
+    model = make_pipeline(StandardScaler(), network)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice
+        model.fit(x, label)
+    return lambda rows: np.asarray(model.predict(rows), np.int64)
+
+
+def as_text(result: Comparison) -> str:
+    """Write a comparison as plain text: tables 5.1 and 5.3, figure 5.15 in numbers, and what could not be tested."""
+    blocks = [_feature_table(result), _gesture_table(result), _accuracies(result)]
+    if result.notes:
+        blocks.append("Not tested:\n" + "\n".join(f"  {note}" for note in result.notes))
+    return "\n\n".join(blocks)
+
+
+def _feature_table(result: Comparison) -> str:
+    different = (result.kruskal < result.significance).sum(axis=0)
+    tested = np.isfinite(result.kruskal).sum(axis=0)
+    lines = [f"{'feature':24}{'Shapiro A':>11}{'Shapiro B':>11}   differs in gestures (Kruskal-Wallis, p < {result.significance:g})"]
+    lines += [
+        f"{name:24}{_p(result.shapiro[0, i]):>11}{_p(result.shapiro[1, i]):>11}   {different[i]} of {tested[i]}"
+        + ("   one of the most different" if i in result.left_out else "")
+        for i, name in enumerate(result.names)
+    ]
+    return "\n".join(lines)
+
+
+def _gesture_table(result: Comparison) -> str:
+    lines = [f"{'gesture':14}{'A':>6}{'B':>6}{'precision':>11}{'recall':>8}   Wilcoxon of the medians"]
+    for i, label in enumerate(result.labels):
+        scores = (np.nan, np.nan) if result.transfer is None else (result.transfer.precision[i], result.transfer.recall[i])
+        counts = f"{result.counts[0, i]:6d}{result.counts[1, i]:6d}"
+        lines.append(f"{GESTURES[label]:14}{counts}{_share(scores[0]):>11}{_share(scores[1]):>8}   {_p(result.wilcoxon[i])}")
+    return "\n".join(lines)
+
+
+def _accuracies(result: Comparison) -> str:
+    if result.transfer is None:
+        return "No classifier: see below."
+    text = f"Trained on A, tested on B: {result.transfer.accuracy:.1%} of {result.counts[1].sum()} samples right"
+    if result.reduced is not None:
+        text += f"; without {_listed(result.names[i] for i in result.left_out)} {result.reduced.accuracy:.1%}"
+    return text
+
+
+def _listed(words: Iterable[str]) -> str:
+    return " and ".join(words)
+
+
+def _p(value: float) -> str:
+    return "-" if np.isnan(value) else "< 0.001" if value < 1e-3 else f"{value:.3f}"
+
+
+def _share(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.2f}"

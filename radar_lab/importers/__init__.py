@@ -1,0 +1,86 @@
+"""Public recordings, in their originals' formats, as clouds, frames and truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radar_core import ConfigError, DataError
+from radar_core.config import describe, load
+from radar_lab.importers.crossing import CrossingOptions, read_crossing
+from radar_lab.importers.dca1000 import Dca1000Options, read_dca1000
+from radar_lab.importers.dca1000_bin import Dca1000BinOptions, read_dca1000_bin
+from radar_lab.importers.mars import MarsOptions, read_mars
+from radar_lab.importers.openradar import OpenRadarOptions, read_openradar
+from radar_lab.importers.recording import Recording, Segment
+from radar_lab.importers.segments import MhomegesOptions, MtransseeOptions, read_mhomeges, read_mtranssee
+
+__all__ = ["KINDS", "Kind", "Recording", "Segment", "open_original"]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of recording: what it is, its options, and what reads it.
+
+    Attributes
+    ----------
+    doc : str
+        One sentence for users.
+    options : type
+        Configuration class; its knobs are the options.
+    read : callable
+        Takes the path and the options, gives a `Recording`.
+    """
+
+    doc: str
+    options: type[Any]
+    read: Callable[[Path, Any], Recording]
+
+    def help(self) -> list[str]:
+        """One line per option: name, default, unit and meaning."""
+        knobs = [(name, field.default, field.metadata) for name, field, _ in describe(self.options)]
+        return [f"{name} = {default!r}{' ' if meta['unit'] else ''}{meta['unit']}: {meta['doc']}" for name, default, meta in knobs]
+
+
+KINDS: Mapping[str, Kind] = {
+    "crossing": Kind("dense clouds of walkers (.npz)", CrossingOptions, read_crossing),
+    "mhomeges": Kind("arm gestures, mHomeGes (.npz, or .csv file or folder)", MhomegesOptions, read_mhomeges),
+    "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", MtransseeOptions, read_mtranssee),
+    "mars": Kind("exercises with the joints' truth, MARS (.npz)", MarsOptions, read_mars),
+    "dca1000": Kind("network capture of a DCA1000 (.pcap) with the radar's .cfg", Dca1000Options, read_dca1000),
+    "dca1000_bin": Kind(
+        "samples that a DCA1000's tools recorded (.bin file, or folder of one recording) with the .cfg", Dca1000BinOptions, read_dca1000_bin
+    ),
+    "openradar": Kind("raw frames of OpenRadar (.npy)", OpenRadarOptions, read_openradar),
+}
+"""What can be imported."""
+
+
+def open_original(kind: str, source: Path, **options: Any) -> Recording:
+    """Open a recording in its original format, without writing anything.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    source : Path
+        File, or folder where the kind has several files.
+    **options : Any
+        Knobs of the kind's options.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such kind or option.
+    DataError
+        When the file is missing or its content is not what the kind says; naming file and field.
+    """
+    if kind not in KINDS:
+        raise ConfigError(f"there is no kind of recording called {kind!r}; choose one of {', '.join(KINDS)}")
+    source = Path(source)
+    settings = load(KINDS[kind].options, options, f"options of {kind}")
+    if not source.exists():
+        raise DataError(f"{source}: there is no such file or folder; check the path")
+    return KINDS[kind].read(source, settings)

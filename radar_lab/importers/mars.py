@@ -1,0 +1,95 @@
+"""Rehabilitation exercises with a Kinect's joints beside each cloud: the MARS data set."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import NO_GESTURE, DataError
+from radar_core.config import config, knob
+from radar_driver.clouds import cloud_source_info
+from radar_driver.ti_demo.points import amplitude_db, cloud_from_ti, to_our_axes
+from radar_lab.importers.files import check_offsets, load_npz, require_numbers
+from radar_lab.importers.recording import START_NS, Item, Recording, SourceOptions, Tally
+from radar_sim.truth import Truth
+
+_FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the IWR1443's antennas, roughly
+_BODY: Final = "SpineBase"
+
+
+@config
+class MarsOptions(SourceOptions):
+    """How to read the recording."""
+
+    frame_interval: float = knob(0.1, unit="s", low=1e-3, high=10.0, doc="time between two frames; the files carry no time")
+    hand: str = knob("right", choices=("right", "left"), doc="which hand becomes the truth's")
+    height: float = knob(1.0, unit="m", low=-100.0, high=100.0, doc="of the radar above the floor; the default puts the feet there")
+
+
+def read_mars(path: Path, options: MarsOptions) -> Recording:
+    """Open one file, e.g. subject1_test.npz.
+
+    Joints are relative to the radar, as the points are; the feet lie 0.94 m below it, hence the default mount at 1 m.
+
+    Raises
+    ------
+    DataError
+        When a field is missing, or clouds and joints differ in number.
+    """
+    shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(("offset", "doppler", "intensity", "joints"), (None,))
+    data = load_npz(path, {**shapes, "xyz": (None, 3), "joint_xyz": (None, None, 3)})
+    for name in ("xyz", "doppler", "intensity", "joint_xyz"):
+        require_numbers(path, name, data[name])
+    for name in ("doppler", "intensity"):
+        if len(data[name]) != len(data["xyz"]):
+            raise DataError(f"{path}: field {name} has {len(data[name])} entries but xyz has {len(data['xyz'])} points")
+    offset = check_offsets(path, data["offset"], len(data["xyz"]))
+    expected = (len(offset) - 1, len(data["joints"]))
+    if data["joint_xyz"].shape[:2] != expected:
+        raise DataError(f"{path}: field joint_xyz has shape {data['joint_xyz'].shape}, but offset and joints ask for {(*expected, 3)}")
+    names = [str(name) for name in data["joints"]]
+    hand = f"Hand{options.hand.capitalize()}"
+    for name in (_BODY, hand):
+        if name not in names:
+            raise DataError(f"{path}: field joints lacks {name}; it has {', '.join(names)}")
+    tracks = {name: options.mount.to_room(to_our_axes(data["joint_xyz"][:, names.index(name)])) for name in (_BODY, hand)}
+    subject = re.search(r"subject(\d+)", path.stem)
+    tally = Tally()
+    tally.warnings.append(f"the file carries no time: frames are taken to be {options.frame_interval * 1e3:g} ms apart")
+    info = cloud_source_info(options.frame_interval, _FOV, options.mount)
+    items = _items(data, offset, tracks[_BODY], tracks[hand], int(subject[1]) if subject else 0, options.frame_interval)
+    return Recording(info, items, tally)
+
+
+def _items(
+    data: dict[str, NDArray[Any]],
+    offset: NDArray[np.int64],
+    body: NDArray[np.float64],
+    hand: NDArray[np.float64],
+    subject: int,
+    interval: float,
+) -> Iterator[Item]:
+    velocities = [np.gradient(path, interval, axis=0) if len(path) > 1 else np.zeros_like(path) for path in (body, hand)]
+    for k in range(len(offset) - 1):
+        stamp = START_NS + k * round(interval * 1e9)
+        rows = slice(offset[k], offset[k + 1])
+        yield cloud_from_ti(stamp, k, data["xyz"][rows], data["doppler"][rows], amplitude_db(data["intensity"][rows]))
+        yield Truth(
+            stamp_ns=stamp,
+            sequence=k,
+            frame_id="room",
+            person_id=np.array([subject], np.uint32),
+            position=body[k : k + 1],
+            velocity=velocities[0][k : k + 1],
+            hand_position=hand[k : k + 1],
+            hand_velocity=velocities[1][k : k + 1],
+            gesture=np.array([NO_GESTURE], np.uint8),
+            gesture_index=np.zeros(1, np.uint32),
+            walking=np.zeros(1, bool),
+            drawing=np.zeros(1, bool),
+        )

@@ -1,0 +1,1 @@
+"""Both hands from one cloud: a study (MARS); no node publishes it."""

@@ -1,0 +1,1 @@
+"""Training, calibration and validation of gesture models."""

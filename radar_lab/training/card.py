@@ -1,0 +1,136 @@
+"""The model card: what a model was trained on, how good it is on people it has not seen, and how to make it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radar_core import DataError
+from radar_gestures.classifiers.model import FORMAT, GestureModel
+from radar_lab.training.calibration import calibration_error
+from radar_lab.training.validation import Validation
+
+_SPLITS: Final[dict[str, str]] = {
+    "subjects": "people left out: nobody is in training and test at the same time",
+    "random": "random: the same people are in training and test, as in the thesis",
+    "all": "all samples of another data set: nothing was trained on it",
+}
+_LIMITS: Final[tuple[str, ...]] = (
+    "The figures hold for people, radar, room and settings like those of the data set.",
+    "The model sees events; gestures too slow or too weak to be an event are lost before it and are not counted here.",
+    "One event has one label: two gestures without a pause between them are one event.",
+)
+
+
+def card(
+    model: GestureModel,
+    validations: Sequence[Validation],
+    *,
+    data: Mapping[str, Any],
+    command: str,
+    n_bytes: int,
+    limits: Sequence[str] = (),
+) -> str:
+    """Write a model card in Markdown; every number comes from the model and the validations.
+
+    Parameters
+    ----------
+    model : GestureModel
+        The model.
+    validations : sequence of Validation
+        Each a section with accuracy, recall and precision.
+    data : mapping
+        What the data set says of itself, shown as it is.
+    command : str
+        That makes the model again.
+    n_bytes : int
+        Size of the file.
+    limits : sequence of str
+        Known limits beside the general ones.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    sizes = "-".join(str(n) for n in (len(model.names), *(len(bias) for bias in model.biases)))
+    lines = [
+        f"# Gesture model {sizes}",
+        "",
+        f"A perceptron that tells {len(model.labels)} labels apart: {', '.join(model.labels)}.",
+        "",
+        "| | |",
+        "|---|---|",
+        f"| file | format {FORMAT}, {n_bytes:,} bytes |",
+        f"| operations of one event | {model.flop:,} FLOP, and {model.rejector.flop:,} for the rejection |",
+        f"| temperature | {model.temperature:.3f} |",
+        f"| rejection | by {model.rejector.name}, below {model.reject:.4g} |",
+        f"| features | {', '.join(model.names) if len(model.names) <= 20 else f'{len(model.names)}'} |",
+        *(f"| {_cell(name)} | {_cell(value)} |" for name, value in _flat(data).items()),
+        "",
+    ]
+    for validation in validations:
+        lines += _section(validation)
+    lines += ["## Limits", "", *(f"* {text}" for text in (*_LIMITS, *limits)), ""]
+    lines += ["## Make it again", "", f"    {command}", "", "The same data and seed give the same file, bit for bit, on one machine.", ""]
+    return "\n".join(lines)
+
+
+def write_card(text: str, path: str | Path) -> None:
+    """Write a card; its folder is made.
+
+    Raises
+    ------
+    DataError
+        When it cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{path}: the card cannot be written ({error.strerror}); name another file") from None
+
+
+def _section(validation: Validation) -> list[str]:
+    gesture = validation.gesture_accuracy
+    people = len(np.unique(validation.person))
+    lines = [
+        f"## Split: {validation.split}",
+        "",
+        f"{_SPLITS.get(validation.split, validation.split)}. {len(validation.label):,} samples of {people} people"
+        + (f", {validation.n_folds} models." if validation.n_folds else "."),
+        "",
+        f"Accuracy **{validation.accuracy:.1%}**"
+        + (f", of the gestures alone {gesture:.1%}" if not np.isnan(gesture) else "")
+        + f"; calibration error {calibration_error(validation.probabilities, validation.label):.1%}.",
+        "",
+        "| label | samples | recall | precision |",
+        "|---|---|---|---|",
+    ]
+    counts = validation.confusion.sum(axis=1)
+    for name, count, recall, precision in zip(validation.labels, counts, validation.recall, validation.precision, strict=True):
+        lines.append(f"| {name} | {count} | {_share(recall)} | {_share(precision)} |")
+    return [*lines, ""]
+
+
+def _share(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.3f}"
+
+
+def _flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings with dots between the names, as ROS parameters are named."""
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = value
+    return found
+
+
+def _cell(value: Any) -> str:
+    return str(value).replace("|", "\\|").replace("\n", " ")

@@ -1,0 +1,133 @@
+"""How well are gestures rejected that the model does not know? Each gesture in turn is kept from the training and played to the model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import GESTURES, DataError
+from radar_gestures.classifiers.model import RANDOM, GestureModel
+from radar_gestures.classifiers.rejection import ByProbability, Rejector
+from radar_lab.datasets.samples import SampleSet
+from radar_lab.training.calibration import fit_temperature, soften
+from radar_lab.training.training import TrainingConfig, fit, reject_limit
+from radar_lab.training.validation import Mask, Validation, leave_subjects_out
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownReport:
+    """What happens to gestures that were kept from the training.
+
+    Attributes
+    ----------
+    rejector : str
+        Name of the rejector.
+    rejected : dict of str to float
+        By gesture kept away, the share of its events that is called random or rejected.
+    lost : float
+        Mean share of known gestures that is.
+    """
+
+    rejector: str
+    rejected: dict[str, float]
+    lost: float
+
+    @property
+    def mean(self) -> float:
+        """Mean over the gestures."""
+        return float(np.mean(list(self.rejected.values())))
+
+
+def leave_one_gesture_out(
+    samples: SampleSet, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES, unknown: Sequence[str] | None = None
+) -> tuple[UnknownReport, ...]:
+    """Train without each gesture in turn, and count how many of its events are rejected; people are left out as well.
+
+    Parameters
+    ----------
+    samples : SampleSet
+        ``label`` is an index into ``labels``.
+    settings : TrainingConfig or None
+        None: the defaults. ``folds`` models are trained for each gesture.
+    labels : sequence of str
+        What the labels mean.
+    unknown : sequence of str or None
+        Gestures to keep away, one at a time; None: all but "random".
+
+    Returns
+    -------
+    tuple of UnknownReport
+        By the rejector of ``settings`` and, to compare, by the probability alone; the same models.
+
+    Raises
+    ------
+    DataError
+        When a gesture to keep away has no samples.
+    """
+    settings = settings if settings is not None else TrainingConfig()
+    chosen = [name for name in labels if name != RANDOM] if unknown is None else list(unknown)
+    results: dict[str, tuple[dict[str, float], list[float]]] = {}
+    for name in chosen:
+        if name not in labels or not np.any(samples.label == labels.index(name)):
+            raise DataError(f"{name}: no sample of this gesture; it cannot be played to a model that does not know it")
+        for rejector, (rejected, lost) in _without(samples, labels.index(name), settings, labels).items():
+            found = results.setdefault(rejector, ({}, []))
+            found[0][name] = rejected
+            found[1].append(lost)
+    return tuple(UnknownReport(rejector, rejected, float(np.mean(lost))) for rejector, (rejected, lost) in results.items())
+
+
+def _without(samples: SampleSet, unknown: int, settings: TrainingConfig, labels: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Share of the unknown gesture rejected and share of the known ones lost, by rejector."""
+    names = tuple(name for number, name in enumerate(labels) if number != unknown)
+    is_known = samples.label != unknown
+    folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
+    renamed = dataclasses.replace(samples, label=samples.label - (samples.label > unknown))
+    models = [fit(renamed, ~test & is_known, settings, labels=names) for test in folds]
+    raw = _probabilities(models, folds, samples)
+    soft = soften(raw, fit_temperature(raw[is_known], renamed.label[is_known]))
+    known = Validation("subjects", names, soft[is_known], renamed.label[is_known], samples.person[is_known])
+    random = names.index(RANDOM) if RANDOM in names else -1
+    found = {}
+    for rejector in dict.fromkeys((models[0].rejector.name, ByProbability.name)):
+        score = _scores(models, folds, samples, soft, None if rejector == models[0].rejector.name else ByProbability())
+        limit, lost = reject_limit(known, score[is_known], settings.lost)
+        gone = (soft.argmax(axis=-1) == random) | (score < limit)
+        found[rejector] = (float(np.mean(gone[~is_known])), lost)
+    return found
+
+
+def _probabilities(models: Sequence[GestureModel], folds: Sequence[Mask], samples: SampleSet) -> NDArray[np.float64]:
+    """Of every sample, by the model that has not seen its person, shape (n, n_labels)."""
+    result = np.empty((len(samples.label), len(models[0].labels)))
+    for model, test in zip(models, folds, strict=True):
+        result[test] = model.probabilities(samples.features[test])
+    return result
+
+
+def _scores(
+    models: Sequence[GestureModel], folds: Sequence[Mask], samples: SampleSet, probabilities: NDArray[np.float64], rejector: Rejector | None
+) -> NDArray[np.float64]:
+    """Score of every sample, shape (n,), by the models' own rejector or another one."""
+    result = np.empty(len(samples.label))
+    for model, test in zip(models, folds, strict=True):
+        judge = model if rejector is None else dataclasses.replace(model, rejector=rejector)
+        result[test] = judge.score(samples.features[test], probabilities[test])
+    return result
+
+
+def as_table(reports: Sequence[UnknownReport]) -> str:
+    """Write the reports as a Markdown table, one row a gesture."""
+    names = list(reports[0].rejected)
+    lines = [
+        "| kept away | " + " | ".join(f"rejected by {report.rejector}" for report in reports) + " |",
+        "|---" * (len(reports) + 1) + "|",
+    ]
+    lines += [f"| {name} | " + " | ".join(f"{report.rejected[name]:.1%}" for report in reports) + " |" for name in names]
+    lines.append("| **mean** | " + " | ".join(f"**{report.mean:.1%}**" for report in reports) + " |")
+    lines.append("| known gestures lost | " + " | ".join(f"{report.lost:.1%}" for report in reports) + " |")
+    return "\n".join(lines)

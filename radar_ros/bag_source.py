@@ -1,0 +1,91 @@
+"""Recorded raw frames as a source: reads the messages of a rosbag2 recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+
+from radar_core import DataError, RadarFrame, RadarInfo
+from radar_ros.messages.convert import frame_from_msg, info_from_msg
+from radar_sim import Truth
+
+
+class BagSource:
+    """The raw frames of a bag, in order, paced by the driver.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag.
+    namespace : str
+        Which radar, where the bag holds several, e.g. ``"left"``; a bag of one radar is taken whatever its namespace.
+
+    Raises
+    ------
+    DataError
+        When there is no bag, it lacks radar/info or radar/frame, or it holds several radars and none in ``namespace``.
+    """
+
+    def __init__(self, path: Path, namespace: str = "") -> None:
+        try:
+            self._reader = AnyReader([path])
+            self._reader.open()
+            self._open = True
+        except (AnyReaderError, OSError) as error:
+            raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
+        try:
+            place = self._radar(path, namespace.strip("/"))
+        except DataError:
+            self.close()
+            raise
+        self._frames = self._connections(place + "radar/frame")
+        connection, _, raw = next(self._reader.messages(connections=self._connections(place + "radar/info")))
+        self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
+        self.n_frames: int | None = sum(c.msgcount for c in self._frames)
+        self.interval: float = self.info.waveform.frame_interval
+        self.delay: float = 0.0
+        self._next = 0
+        self._messages: Iterator[Any] = iter(())
+
+    def _connections(self, topic: str) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic == topic]
+
+    def _radar(self, path: Path, namespace: str) -> str:
+        """Find where the wanted radar's topics are: a namespace that begins and ends with a slash."""
+        held = {c.topic for c in self._reader.connections if c.msgcount}
+        radars = sorted(t.removesuffix("radar/frame") for t in held if t.endswith("/radar/frame"))
+        radars = [place for place in radars if place + "radar/info" in held]
+        wanted = f"/{namespace}/" if namespace else "/"
+        if wanted in radars:
+            return wanted
+        if len(radars) == 1:
+            return radars[0]
+        if radars:
+            raise DataError(f"{path}: holds the radars {', '.join(radars)}; give the driver the namespace of one of them")
+        topics = ", ".join(sorted(held)) or "none"
+        raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
+
+    def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
+        """Read the frame at a place; going back starts from the front.
+
+        Raises
+        ------
+        DataError
+            When the bag has fewer frames.
+        """
+        if sequence < self._next or self._next == 0:
+            self._messages, self._next = self._reader.messages(connections=self._frames), 0
+        for connection, _, raw in self._messages:
+            self._next += 1
+            if self._next > sequence:
+                return frame_from_msg(self._reader.deserialize(raw, connection.msgtype)), None
+        raise DataError(f"the bag ends before frame {sequence}")
+
+    def close(self) -> None:
+        """Close the bag."""
+        if self._open:
+            self._open = False
+            self._reader.close()

@@ -1,0 +1,175 @@
+"""Baseband node: radar/frame to radar/points."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import RadarFrame as RadarFrameMsg
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+
+from radar_core import HandwaveError, PointCloud, Quality, RadarInfo
+from radar_dsp import Baseband, BasebandConfig
+from radar_dsp.array_file import calibrate_info, load_array
+from radar_ros import qos
+from radar_ros.budget import Budget
+from radar_ros.messages.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
+from radar_ros.params import declare, declare_config, on_change
+from radar_ros.stage import InfoKeeper, StageNode, run
+
+_FLAWS = {
+    Quality.SATURATED: ("saturated_frames", "saturated: less gain, or less of a reflector near the radar; points may be false"),
+    Quality.MISSING_CHIRPS: ("frames_with_missing_chirps", "with missing chirps: look at the link to the device; points are noisier"),
+    Quality.NO_SIGNAL: ("frames_without_signal", "all zero: does the device transmit?"),
+    Quality.CAPPED: ("capped_frames", "with more than max_detections; the weakest were left out"),
+}
+
+
+class Tally:
+    """What the clouds since the last report say about the radar."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin a new period."""
+        self._clouds = 0
+        self._points = 0
+        self._flawed: Counter[Quality] = Counter()
+        self._noise: deque[NDArray[np.float32]] = deque(maxlen=1000)  # the end of a period never comes when simulated time stands still
+
+    def add(self, cloud: PointCloud) -> None:
+        """Count one cloud."""
+        self._clouds += 1
+        self._points += len(cloud)
+        self._flawed.update(flaw for flaw in _FLAWS if flaw in cloud.quality)
+        self._noise.append(cloud.noise[np.isfinite(cloud.noise)])
+
+    def report(self) -> tuple[dict[str, Any], list[str]]:
+        """Values for the diagnostics, and what to warn of; the noise floor is the median over the points [dB], unknown without any."""
+        noise = np.concatenate(self._noise) if self._noise else np.empty(0, np.float32)
+        values: dict[str, Any] = {
+            "noise_floor_db": f"{float(np.median(noise)):.1f}" if len(noise) else "unknown",
+            "points_per_frame": f"{self._points / self._clouds:.1f}" if self._clouds else "unknown",
+        }
+        values |= {key: self._flawed[flaw] for flaw, (key, _) in _FLAWS.items()}
+        return values, [f"{self._flawed[flaw]} of {self._clouds} frames {text}" for flaw, (_, text) in _FLAWS.items() if self._flawed[flaw]]
+
+
+class BasebandNode(StageNode):
+    """Turns raw frames into point clouds; its configuration may be changed while it runs, and gives way to a time budget."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("baseband", **kwargs)
+        self._config = declare_config(self, BasebandConfig, changeable=True)
+        self._calibration = str(declare(self, "calibration", "", "file of handwave calibrate for this radar's array (.npz); empty: none"))
+        self._budget = Budget(self, self._config, self._prepare_levels)
+        self._levels: tuple[Baseband | None, ...] = (None,)
+        self._warm_up()
+        self._tally = Tally()
+        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
+        self._info = InfoKeeper(self, self._configure)
+        on_change(self, self._config, self._prepare)
+        self.create_subscription(RadarFrameMsg, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
+
+    def _warm_up(self) -> None:
+        """Compile and design thresholds before subscribing: a driver that waits for its readers then loses no frame meanwhile."""
+        with contextlib.suppress(HandwaveError):  # what suits no usual radar may suit the one that comes, and is refused there
+            for config in set(self._budget.configs):
+                Baseband(config, RadarInfo())
+
+    def _configure(self, info: RadarInfo) -> None:
+        self._levels = self._make(self._budget.configs, info)
+
+    def _prepare(self, config: BasebandConfig) -> Callable[[], None]:
+        """Make a new chain for the radar that is there; refused (`ConfigError`) when it does not suit that radar."""
+        place = self._prepare_levels(self._budget.configs_of(config))
+
+        def apply() -> None:
+            self._config = config
+            self._budget.rebase(config)
+            place()
+
+        return apply
+
+    def _prepare_levels(self, configs: tuple[BasebandConfig, ...]) -> Callable[[], None]:
+        """Make new chains for all levels of the budget, likewise."""
+        unusable = self._info.unusable  # it may be the configuration that the radar did not suit
+        info = self._info.info or unusable
+        levels = self._make(configs, info) if info is not None else (None,) * len(configs)
+
+        def apply() -> None:
+            self._levels = levels
+            if unusable is not None:
+                self._info.accept(unusable)
+
+        return apply
+
+    def _make(self, configs: Sequence[BasebandConfig], info: RadarInfo) -> tuple[Baseband | None, ...]:
+        """Make the chains for the calibrated radar; None for a source that gives ready point clouds only."""
+        if info.waveform.n_sample == 0:
+            return (None,) * len(configs)
+        calibrated = calibrate_info(info, load_array(self._calibration)) if self._calibration else info
+        made = {config: Baseband(config, calibrated) for config in set(configs)}  # levels may differ in how many frames they leave out only
+        return tuple(made[config] for config in configs)
+
+    def _take(self, msg: Any) -> None:
+        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.every
+        if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
+            return
+        self.count_gap(msg.sequence, every)
+        if not self._info.usable():
+            self.dropped += 1
+            return
+        baseband = self._levels[self._budget.number]
+        if baseband is None:
+            self.dropped += 1
+            self.problem("raw frames come, but radar/info says that this source gives no frames (n_sample = 0)")
+            return
+        try:
+            cloud = replace(baseband.process(frame_from_msg(msg)), every=every)
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
+            return
+        self._points.publish(cloud_to_msg(cloud))
+        self._budget.slow_down(worked)
+        self.finish(cloud.stamp_ns, cloud.sequence, started)
+        self._budget.spent(cloud.stamp_ns, started)
+        if self._points2.get_subscription_count():
+            self._points2.publish(cloud_to_cloud2(cloud))
+        self._tally.add(cloud)
+        for flaw, (_, text) in _FLAWS.items():
+            if flaw in cloud.quality:
+                self.caution(f"frame {cloud.sequence}: {text}")
+
+    def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
+        """Noise floor, points per frame, and frames of doubtful quality in the period that ends."""
+        values, warnings = self._tally.report()
+        self._tally.clear()
+        if self._info.reason:
+            warnings.append(f"cannot work with this radar: {self._info.reason}")
+        more, worse = self._budget.report()
+        return {**values, **more}, warnings + worse
+
+
+def make_node(**kwargs: Any) -> BasebandNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return BasebandNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,88 @@
+"""Gesture node: radar/points and tracks to gestures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from handwave.msg import Gesture as GestureMsg
+from handwave.msg import GestureMaps as GestureMapsMsg
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import TrackArray as TrackArrayMsg
+
+from radar_core import HandwaveError, RadarInfo
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.recognizer import GestureConfig, GestureRecognizer
+from radar_ros import qos
+from radar_ros.messages.convert import cloud_from_msg
+from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
+from radar_ros.messages.tracks import tracks_from_msg
+from radar_ros.params import declare, declare_config
+from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.sync import Subscriber, TimeSynchronizer
+from radar_tracking import TrackedCloud
+
+
+class GesturesNode(StageNode):
+    """Recognises the arm gestures of every tracked person."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("gestures", **kwargs)
+        self._config = declare_config(self, GestureConfig)
+        self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
+        self._model.probabilities(np.zeros(len(self._model.names)))  # compiled now, not at the end of the first gesture
+        self._recognizer: GestureRecognizer | None = None
+        self._gestures = self.create_publisher(GestureMsg, "gestures", qos.RESULT)
+        self._maps = self.create_publisher(GestureMapsMsg, "gestures/maps", qos.stream_out())
+        self._info = InfoKeeper(self, self._configure)
+        # Only the newest cloud and tracks wait while this node is busy (thesis, section 4.5.4); `count_gap` counts what was left out.
+        inputs = [
+            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.frames_in(reliable=self.reliable)),
+            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.results_in(newest=not self.reliable)),
+        ]
+        self._sync = TimeSynchronizer(inputs, 10)
+        self._sync.registerCallback(self._take)
+
+    def _configure(self, info: RadarInfo) -> None:
+        self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
+
+    def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
+        started = time.monotonic_ns()
+        self.count_gap(cloud_msg.sequence, tracks_msg.every)
+        info = self._info.info
+        if not self._info.usable() or info is None or self._recognizer is None:
+            self.dropped += 1
+            return
+        try:
+            tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
+            if self.went_back(tracked.cloud.stamp_ns):
+                self._configure(info)
+            events = self._recognizer.find(tracked)
+            gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
+            return
+        for gesture in filter(self._recognizer.wanted, gestures):
+            self._gestures.publish(gesture_to_msg(gesture))
+        self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
+        if events and self._maps.get_subscription_count():
+            for event in events:
+                if event.maps is not None:
+                    self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
+
+
+def make_node(**kwargs: Any) -> GesturesNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return GesturesNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

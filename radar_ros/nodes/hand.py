@@ -1,0 +1,136 @@
+"""Hand node: radar/points, tracks, gestures and hand/trigger to hand and hand/value."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from handwave.msg import Gesture as GestureMsg
+from handwave.msg import HandTrack as HandTrackMsg
+from handwave.msg import PointCloud as PointCloudMsg
+from handwave.msg import TrackArray as TrackArrayMsg
+from handwave.srv import TrackHand
+from std_msgs.msg import Bool, Float32
+
+from radar_core import HandwaveError
+from radar_ros import qos
+from radar_ros.messages.convert import cloud_from_msg, from_time
+from radar_ros.messages.tracks import hand_to_msg, tracks_from_msg
+from radar_ros.params import declare_config
+from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.sync import Subscriber, TimeSynchronizer
+from radar_tracking import HandConfig, HandTracker, TrackedCloud, TrackStatus
+
+_AXES = ("velocity_none", "velocity_one_axis", "velocity_two_axes", "velocity_whole")  # by the number of axes told
+
+
+class HandNode(StageNode):
+    """Follows a hand as an analogue input."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("hand", **kwargs)
+        self._tracker = HandTracker(declare_config(self, HandConfig))
+        self._people: dict[int, TrackStatus] = {}
+        self._wish = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand
+        self._told: Counter[int] = Counter()  # clouds since the last diagnostics, by the number of axes along which they told the velocity
+        self._hand = self.create_publisher(HandTrackMsg, "hand", qos.RESULT)
+        self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
+        self._info = InfoKeeper(self, self._tracker.seen_from)
+        inputs = [
+            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
+            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),
+        ]
+        self._sync = TimeSynchronizer(inputs, 10)
+        self._sync.registerCallback(self._take)
+        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
+        self.commands.add(self.create_subscription(Bool, "hand/trigger", self._trigger, qos.COMMAND).topic_name)
+        self.create_service(TrackHand, "hand/track", self._serve)
+
+    def _gesture(self, msg: Any) -> None:
+        self._tracker.gesture(msg.name, msg.track_id, from_time(msg.header.stamp))
+
+    def _trigger(self, msg: Any) -> None:
+        if not msg.data:
+            self._stop()
+        elif not self._wanted():
+            if all(status is TrackStatus.TENTATIVE for status in self._people.values()):
+                self.caution(
+                    "hand/trigger: nobody is there (yet) whose hand could be followed; send it again once tracks has a confirmed track"
+                )
+            self._start(None)
+
+    def _wanted(self) -> bool:
+        """Whether a hand is followed or looked for, or will be once the last command takes effect."""
+        due_ns, wish = self._wish
+        return wish if self._stamp_ns < due_ns else self._tracker.active
+
+    def _start(self, track_id: int | None) -> None:
+        self._tracker.start(track_id, self._stamp_ns)
+        self._wish = (self._due_ns(), True)
+
+    def _stop(self) -> None:
+        # with its stamp: an end at once could overtake a start that has not taken effect yet; once: without clouds nothing takes effect
+        if self._wish != (self._due_ns(), False):
+            self._tracker.stop(self._stamp_ns)
+        self._wish = (self._due_ns(), False)
+
+    def _due_ns(self) -> int:
+        return self._stamp_ns + round(self._tracker.config.trigger_delay * 1e9)
+
+    def _serve(self, request: Any, response: Any) -> Any:
+        if not request.enable:
+            self._stop()
+            response.success, response.message = True, f"the hand track ends {self._tracker.config.trigger_delay:g} s from now"
+        elif request.track_id >= 0 and request.track_id not in self._people:
+            known = ", ".join(map(str, sorted(self._people))) or "none"
+            response.success, response.message = False, f"there is no track {request.track_id}; tracks now: {known}"
+        else:
+            self._start(None if request.track_id < 0 else request.track_id)
+            response.success, response.message = True, "the hand is looked for"
+        return response
+
+    def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
+        started = time.monotonic_ns()
+        self.count_gap(cloud_msg.sequence, tracks_msg.every)
+        info = self._info.info
+        if not self._info.usable() or info is None:
+            self.dropped += 1
+            return
+        try:
+            tracks = tracks_from_msg(tracks_msg)
+            if self.went_back(tracks.stamp_ns):
+                self._tracker.reset()
+                self._wish = (-1, False)
+            hand = self._tracker.process(TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks))
+        except HandwaveError as error:
+            self.dropped += 1
+            self.problem(str(error))
+            return
+        self._people = {track.id: track.status for track in tracks.tracks}
+        if hand is not None:
+            self._told[hand.velocity_rank] += hand.active
+            self._hand.publish(hand_to_msg(hand))
+            self._value.publish(Float32(data=hand.value))
+        self.finish(tracks.stamp_ns, tracks.sequence, started)
+
+    def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
+        """Share of the clouds of the period that ends, while a hand was followed, that told its velocity along so many axes."""
+        told, self._told = self._told, Counter()
+        clouds = told.total()
+        return {f"{name}_percent": f"{100 * told[rank] / clouds:.1f}" if clouds else "unknown" for rank, name in enumerate(_AXES)}, []
+
+
+def make_node(**kwargs: Any) -> HandNode:
+    """Make the node; ``kwargs`` go to rclpy's Node."""
+    return HandNode(**kwargs)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return run(make_node, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

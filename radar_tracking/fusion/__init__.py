@@ -1,0 +1,1 @@
+"""Clouds of several radars as one."""

@@ -1,0 +1,180 @@
+"""Several radars as one: who is heard, what comes too late, and what they are together. The clouds are put together by `merge`."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from radar_core import ConfigError, Pose, RadarInfo
+from radar_core.config import config, knob
+from radar_tracking.fusion.clocks import ClockConfig
+
+_NAME = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+_RESTART_NS = 1_000_000_000  # a radar whose stamps go back further than this plays a recording again; nothing is delayed that long
+_OPPOSED = 0.1  # resultant of unit vectors below which the radars look in no common direction
+
+
+@config
+class FusionConfig:
+    """Which radars are fused, and how long one waits for the others."""
+
+    radars: tuple[str, ...] = knob(("left", "right"), doc="namespaces of the radars whose clouds are fused")
+    slop: float = knob(0.02, unit="s", low=1e-4, high=10.0, doc="clouds whose stamps differ by less than this belong together")
+    solo_after: float = knob(
+        0.5, unit="s", low=0.0, high=600.0, doc="a radar behind the others by more than this (and by two of its frames) is not waited for"
+    )
+    max_clock_offset: float = knob(
+        0.005, unit="s", low=1e-4, high=10.0, doc="radars whose clocks are farther apart than this are warned of; they pair wrong clouds"
+    )
+    clocks: ClockConfig = ClockConfig()
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when there is no radar, a namespace is none or stands twice, or nobody would be waited for at all."""
+        if not self.radars:
+            raise ConfigError("FusionConfig.radars is empty; name the namespaces of the radars to fuse, e.g. [left, right]")
+        for name in self.radars:
+            if not _NAME.fullmatch(name):
+                raise ConfigError(f"FusionConfig.radars has {name!r}; a namespace is made of letters, digits and _, e.g. left")
+            if self.radars.count(name) > 1:
+                raise ConfigError(f"FusionConfig.radars has {name!r} twice; every radar needs a namespace of its own")
+        if self.solo_after < self.slop:
+            raise ConfigError(
+                f"FusionConfig.solo_after = {self.solo_after:g} s is shorter than slop = {self.slop:g} s; a partner may come that late"
+            )
+
+
+class Roster:
+    """Who of several radars is heard, judged by stamps alone: the same clouds in the same order give the same answers.
+
+    Parameters
+    ----------
+    settings : FusionConfig
+        Knobs.
+
+    Attributes
+    ----------
+    last_ns : int or None
+        Stamp of the last cloud that went out [ns].
+    """
+
+    def __init__(self, settings: FusionConfig) -> None:
+        self._names = settings.radars
+        self._slop_ns = round(settings.slop * 1e9)
+        self._solo_ns = dict.fromkeys(settings.radars, round(settings.solo_after * 1e9))
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew, as for another recording."""
+        self._newest: dict[str, int] = {}
+        self._used: dict[str, int] = {}
+        self._since_ns: int | None = None
+        self.last_ns: int | None = None
+
+    def knows(self, name: str, frame_interval: float) -> None:
+        """Learn how often a radar sends [s]: one is not silent before two of its frames are missing."""
+        self._solo_ns[name] = max(self._solo_ns[name], round(2 * frame_interval * 1e9))
+
+    def went_back(self, name: str, stamp_ns: int) -> bool:
+        """Whether a radar's stamps went back so far that its recording must have started again."""
+        return stamp_ns < self._newest.get(name, stamp_ns) - _RESTART_NS
+
+    def late(self, name: str, stamp_ns: int) -> bool:
+        """Whether a cloud is older than what went out already: nothing can be made of it that would not go back in time."""
+        if self.last_ns is None:
+            return False
+        return stamp_ns + self._slop_ns <= self.last_ns or stamp_ns <= self._used.get(name, stamp_ns - 1)
+
+    def hear(self, name: str, stamp_ns: int) -> None:
+        """Note that a radar has sent a cloud with that stamp [ns]."""
+        self._newest[name] = max(stamp_ns, self._newest.get(name, stamp_ns))
+        if self._since_ns is None:
+            self._since_ns = stamp_ns
+
+    def present(self) -> tuple[str, ...]:
+        """Radars that are not silent, in the order of the settings; one that was never heard counts from the first cloud of any."""
+        if self._since_ns is None:
+            return self._names
+        now = max(self._newest.values())
+        return tuple(name for name in self._names if now - self._newest.get(name, self._since_ns) <= self._solo_ns[name])
+
+    def hopeless(self, name: str, stamp_ns: int, waiting: Mapping[str, Sequence[int]]) -> bool:
+        """Whether no partner can come any more for a cloud that waits.
+
+        Parameters
+        ----------
+        name : str
+            The radar it came from.
+        stamp_ns : int
+            Its stamp [ns].
+        waiting : mapping of str to sequence of int
+            Stamps of all clouds that wait [ns], by radar, of those that are waited for.
+        """
+        now = max(self._newest.values(), default=stamp_ns)
+        if self.late(name, stamp_ns) or now - stamp_ns > max(self._solo_ns.values()):
+            return True
+        return any(
+            self._newest.get(other, stamp_ns) >= stamp_ns + self._slop_ns and not any(abs(s - stamp_ns) < self._slop_ns for s in stamps)
+            for other, stamps in waiting.items()
+            if other != name
+        )
+
+    def sent(self, stamps: Mapping[str, int], stamp_ns: int) -> None:
+        """Note that a cloud went out: the stamps of its parts by radar, and its own [ns]."""
+        self._used.update(stamps)
+        self.last_ns = stamp_ns
+
+
+def fused_info(infos: Sequence[RadarInfo], frame_id: str = "fused") -> RadarInfo:
+    """Describe several radars as the one that a fused cloud seems to come from.
+
+    Fused clouds are in ``room`` already and say themselves which sensor measured what. This is for whoever asks from where people are seen
+    and how often: a point amid the radars, in their mean direction, with a field of view that holds all of theirs.
+
+    Parameters
+    ----------
+    infos : sequence of RadarInfo
+        At least one.
+    frame_id : str
+        Name of that point.
+
+    Returns
+    -------
+    RadarInfo
+        Waveform and array are those of the radar that sees farthest, with the longest of the frame intervals: pairs come no faster.
+
+    Raises
+    ------
+    ConfigError
+        When there is no radar.
+    """
+    if not infos:
+        raise ConfigError("fused_info needs the description of at least one radar")
+    mounts = [info.mount for info in infos]
+    x, y, z = np.mean([mount.origin for mount in mounts], axis=0)
+    yaw = _mean_direction([mount.yaw for mount in mounts])
+    tilt = float(np.mean([mount.tilt for mount in mounts]))
+    far = max(infos, key=lambda info: info.waveform.max_range)
+    azimuth = max(abs(_turn(i.mount.yaw - yaw)) + i.array.fov_azimuth / 2 for i in infos)
+    elevation = max(abs(i.mount.tilt - tilt) + i.array.fov_elevation / 2 for i in infos)
+    return RadarInfo(
+        frame_id=frame_id,
+        waveform=replace(far.waveform, frame_interval=max(info.waveform.frame_interval for info in infos)),
+        array=replace(far.array, fov_azimuth=min(2 * azimuth, 2 * math.pi), fov_elevation=min(2 * elevation, math.pi)),
+        mount=Pose(x=float(x), y=float(y), z=float(z), yaw=yaw, tilt=tilt),
+        full_scale=far.full_scale,
+    )
+
+
+def _mean_direction(angles: Sequence[float]) -> float:
+    """Circular mean [rad]; the first angle where they point in opposite directions."""
+    c, s = float(np.mean(np.cos(angles))), float(np.mean(np.sin(angles)))
+    return math.atan2(s, c) if math.hypot(c, s) > _OPPOSED else _turn(angles[0])
+
+
+def _turn(angle: float) -> float:
+    """Return the same direction in [-pi, pi]."""
+    return math.remainder(angle, 2 * math.pi)
