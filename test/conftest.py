@@ -1,8 +1,12 @@
 """Tests use ROS domains of their own, this machine only, and check every message field."""
 
 import os
+import sys
+from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # oracles, for every test
 
 # Before anything imports rclpy or messages. The process id keeps parallel workers and parallel runs of the suite apart. Domains above
 # 101 have ports that the system also gives to anybody who asks for any port.

@@ -1,0 +1,1 @@
+"""Plain numpy versions of compiled loops: what the kernels have to equal."""
