@@ -1,8 +1,10 @@
 # Two commands do everything from a clean clone, without root:
 #   make demo    two simulated people in a room, every node in its own process, a report at the end
-#   make test    the tests
+#   make test    the tests (make test-all: also the long ones)
 VENV ?= .venv
 PYTHON ?= python3
+# A worker per core; files are not split between them (test/conftest.py).
+PARALLEL = -n logical --no-loadscope-reorder
 PIP = $(VENV)/bin/python -m pip --disable-pip-version-check
 STAMP = $(VENV)/.handwave-setup
 export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
@@ -10,13 +12,13 @@ export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help demo test stability mutations setup lint typecheck bench clean
+.PHONY: help demo test test-all stability mutations setup lint typecheck bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
 ## make setup      create .venv, install pinned dependencies, build the messages into it (under 3 s when done already)
 setup: $(STAMP)
-$(STAMP): pyproject.toml constraints.txt CMakeLists.txt package.xml scripts/check_system.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
+$(STAMP): pyproject.toml constraints.txt CMakeLists.txt benchmarks/setup.cfg package.xml scripts/check_system.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
 	@PYTHON=$(PYTHON) sh scripts/check_system.sh
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade pip
@@ -27,13 +29,17 @@ $(STAMP): pyproject.toml constraints.txt CMakeLists.txt package.xml scripts/chec
 demo: setup
 	$(VENV)/bin/handwave demo $(ARGS)
 
-## make test       all tests but the slow ones (options: make test ARGS="test/core -x")
+## make test       the usual tests, on all cores (options: make test ARGS="test/core -x")
 test: setup
-	$(VENV)/bin/python -m pytest $(ARGS)
+	$(VENV)/bin/python -m pytest $(PARALLEL) $(ARGS)
+
+## make test-all   those, and the ones that take long (`.ci/run` calls this)
+test-all: setup
+	$(VENV)/bin/python -m pytest $(PARALLEL) -m "not slow" $(ARGS)
 
 ## make stability  the numerically hard cases alone (test/stability/README.md lists them)
 stability: setup
-	$(VENV)/bin/python -m pytest test/stability $(ARGS)
+	$(VENV)/bin/python -m pytest $(PARALLEL) -m "not slow" test/stability $(ARGS)
 
 ## make mutations  take every numerical guard out of the code, one at a time, and see that a test fails (make mutations ARGS="--some 10")
 mutations: setup

@@ -14,6 +14,7 @@ from benchmarks import propagation
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["simulator", "dsp", "gestures_speed", "calibrate_pair", "hand_velocity"])
 def test_quick_run_emits_choices(name, tmp_path):
     """One JSON object; each choice has stage, choice, accuracy, time and ratio; the plot is a picture."""

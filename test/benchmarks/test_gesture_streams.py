@@ -132,6 +132,7 @@ def filled(tmp_path_factory):
     return store, scene
 
 
+@pytest.mark.long
 def test_stored_clouds_are_those_of_the_simulator(filled):
     """Every frame is there once; points and truth are what simulator and baseband give, and nothing is simulated twice."""
     store, scene = filled
@@ -369,6 +370,7 @@ def test_streams_without_a_gesture_have_no_recall(tmp_path):
     assert len(result["choices"]) == 1  # nothing to name again
 
 
+@pytest.mark.long
 def test_crowds_measure(tmp_path, monkeypatch):
     """Two users for one round, through the real chain: every gesture is counted once."""
     pair = Crowd(2, (1.2, 2.0), bystander=False)

@@ -192,6 +192,7 @@ def test_lost_chirps_are_named():
     assert frame.missing(8).tolist() == []
 
 
+@pytest.mark.long
 def test_what_faults_report_is_what_is_marked():
     """One per cent of all packets lost, over 200 frames: the marked bytes are those, no more and no less."""
     size = 16 * 1024

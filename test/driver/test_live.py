@@ -229,6 +229,7 @@ def test_a_device_that_cannot_be_suspended(run):
 steps = st.lists(st.one_of(st.integers(0, 99), st.sampled_from(["wait", "passing", "gone"])), max_size=12)
 
 
+@pytest.mark.long
 @settings(max_examples=30, deadline=None)
 @given(steps=steps)
 def test_whatever_happens_it_goes_on_and_ends(steps):

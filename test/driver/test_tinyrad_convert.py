@@ -87,6 +87,7 @@ sizes = st.builds(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(size=sizes, packets=st.integers(0, 3), seed=st.integers(0, 99))
 def test_any_frame_size_comes_through_the_board_unharmed(size, packets, seed):

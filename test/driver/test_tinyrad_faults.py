@@ -41,6 +41,7 @@ def test_an_unanswered_command_takes_everything_back(rig):
     one.start().read(1)
 
 
+@pytest.mark.long
 def test_a_board_that_hangs(rig):
     """No answer to anything: reset over USB as the last resort, then an error; it works when the board does."""
     one = rig(board={})

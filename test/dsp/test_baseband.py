@@ -51,6 +51,7 @@ def test_same_frame_same_cloud():
     assert len(first) > 25
 
 
+@pytest.mark.long
 def test_number_of_threads_does_not_matter(tmp_path):
     """The cloud of a busy frame is the same bit for bit with one and with four threads in every pool."""
     np.save(tmp_path / "cube.npy", busy().cube)

@@ -23,6 +23,7 @@ def run(tmp_path_factory):
     return done, folder / "bag"
 
 
+@pytest.mark.long
 def test_report(run):
     """Exit status 0; the person is tracked, gestures are judged, nothing crashed."""
     done, bag = run

@@ -112,6 +112,7 @@ def test_nodes_and_library_give_the_same_bits(offline, online, topic):
     assert canonical(online, topic) == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("topic", ["tracks", "gestures", "hand"])
 def test_nodes_and_library_give_the_same_bits_of_fused_clouds(fused_offline, fused_online, topic):
     """Every node behind the fusion knows where each point was seen from."""

@@ -86,6 +86,7 @@ def start(raw, offset, *extra):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
+@pytest.mark.long
 def test_an_interrupted_replay_tidies_up(raw):
     """SIGTERM: one word, status 130, no traceback."""
     process = start(raw, 7, "--loop")
@@ -104,6 +105,7 @@ def is_tracking(process):
         return False
 
 
+@pytest.mark.long
 def test_a_node_that_dies_ends_a_replay_in_lockstep(raw, tmp_path):
     """At once, not after a time-out, and not with status 0: results with a hole are no results."""
     process = start(raw, 11, "--lockstep", "--out", str(tmp_path / "out"))

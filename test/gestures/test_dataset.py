@@ -52,6 +52,7 @@ def small_scene(rng, info):
     return Scene(duration=4.0, seed=int(rng.integers(1000)), radars=(SceneRadar.of(info),), people=(person,), effects=EFFECTS)
 
 
+@pytest.mark.long
 def test_a_stopped_run_goes_on_and_gives_the_same_samples(tmp_path, monkeypatch):
     monkeypatch.setattr(dataset, "training_scene", lambda number, rng, info: small_scene(rng, info))
     one, two = tmp_path / "one", tmp_path / "two"

@@ -78,6 +78,7 @@ def people():
     return [draw_sample(PLANS["subjects"], 7, number) for number in range(PLANS["subjects"].n_samples)]
 
 
+@pytest.mark.long
 def test_the_plan_of_subjects_is_the_thesis_s(people):
     """Ten people x ten gestures x 15, five of each at every place, half of the random ones walks (section 4.3)."""
     assert len(people) == 1500
@@ -264,11 +265,13 @@ def test_one_transmitter_sees_the_same_stroke_with_half_the_channels():
     assert spread[1] > 1.5 * spread[0]  # 0.20 and 0.58 degrees for the default arrays
 
 
+@pytest.mark.long
 def test_two_workers_write_the_same_bytes(one, tmp_path):
     make(tmp_path, N, n_jobs=2)
     assert contents(tmp_path) == contents(one)
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_and_writes_the_same_bytes(one, tmp_path):
     """SIGKILL of the real process in the middle; then the same call finishes, and leaves what was there as it is."""
     call = f"from small_sets import make; make({str(tmp_path)!r}, {N}, n_jobs=2)"

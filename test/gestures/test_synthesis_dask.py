@@ -42,6 +42,7 @@ def cluster(tmp_path):
         yield str(note)
 
 
+@pytest.mark.long
 def test_two_dask_workers_write_the_same_bytes(cluster, tmp_path):
     here, there = tmp_path / "here", tmp_path / "there"
     with distributed.Client(scheduler_file=cluster, timeout=60) as client:

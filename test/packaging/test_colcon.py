@@ -33,6 +33,7 @@ def workspace(tmp_path_factory):
     return root
 
 
+@pytest.mark.long
 def test_executables_and_shared_files(workspace):
     """`ros2 run` finds one executable per node, `ros2 launch` the launch files, rviz its set-up."""
     prefix = workspace / "install" / "handwave"

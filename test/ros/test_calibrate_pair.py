@@ -135,6 +135,7 @@ def test_raw_frames_do_as_well_as_clouds(walk, tmp_path):
     assert shares[79] == shares[-1] == 1.0
 
 
+@pytest.mark.long
 def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
     """The command as a process listens to real DDS until Ctrl-C; the clouds come faster than in life, their stamps count."""
     infos, clouds, _ = walk

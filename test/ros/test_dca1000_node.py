@@ -107,6 +107,7 @@ def test_a_board_that_is_not_there_is_one_line(bench):
         rclpy.try_shutdown()
 
 
+@pytest.mark.long
 def test_kill_9_of_the_driver(ros, bench):
     """The board goes on sending to a port that nobody has; the respawned driver stops it, sets it up, and frames come from 0 again.
 

@@ -363,6 +363,7 @@ def test_settings_that_make_no_sense(ros):
             radar_ros.nodes.fusion.make_node(parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
 
 
+@pytest.mark.long
 def test_two_radars_in_processes_of_their_own(ros):
     """Fusion and tracking as `handwave up two_radars` starts them; radars 3 ms apart from here; every topic is connected first."""
     specs = graph("two_radars", parameters={"*": {"reliable": True}}, without=("driver", "baseband", "gestures", "hand", "visualisation"))

@@ -33,6 +33,7 @@ def driver(ros, **values):
     return ros.add(radar_ros.nodes.driver.make_node(**overrides(scene="single_target", at_end="loop", **values)))
 
 
+@pytest.mark.long
 def test_driver_survives_twenty_life_cycles(ros):
     """Configure, activate, deactivate, cleanup, twenty times; frames come in every life and none while suspended."""
     node = driver(ros, autostart=False)
@@ -115,6 +116,7 @@ def test_a_frame_that_contradicts_its_info_is_refused_and_the_next_is_taken(ros,
     assert node.dropped == 2
 
 
+@pytest.mark.long
 def test_frames_before_the_info_are_dropped_and_said_once(ros, baseband):
     """The message says what is missing."""
     node, errors, _, frames, _ = baseband
@@ -157,6 +159,7 @@ def test_one_problem_is_one_line(ros):
     assert lines[-1] == "frame 1000 has 3 non-finite values (999 more like this since the last time)"
 
 
+@pytest.mark.long
 def test_the_driver_goes_on_when_the_clock_is_set_back(ros):
     """Simulated time jumps from 0 to its first value, and back when it starts again: frames come all the same, and none counts as lost."""
     frames = ros.collect(RadarFrameMsg, "radar/frame", qos.sensor(depth=50))

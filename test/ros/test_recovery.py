@@ -32,6 +32,7 @@ def wait_for(wanted, timeout):
     return True
 
 
+@pytest.mark.long
 def test_a_killed_recorder_goes_on_beside(tmp_path):
     """SIGKILL and respawn: the first part is recovered, the second is whole, and nothing is overwritten."""
     lines = []

@@ -70,6 +70,7 @@ def test_a_driver_takes_the_radar_of_its_namespace(scene):
     assert SimSource("short", "/right").info.frame_id == "radar"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_a_bag_that_can_be_read(tmp_path, number):
     """Told to stop, it closes the bag; killed, `repair` gets back what had been brought to the file, 50 frames at a time."""

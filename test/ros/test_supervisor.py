@@ -53,6 +53,7 @@ def wait_for(wanted, timeout):
     return False
 
 
+@pytest.mark.long
 def test_kill_9_of_any_node_and_its_restart_leave_the_graph_working(ros):
     """Each node in turn dies by SIGKILL; it is started again and tracks go on coming."""
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
@@ -75,6 +76,7 @@ def test_kill_9_of_any_node_and_its_restart_leave_the_graph_working(ros):
     assert [name for name, _ in supervisor.crashes] == ["driver", *STAGES]
 
 
+@pytest.mark.long
 def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
     """`handwave up`, told to stop by SIGINT: exit status 0, no process left."""
     marker = f"up-{os.getpid()}"
@@ -92,6 +94,7 @@ def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
     assert "Traceback" not in output
 
 
+@pytest.mark.long
 def test_a_killed_launcher_leaves_no_orphans():
     """SIGKILL of `handwave up` itself: its nodes end too."""
     marker = f"orphans-{os.getpid()}"
@@ -106,6 +109,7 @@ def test_a_killed_launcher_leaves_no_orphans():
     assert wait_for(lambda: not marked(marker), 5.0), marked(marker)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("after", [0.6, 2.5])
 def test_ctrl_c_while_everything_is_starting(after):
     """Whatever is being imported or made at that moment ends without a traceback and without leaving a process."""
@@ -133,6 +137,7 @@ def test_a_node_that_cannot_start_says_why(tmp_path):
     assert "Traceback" not in done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_a_node_that_dies_leaves_the_others_running(ros):
     """Without --respawn: it is named, tracks go on coming, and the exit status tells of it in the end."""
     marker = f"others-{os.getpid()}"
@@ -195,6 +200,7 @@ def test_no_place_for_logs(monkeypatch):
         environment()
 
 
+@pytest.mark.long
 def test_busy_domain_is_refused(ros):
     """A second graph with the same names in the same domain is not started."""
     import rclpy

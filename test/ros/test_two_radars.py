@@ -65,6 +65,7 @@ def seen(ros, tmp_path):
         yield Seen()
 
 
+@pytest.mark.long
 def test_a_radar_is_killed_and_starts_again(ros, seen):
     """The hand is followed by both, by the one that is left, and by both again; no message in between says that it ended."""
     together = lambda: seen.tracks and any(t.status == TrackStatus.CONFIRMED for t in seen.tracks[-1].tracks)  # noqa: E731

@@ -133,7 +133,7 @@ nothing, so guards are taken out of the code one at a time: each such mutation b
 
     make stability                                  # the tests of this folder
     make mutations                                  # take out every guard, one after the other (ARGS="--help" tells more)
-    python test/stability/mutations.py --some 10    # the ten quick ones that every run of the tests proves
+    python test/stability/mutations.py --some 10    # the ten quick ones that `make test-all` proves
 
 Tests are named without `test_`: `core::solve_in_a_batch` is `test_solve_in_a_batch` of `test_core.py`. This page is written from
 `hazards.yaml` by `python test/stability/hazards.py`; `test_hazards.py` fails when the two differ, when a test is in no row, or when a

@@ -58,6 +58,7 @@ def test_budgets_that_are_none_are_refused(budget):
         Governor(LEVELS, budget)
 
 
+@pytest.mark.long
 def test_a_million_frames_leave_nothing_behind():
     """Six hours at 50 Hz with a load that comes and goes: memory stays a window's, and the last hour is as the first."""
     governor, rng = Governor(LEVELS, 6.0, StepConfig(window=0.2, recover=1.0)), np.random.default_rng(0)

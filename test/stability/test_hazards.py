@@ -48,6 +48,7 @@ def test_mutated_files_are_not_packages():
     assert not [name for name, n in Counter(m.old + m.file for m in mutations()).items() if n > 1]
 
 
+@pytest.mark.long
 def test_ten_guards_are_needed():
     """Ten quick mutations, each in a process of its own, and the control: the command itself, as people run it."""
     command = [sys.executable, str(HERE / "mutations.py"), "--some", "10", "--jobs", "2"]

@@ -32,6 +32,7 @@ def healthy(belief: Belief) -> None:
     np.testing.assert_allclose(belief.weight.sum(axis=1), 1.0, rtol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ESTIMATORS[1:])  # the linear filter has its million in test_tracking_estimators.py
 def test_a_hundred_thousand_steps(name):
     """Of a target at rest in noise that repeats: what is known after 1e5 steps is what was known after 2,000.

@@ -35,6 +35,7 @@ def elsewhere(threads: int, seed: int) -> dict[str, str]:
     return json.loads(found.stdout)
 
 
+@pytest.mark.long
 def test_other_processes_threads_and_hashes_give_the_same_bits():
     """From the scene to clouds, tracks, gestures and the hand, here and in two processes: digests of every number are equal.
 
@@ -46,6 +47,7 @@ def test_other_processes_threads_and_hashes_give_the_same_bits():
     assert elsewhere(4, 2) == here
 
 
+@pytest.mark.long
 def test_what_is_compiled_now_and_what_comes_from_the_cache_give_the_same_bits(tmp_path):
     """The first run of an installation compiles, all others load: a function that is called must be the same one in both.
 

@@ -174,6 +174,7 @@ def _many(mean, P, F, Q, H, R, used, steps):
     return mean, P, nis / steps
 
 
+@pytest.mark.long
 def test_a_million_steps():
     """The covariance is the fixed point of the Riccati equation to rounding, symmetric and positive definite, and the state is bounded."""
     model = ConstantVelocity((1.0, 1e-4))

@@ -66,6 +66,7 @@ def test_hundreds_of_objects():
     assert len(ClearMot().process(ObjectSet.of(line), shuffled).truth_id) == 500
 
 
+@pytest.mark.long
 def test_a_long_run_of_clear_mot_stays_small():
     """Twenty thousand moments with the same people: as much is remembered as after one; with new ghosts, only their pairs."""
     metric, people = ClearMot(), ObjectSet.of([[0.0, 0.0], [3.0, 0.0]])

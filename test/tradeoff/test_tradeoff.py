@@ -281,6 +281,7 @@ def test_another_factor_scales_what_is_there(finished):
     assert json.loads((out / "transforms.json").read_text())["rows"][0]["time_ms"] == pytest.approx(old[0]["time_ms"])
 
 
+@pytest.mark.long
 def test_a_run_that_is_killed_goes_on(tmp_path):
     """Ctrl-C leaves the finished stage and a report of it; the same command does the rest."""
     out = tmp_path / "report"

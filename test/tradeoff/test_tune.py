@@ -27,6 +27,7 @@ def tuned(tmp_path_factory):
     return out, done.output
 
 
+@pytest.mark.long
 def test_levels_are_in_order_and_name_real_knobs(tuned):
     """Each is quicker than the one before and no more accurate beyond chance; every knob is one of its stage; the machine is this one."""
     out, said = tuned
@@ -122,6 +123,7 @@ def test_nobody_in_the_scene_is_refused(tmp_path):
     assert not (tmp_path / LEVELS).exists()
 
 
+@pytest.mark.long
 def test_a_graph_ten_times_too_slow_keeps_up_by_giving_up_accuracy(tuned, tmp_path):
     """Real processes over real DDS: most frames are lost without a budget, hardly any with one; it says so, and recovers."""
     out, _ = tuned
