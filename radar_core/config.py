@@ -9,10 +9,12 @@ from __future__ import annotations
 import copy
 import dataclasses
 import difflib
+import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from types import MappingProxyType
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -45,7 +47,8 @@ def knob(
     low, high : float or None
         Inclusive range of a number (of each entry, for a tuple).
     choices : sequence or None
-        The only values allowed.
+        The only values allowed, where they are known only at run time (a registry, say). None: those of a ``Literal`` annotation, if it is
+        one: write ``name: Literal["slow", "fast"] = knob("slow", doc="...")``.
 
     Returns
     -------
@@ -80,19 +83,49 @@ def config(cls: type[T]) -> type[T]:
 
 def check_knobs(instance: Any) -> None:
     """Raise `ConfigError` when a field of ``instance`` is outside the range or the choices that its `knob` states."""
+    choices = _choices(instance.__class__)
     for field in dataclasses.fields(instance):
         meta = field.metadata
         if "doc" not in meta:
             continue
         where = f"{type(instance).__name__}.{field.name}"
         value = getattr(instance, field.name)
-        if meta["choices"] is not None and value not in meta["choices"]:
-            choices = ", ".join(map(repr, meta["choices"]))
-            raise ConfigError(f"{where} is {value!r}{_nearest(value, meta['choices'])}; choose one of {choices}")
+        _check_choice(where, value, choices.get(field.name))
         for number in _numbers(value):
             if not math.isfinite(number):
                 raise ConfigError(f"{where} is {number}; it must be a finite number")
             _check_range(where, number, meta)
+
+
+@functools.cache
+def _choices(cls: type) -> Mapping[str, tuple[Any, ...]]:
+    """Values that the fields of a configuration may have, of those fields that have choices: from `knob` or from a ``Literal``."""
+    hints = get_type_hints(cls)
+    found = {field.name: field.metadata.get("choices") or _literals(hints[field.name]) for field in dataclasses.fields(cls)}
+    return MappingProxyType({name: choices for name, choices in found.items() if choices is not None})
+
+
+def _literals(hint: Any) -> tuple[Any, ...] | None:
+    """Values of a ``Literal``, alone, with ``None`` beside it, or of each entry of a tuple; None: the annotation has none."""
+    if get_origin(hint) is Literal:
+        return get_args(hint)
+    inside = [part for part in get_args(hint) if part not in (type(None), ...)]
+    values = _literals(inside[0]) if len(inside) == 1 else None
+    return (*values, None) if values is not None and type(None) in get_args(hint) else values
+
+
+def _check_choice(where: str, value: Any, choices: tuple[Any, ...] | None) -> None:
+    """Raise `ConfigError` when a value is none of the choices; of a tuple that is no choice itself, each entry has to be one."""
+    if choices is None or value in choices:
+        return
+    entries = value if isinstance(value, tuple) and not isinstance(choices[0], tuple) else (value,)
+    for entry in entries:
+        if entry not in choices:
+            raise ConfigError(f"{where} is {_other_than(entry, choices)}")
+
+
+def _other_than(value: Any, choices: tuple[Any, ...]) -> str:
+    return f"{value!r}{_nearest(value, choices)}; choose one of {', '.join(map(repr, choices))}"
 
 
 def _nearest(given: Any, known: Sequence[Any]) -> str:
@@ -189,6 +222,10 @@ def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> s
         return f"{where}: unknown key '{key}'{_nearest(location[-1], known)}" + (f"; known here: {', '.join(known)}" if known else "")
     if problem["type"] in ("missing", "missing_argument"):
         return f"{where}: '{key}' is missing; add it"
+    if problem["type"] == "literal_error":
+        names = [part for part in location if isinstance(part, str)]
+        owner = _inside(cls, location[: location.index(names[-1])])
+        return f"{where}: {key} is {_other_than(problem['input'], _choices(owner)[names[-1]])}"
     message = str(problem["msg"]).removeprefix("Value error, ")
     given = problem.get("input")
     shown = f" (given {given!r})" if isinstance(given, (str, int, float, bool)) and problem["type"] != "value_error" else ""
@@ -218,13 +255,19 @@ def _child(node: yaml.Node, part: Any) -> yaml.Node | None:
 
 
 def _known_keys(cls: Any, location: Sequence[Any]) -> list[str]:
+    cls = _inside(cls, location)
+    return [field.name for field in dataclasses.fields(cls)] if cls is not None else []
+
+
+def _inside(cls: Any, location: Sequence[Any]) -> Any:
+    """Find the configuration at a place within another one; None: there is none."""
     for part in location:
         if isinstance(part, str):
             if not dataclasses.is_dataclass(cls):
-                return []
+                return None
             cls = get_type_hints(cls).get(part)
         cls = _configuration(cls)
-    return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+    return cls if dataclasses.is_dataclass(cls) else None
 
 
 def _configuration(hint: Any) -> Any:
@@ -259,9 +302,9 @@ def describe(cls: Any, prefix: str = "", base: Any = None) -> Iterator[tuple[str
     Yields
     ------
     tuple of (str, dataclasses.Field, type)
-        Dotted name, field (its metadata has doc, unit, low, high, choices) and resolved type.
+        Dotted name, field (its metadata has doc, unit, low, high, choices; those of a ``Literal`` too) and resolved type.
     """
-    hints = get_type_hints(cls)
+    hints, choices = get_type_hints(cls), _choices(cls)
     for field in dataclasses.fields(cls):
         name, default = f"{prefix}{field.name}", field.default if base is None else getattr(base, field.name)
         if dataclasses.is_dataclass(hints[field.name]):
@@ -269,6 +312,8 @@ def describe(cls: Any, prefix: str = "", base: Any = None) -> Iterator[tuple[str
         else:
             here = copy.copy(field)
             here.default = default
+            if "doc" in field.metadata:
+                here.metadata = MappingProxyType({**field.metadata, "choices": choices.get(field.name)})
             yield name, here, hints[field.name]
 
 

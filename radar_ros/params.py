@@ -27,6 +27,7 @@ def declare(
     unit: str = "",
     low: float | None = None,
     high: float | None = None,
+    choices: Sequence[Any] | None = None,
     changeable: bool = False,
 ) -> Any:
     """Declare one parameter and return its value; it is read only unless ``changeable``.
@@ -37,6 +38,8 @@ def declare(
         Naming the parameter, when the value given is of the wrong type or out of range.
     """
     descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=not changeable, dynamic_typing=True)
+    if choices is not None:
+        descriptor.additional_constraints = "one of " + ", ".join(map(repr, choices))
     if isinstance(default, float) and (low is not None or high is not None):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=-1e308 if low is None else float(low), to_value=1e308 if high is None else float(high))
@@ -83,6 +86,7 @@ def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: boo
             unit=meta.get("unit", ""),
             low=meta.get("low"),
             high=meta.get("high"),
+            choices=meta.get("choices"),
             changeable=changeable,
         )
     return _build(node, cls, values)

@@ -1,6 +1,7 @@
 """Configurations refuse what makes no sense and say where it stands."""
 
 import dataclasses
+from typing import Literal
 
 import pytest
 
@@ -16,7 +17,7 @@ class _Sub:
 
 @config
 class _Top:
-    mode: str = knob("slow", choices=("slow", "fast"), doc="the pace")
+    mode: Literal["slow", "fast"] = knob("slow", doc="the pace")
     sub: _Sub = _Sub()
     parts: tuple[_Sub, ...] = ()
 
@@ -54,6 +55,45 @@ def test_load_equals_construct(tmp_path):
     assert load_file(_Top, path) == _Top(mode="fast", sub=_Sub(gain=2.5, names=("x", "y")), parts=(_Sub(gain=3.0),))
     path.write_text("")
     assert load_file(_Top, path) == _Top()
+
+
+@config
+class _Choosy:
+    registered: str = knob("a", choices=("a", "b"), doc="one of a registry")
+    order: Literal[1, -1] = knob(1, doc="which way")
+    weather: Literal["sun", "rain"] | None = knob(None, doc="nothing is a choice too")
+    colours: tuple[Literal["red", "green"], ...] = knob((), doc="any number of choices")
+    free: str = knob("any", doc="no choice")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("registered", "c", r"registered is 'c'; choose one of 'a', 'b'"),
+        ("order", 2, r"order is 2; choose one of 1, -1"),
+        ("weather", "rein", r"weather is 'rein' \(did you mean 'rain'\?\); choose one of 'sun', 'rain'"),
+        ("colours", ("red", "blue"), r"colours(\.1)? is 'blue'; choose one of 'red', 'green'"),
+    ],
+)
+def test_choices_are_those_of_a_literal_or_of_the_knob(name, value, message):
+    """What is not among them is refused with the same words in Python and in a file; what is, is taken."""
+    with pytest.raises(ConfigError, match=rf"^_Choosy\.{message}"):
+        _Choosy(**{name: value})
+    with pytest.raises(ConfigError, match=message):
+        load(_Choosy, {name: value})
+    with pytest.raises(ConfigError, match=message):
+        load(_Outer, {"choosy": {name: value}})
+    told = {name: field.metadata["choices"] for name, field, _ in describe(_Choosy)}
+    assert told == {
+        "registered": ("a", "b"), "order": (1, -1), "weather": ("sun", "rain", None), "colours": ("red", "green"), "free": None
+    }  # fmt: skip
+    good = {"registered": "b", "order": -1, "weather": "sun", "colours": ["red", "red"], "free": "x"}
+    assert flat(load(_Choosy, good)) == {**good, "colours": ("red", "red")}
+
+
+@config
+class _Outer:
+    choosy: _Choosy = _Choosy()
 
 
 @config

@@ -57,6 +57,8 @@ def test_descriptor_says_unit_and_range(ros):
     assert descriptor.floating_point_range[0].from_value == pytest.approx(0.05)
     assert descriptor.read_only
     assert node.get_parameter("association.gate").get_parameter_value().type == ParameterType.PARAMETER_DOUBLE
+    assert node.describe_parameter("association.method").additional_constraints == "one of 'euclidean', 'mahalanobis'"
+    assert node.describe_parameter("association.gate").additional_constraints == ""
 
 
 @pytest.mark.parametrize(
