@@ -12,7 +12,7 @@ from benchmarks.gesture_clouds import Found, Run
 from radar_core import GESTURES
 from radar_gestures.features import FeatureConfig, summarise
 from radar_gestures.recognizer import Gesture
-from radar_lab.evaluation.scoring import nearest_person
+from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvent, TrueEvents
 from radar_sim.motions.script import Timeline
 from radar_tracking import TrackedCloud, TrackStatus

@@ -20,7 +20,7 @@ from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer, TrackEvent
-from radar_lab.evaluation.scoring import nearest_person
+from radar_lab.datasets.scenes import nearest_person
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.script import Timeline
 from radar_sim.people import Action, Person

@@ -218,11 +218,12 @@ def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
     if gestures.get("total"):
         share = gestures["hits"] / gestures["total"]
         text = f"{gestures['hits']} of {gestures['total']} right ({share:.0%}), {gestures['wrong']} wrong, {gestures['misses']} missed, "
-        rows.append(("gestures", text + f"{gestures['false_alarms']} false alarms"))
+        rows.append(("gestures", text + f"{gestures['false_gestures']} false"))
     rows.append(
         ("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {_number(hand.get('tracked_fraction'), '.0%')} of its drawing")
     )
-    rows.append(("ghost tracks", str(report.get("ghost_tracks", "-"))))
+    ghosts = f"{report.get('ghost_track_frames', '-')} of {report.get('track_frames', '-')} track-frames"
+    rows.append(("ghosts", f"{ghosts} are farther than {_number(report.get('gate_m'), '.1f', ' m')} from everybody"))
     rows += _tracking_figures(report)
     latency = (
         f"{_number(report.get('latency_ms_median'), '.1f')} ms median, {_number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"

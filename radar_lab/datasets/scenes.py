@@ -24,7 +24,7 @@ from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, fea
 from radar_lab.datasets.samples import chunk_path, load_samples, open_folder, write_chunk
 from radar_lab.datasets.training_scenes import training_scene
 from radar_lab.datasets.workers import work_through
-from radar_lab.evaluation.scoring import TruthSegment, nearest_person, truth_segments
+from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.library import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
@@ -173,6 +173,25 @@ def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -
             person = None if track is None else nearest_person(truth, track.position)
             events.append((-1 if person is None else person, event))
     return events
+
+
+def nearest_person(truth: Truth, position: NDArray[np.floating], gate: float = 0.8) -> int | None:
+    """Say who is nearest to a place on the ground: its event is labelled by what that person does (evaluation asks `Matching.owner`).
+
+    Parameters
+    ----------
+    truth : Truth
+        Of the same moment.
+    position : ndarray, shape (3,)
+        Of the track [m].
+    gate : float
+        Farther than this [m] it is nobody's (None).
+    """
+    if len(truth.person_id) == 0:
+        return None
+    away = np.hypot(*(np.asarray(truth.position, np.float64)[:, :2] - np.asarray(position, np.float64)[:2]).T)
+    best = int(np.argmin(away))
+    return int(truth.person_id[best]) if away[best] <= gate else None
 
 
 def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:

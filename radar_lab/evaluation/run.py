@@ -1,4 +1,4 @@
-"""How good was a run? Tracks, gestures and hand against the simulator's truth."""
+"""How good was a run? Tracks, gestures and hand against the simulator's truth; the same for demo, node, benchmarks and reports."""
 
 from __future__ import annotations
 
@@ -8,70 +8,56 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, NO_GESTURE, Pose
+from radar_core import GESTURES, RadarInfo
 from radar_core.config import config, knob
-from radar_core.geometry import cartesian_to_spherical
 from radar_core.linalg import SingularError
 from radar_gestures.recognizer import Gesture
-from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, score_gestures
-from radar_tracking import HandTrack, Tracks
-from radar_tracking.metrics import (
-    ClearMot,
-    ClearMotConfig,
-    ClearMotStep,
-    Gospa,
-    GospaConfig,
-    GospaMetric,
-    ObjectSet,
-    PersonScore,
-    nees,
-    people,
+from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, MatchingSummary, Visibility
+from radar_lab.evaluation.scoring import (
+    GestureScore,
+    RecognisedGesture,
+    TruthSegment,
+    in_order,
+    note_gestures,
+    score_gestures,
 )
+from radar_sim.truth import Truth
+from radar_tracking import HandTrack, Tracks
+from radar_tracking.metrics import Gospa, PersonScore, nees
 
 
 @config
-class EvaluationConfig:
-    """What counts as followed."""
+class EvaluationConfig(MatchingConfig):
+    """What counts as followed, and as recognised."""
 
-    # Wider than that of the benchmarks: a gesturing hand may drag a track by half a metre, and its gestures still belong to its person.
-    radius: float = knob(0.8, unit="m", low=1e-6, high=1e6, doc="a track this near to a person, or nearer, can be of that person")
-    gospa: GospaConfig = GospaConfig()
-    settle: float = knob(1.0, unit="s", low=0.0, high=60.0, doc="a person counts when in view for this long: time to be found")
+    tolerance: float = knob(0.6, unit="s", low=0.0, high=60.0, doc="a gesture may be found so much before or after it is performed")
 
 
 class Evaluator:
     """Compare results with the truth of the same stamps.
 
-    A person counts as soon as they have been in view for `settle`: in the radar's field of view and nearer than its unambiguous range.
-    Others may have a track or not. All distances are on the ground, between the track and the body's centre.
+    Who counts is said by `Visibility`, which track is on whom and what a ghost is by `Matching`, which gestures are right by
+    `score_gestures`. A gesture belongs to the person whose its track was while it was performed. A **false gesture** is every published one
+    (not random) without a performed one of that person; a gesture of a track that is on nobody is always false.
 
     Parameters
     ----------
-    mount : Pose
-        Of the radar.
-    fov_azimuth : float
-        Full field of view [rad].
-    max_range : float
-        Of the radar [m].
-    settings : EvaluationConfig or None
+    info : RadarInfo
+        Mount, field of view and unambiguous range.
+    config : EvaluationConfig or None
         None: all defaults.
     """
 
-    def __init__(self, mount: Pose, fov_azimuth: float, max_range: float, settings: EvaluationConfig | None = None) -> None:
-        self.config = settings or EvaluationConfig()
-        self._mount, self._half_view, self._max_range = mount, fov_azimuth / 2, max_range
-        self._settle_ns = round(self.config.settle * 1e9)
-        self._mot, self._gospa = ClearMot(ClearMotConfig(radius=self.config.radius)), GospaMetric(self.config.gospa)
-        self._seen_since_ns: dict[int, int] = {}
+    def __init__(self, info: RadarInfo, config: EvaluationConfig | None = None) -> None:
+        self.config = config or EvaluationConfig()
+        self._visibility, self._matching = Visibility(info, self.config), Matching(self.config)
         self._nees = _NeesMean()
         self._segments: dict[tuple[int, int], TruthSegment] = {}
         self._gestures: list[tuple[int | None, Gesture]] = []
         self._hand_square: list[float] = []
         self._drawing = 0
-        self._owners: dict[int, int] = {}
-        self._ghost_ids: set[int] = set()
 
-    def add(self, tracks: Tracks, truth: Any) -> Gospa:
+    def add(self, tracks: Tracks, truth: Truth) -> Gospa:
         """Take in the tracks and the truth of one moment.
 
         Parameters
@@ -91,19 +77,15 @@ class Evaluator:
         DataError
             When a place is not finite or an identity occurs twice; the moment is left out.
         """
-        found = people(tracks)
-        real = ObjectSet.of(truth.position[:, :2], truth.person_id, self._counts(truth))
-        step = self._mot.process(real, found)
-        self._owners.update(zip(step.estimate_id.tolist(), step.truth_id.tolist(), strict=True))
-        self._ghost_ids.update(step.false.tolist())
-        self._note_consistency(tracks, truth, step)
-        self._note_gestures(truth)
+        matched = self._matching.process(tracks, truth, self._visibility.process(truth))
+        self._note_consistency(tracks, matched)
+        note_gestures(truth, self._segments)
         self._drawing += int(np.any(truth.drawing))
-        return self._gospa.process(real, found)
+        return matched.gospa
 
     def add_gesture(self, gesture: Gesture) -> None:
-        """Take in a recognised gesture."""
-        self._gestures.append((self._owners.get(gesture.track_id), gesture))
+        """Take in a published gesture."""
+        self._gestures.append((self._matching.last_owner(gesture.track_id), gesture))
 
     def add_hand(self, hand: HandTrack, truth: Any) -> None:
         """Take in a hand track and the truth of the same moment; only while the hand draws it is the hand that is meant."""
@@ -112,41 +94,30 @@ class Evaluator:
             offset = truth.hand_position[rows] - hand.position
             self._hand_square.append(float((offset**2).sum(axis=1).min()))
 
-    def _counts(self, truth: Any) -> NDArray[np.bool_]:
-        """Who has been in view for long enough, shape (n_people,)."""
-        distance, azimuth, _ = cartesian_to_spherical(self._mount.from_room(truth.position))
-        in_view = (np.abs(azimuth) <= self._half_view) & (distance < self._max_range)
-        self._seen_since_ns = {
-            int(number): self._seen_since_ns.get(int(number), truth.stamp_ns) for number in np.asarray(truth.person_id)[in_view]
-        }
-        since = [self._seen_since_ns.get(int(number), math.inf) for number in truth.person_id]
-        return np.array([truth.stamp_ns - start >= self._settle_ns for start in since], np.bool_)
-
-    def _note_consistency(self, tracks: Tracks, truth: Any, step: ClearMotStep) -> None:
+    def _note_consistency(self, tracks: Tracks, matched: Matched) -> None:
         """Compare the errors of the tracks of people who count with the covariances that the tracks claim."""
-        row = {int(number): i for i, number in enumerate(truth.person_id)}
+        row = {int(number): i for i, number in enumerate(matched.truth.id)}
+        step = matched.step
         for person, number in zip(step.truth_id[step.visible].tolist(), step.estimate_id[step.visible].tolist(), strict=True):
             track = tracks.find(number)
             if track is not None:
-                self._nees.add(track.position[:2] - truth.position[row[person], :2], track.covariance[:2, :2])
-
-    def _note_gestures(self, truth: Any) -> None:
-        """Open or prolong the gestures that are being performed; kept as segments, so that long runs stay small."""
-        for number, label, index in zip(truth.person_id, truth.gesture, truth.gesture_index, strict=True):
-            if label != NO_GESTURE:
-                key = (int(number), int(index))
-                old = self._segments.get(key)
-                start = old.start_ns if old is not None else truth.stamp_ns
-                self._segments[key] = TruthSegment(int(number), int(label), start, truth.stamp_ns)
+                self._nees.add(track.position[:2] - matched.truth.position[row[person]], track.covariance[:2, :2])
 
     def score(self) -> GestureScore:
-        """Match the recognised gestures with those performed."""
-        recognised = [
-            RecognisedGesture(person, g.label, g.start_ns, g.end_ns)
-            for person, g in ((p if p is not None else self._owners.get(g.track_id), g) for p, g in self._gestures)
-            if person is not None
-        ]
-        return score_gestures(sorted(self._segments.values(), key=lambda s: (s.start_ns, s.person_id)), recognised)
+        """Match the published gestures with those performed."""
+        return self._score(self._owned())
+
+    def _owned(self) -> list[tuple[int | None, Gesture]]:
+        return [(self._matching.owner(g.track_id, g.start_ns, g.end_ns), g) for _, g in self._gestures]
+
+    def score_of_owned(self) -> GestureScore:
+        """Score by the first definition: by who a track was on last, gestures of tracks that were on nobody ever left out."""
+        owned = [(self._matching.last_owner(g.track_id) if then is None else then, g) for then, g in self._gestures]
+        return self._score([(person, g) for person, g in owned if person is not None])
+
+    def _score(self, owned: list[tuple[int | None, Gesture]]) -> GestureScore:
+        recognised = [RecognisedGesture(person, g.label, g.start_ns, g.end_ns) for person, g in owned]
+        return score_gestures(in_order(self._segments), recognised, tolerance=self.config.tolerance)
 
     def report(self) -> dict[str, Any]:
         """Summarise the run; None stands for what nothing is known of.
@@ -156,35 +127,33 @@ class Evaluator:
         dict
             ``people`` (per person: tracked_fraction, identity_switches, position_rms_m), ``mota``, ``gospa`` (mean_m; power_mean_m and the
             mean parts localisation, missed, false_tracks [m^p], whose sum is its p-th power), ``nees`` (mean of the position on the ground
-            over its 2 degrees of freedom, samples, refused: covariances that are none), ``ghost_tracks``, ``gestures`` (hits, wrong,
-            misses, false_alarms, total and the list of outcomes), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
+            over its 2 degrees of freedom, samples, refused: covariances that are none), ``minutes``, ``gate_m`` of the matching,
+            ``track_frames``, ``ghost_track_frames`` and ``ghost_track_frames_per_minute``, ``ghost_tracks`` (identities that were on nobody
+            ever), ``gestures`` (hits, wrong, misses, false_gestures, false_gestures_per_minute, ghost_gestures, total, outcomes;
+            ``false_alarms``: see `score_of_owned`), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
         """
-        mot = self._mot.summary()
+        tracks = self._matching.summary()
+        mot = tracks.mot
         return {
             "moments": mot.moments,
             "people": {str(number): _person(person) for number, person in mot.people.items()},
             "mota": _known(mot.mota),
-            "gospa": self._gospa_report(),
+            "gospa": _gospa(tracks),
             "nees": self._nees.report(),
-            "ghost_tracks": len(self._ghost_ids - set(self._owners)),
-            "gestures": self._gesture_report(),
+            "minutes": tracks.minutes,
+            "gate_m": tracks.gate,
+            "track_frames": tracks.track_frames,
+            "ghost_track_frames": tracks.ghost_track_frames,
+            "ghost_track_frames_per_minute": _known(tracks.ghost_track_frames_per_minute),
+            "ghost_tracks": tracks.ghost_tracks,
+            "gestures": self._gesture_report(tracks.minutes),
             "hand": {
                 "rms_m": math.sqrt(float(np.mean(self._hand_square))) if self._hand_square else None,
                 "tracked_fraction": len(self._hand_square) / self._drawing if self._drawing else None,
             },
         }
 
-    def _gospa_report(self) -> dict[str, Any]:
-        gospa = self._gospa.summary()
-        return {
-            "mean_m": _known(gospa.mean),
-            "power_mean_m": _known(gospa.distance),
-            "localisation": _known(gospa.localisation),
-            "missed": _known(gospa.missed),
-            "false_tracks": _known(gospa.false_tracks),
-        }
-
-    def _gesture_report(self) -> dict[str, Any]:
+    def _gesture_report(self, minutes: float) -> dict[str, Any]:
         score = self.score()
         outcomes = [
             {
@@ -200,7 +169,10 @@ class Evaluator:
             "hits": score.hits,
             "wrong": score.wrong,
             "misses": score.misses,
-            "false_alarms": score.false_alarms,
+            "false_gestures": score.false_alarms,
+            "false_gestures_per_minute": score.false_alarms / minutes if minutes else None,
+            "ghost_gestures": sum(person is None and g.name != "random" for person, g in self._owned()),
+            "false_alarms": self.score_of_owned().false_alarms,
             "outcomes": outcomes,
         }
 
@@ -229,6 +201,17 @@ class _NeesMean:
 def _known(value: float) -> float | None:
     """None for NaN, which JSON does not have."""
     return None if math.isnan(value) else value
+
+
+def _gospa(tracks: MatchingSummary) -> dict[str, Any]:
+    gospa = tracks.gospa
+    return {
+        "mean_m": _known(gospa.mean),
+        "power_mean_m": _known(gospa.distance),
+        "localisation": _known(gospa.localisation),
+        "missed": _known(gospa.missed),
+        "false_tracks": _known(gospa.false_tracks),
+    }
 
 
 def _person(score: PersonScore) -> dict[str, Any]:

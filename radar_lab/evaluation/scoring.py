@@ -1,15 +1,17 @@
-"""How good were the recognised gestures? Truth segments against recognised events, person by person."""
+"""How good were the recognised gestures? Gestures performed against gestures published, person by person."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, NO_GESTURE
+from radar_sim.truth import Truth
+
+_RANDOM = GESTURES.index("random")
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,12 @@ class TruthSegment:
 
 @dataclass(frozen=True)
 class RecognisedGesture:
-    """A recognised gesture whose track has been mapped to a person (see `nearest_person`); the fields are those of `TruthSegment`."""
+    """A published gesture whose track has been mapped to a person (see `Matching.owner`); None: the track was on nobody.
 
-    person_id: int
+    The other fields are those of `TruthSegment`.
+    """
+
+    person_id: int | None
     label: int
     start_ns: int
     end_ns: int
@@ -55,8 +60,8 @@ class GestureScore:
     misses : int
         Gestures not recognised: no event, or one called random.
     false_alarms : int
-        Recognised gestures (not random) that overlap no gesture of that person, or one already recognised.
-    confusion : ndarray of int, shape (10, 11)
+        Published gestures (not random) that overlap no gesture of that person, or one already recognised; those of tracks on nobody too.
+    confusion : ndarray of int64, shape (10, 11)
         True label by recognised label; the last column counts gestures without any event.
     outcomes : tuple of (TruthSegment, RecognisedGesture or None)
         What was matched with every segment, in the order given.
@@ -80,76 +85,83 @@ class GestureScore:
         return self.hits / self.total if self.total else float("nan")
 
 
-class TruthLike(Protocol):
-    """What this module reads of the simulator's truth: arrays of shape (p,), positions of shape (p, 3) [m]."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Middle of the acquisition [ns]."""
-
-    @property
-    def person_id(self) -> NDArray[np.uint32]:
-        """Identities, shape (p,)."""
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """Bodies in ``room``, shape (p, 3) [m]."""
-
-    @property
-    def gesture(self) -> NDArray[np.uint8]:
-        """Labels, shape (p,); 255: none."""
-
-    @property
-    def gesture_index(self) -> NDArray[np.uint32]:
-        """Running number of each person's gesture, shape (p,)."""
-
-
-def truth_segments(truths: Iterable[TruthLike]) -> tuple[TruthSegment, ...]:
+def truth_segments(truths: Iterable[Truth]) -> tuple[TruthSegment, ...]:
     """Collect the gestures performed, from truth frame by frame; ordered by start."""
-    open_segments: dict[tuple[int, int], tuple[int, int, int]] = {}
+    segments: dict[tuple[int, int], TruthSegment] = {}
     for truth in truths:
-        for person, label, index in zip(truth.person_id, truth.gesture, truth.gesture_index, strict=True):
-            if label != NO_GESTURE:
-                key = (int(person), int(index))
-                _, start, _ = open_segments.get(key, (0, truth.stamp_ns, 0))
-                open_segments[key] = (int(label), start, truth.stamp_ns)
-    segments = (TruthSegment(person, label, start, end) for (person, _), (label, start, end) in open_segments.items())
-    return tuple(sorted(segments, key=lambda s: (s.start_ns, s.person_id)))
+        note_gestures(truth, segments)
+    return in_order(segments)
 
 
-def nearest_person(truth: TruthLike, position: NDArray[np.floating], gate: float = 0.8) -> int | None:
-    """Say whose track it is: the person nearest on the ground.
+def note_gestures(truth: Truth, segments: dict[tuple[int, int], TruthSegment]) -> None:
+    """Open or prolong the gestures that are being performed; the keys are person and running number of the gesture."""
+    for person, label, index in zip(truth.person_id, truth.gesture, truth.gesture_index, strict=True):
+        if label != NO_GESTURE:
+            key = (int(person), int(index))
+            start = segments[key].start_ns if key in segments else truth.stamp_ns
+            segments[key] = TruthSegment(int(person), int(label), start, truth.stamp_ns)
+
+
+def in_order(segments: dict[tuple[int, int], TruthSegment]) -> tuple[TruthSegment, ...]:
+    """Order gestures by start, then person."""
+    return tuple(sorted(segments.values(), key=lambda s: (s.start_ns, s.person_id)))
+
+
+def match_spans(
+    performed: Sequence[TruthSegment],
+    found: Sequence[RecognisedGesture],
+    tolerance: float = 0.0,
+    rank: Callable[[int, int], int] = lambda i, j: 0,
+) -> tuple[dict[int, int], list[tuple[int, int]]]:
+    """Match what was performed with what was found, each at most once.
+
+    A pair belongs to one person and overlaps in time when what was performed is widened by ``tolerance``. Pairs of a lower rank go first,
+    within a rank those of the larger overlap (or smaller distance in time).
 
     Parameters
     ----------
-    truth : TruthLike
-        Of the same moment.
-    position : ndarray, shape (3,)
-        Of the track [m].
-    gate : float
-        Farther than this [m] it is nobody's (None).
+    performed : sequence of TruthSegment
+        What was performed.
+    found : sequence of RecognisedGesture
+        What was found.
+    tolerance : float
+        Widening of the truth on both sides [s].
+    rank : callable
+        Of a pair of indices (performed, found).
+
+    Returns
+    -------
+    partner : dict of int to int
+        Index into ``found`` by index into ``performed``.
+    pairs : list of (int, int)
+        All pairs that were possible, best first.
     """
-    if len(truth.person_id) == 0:
-        return None
-    away = np.hypot(*(np.asarray(truth.position, np.float64)[:, :2] - np.asarray(position, np.float64)[:2]).T)
-    best = int(np.argmin(away))
-    return int(truth.person_id[best]) if away[best] <= gate else None
+    possible = []
+    for i, one in enumerate(performed):
+        for j, other in enumerate(found):
+            overlap = min(one.end_ns, other.end_ns) - max(one.start_ns, other.start_ns)
+            if one.person_id == other.person_id and overlap > -tolerance * 1e9:
+                possible.append((rank(i, j), -overlap, i, j))
+    partner: dict[int, int] = {}
+    used: set[int] = set()
+    for _, _, i, j in sorted(possible):
+        if i not in partner and j not in used:
+            partner[i] = j
+            used.add(j)
+    return partner, [(i, j) for _, _, i, j in sorted(possible)]
 
 
 def score_gestures(
     truth: Sequence[TruthSegment], gestures: Sequence[RecognisedGesture], *, tolerance: float = 0.6, count_random: bool = False
 ) -> GestureScore:
-    """Match recognised gestures with those performed, each at most once.
-
-    A pair belongs to one person and overlaps in time when the truth is widened by ``tolerance``. Right labels are matched first, then
-    other gestures, then events called random; within these the larger overlap (or smaller distance) wins.
+    """Match published gestures with those performed, see `match_spans`: right labels first, then other gestures, then events called random.
 
     Parameters
     ----------
     truth : sequence of TruthSegment
         What was performed.
     gestures : sequence of RecognisedGesture
-        What was recognised.
+        What was published, those of tracks on nobody too.
     tolerance : float
         Widening of the truth on both sides [s].
     count_random : bool
@@ -160,26 +172,19 @@ def score_gestures(
     GestureScore
         The counts.
     """
-    segments = [s for s in truth if count_random or s.label != 0]
-    pairs = []
-    for i, segment in enumerate(segments):
-        for j, gesture in enumerate(gestures):
-            overlap = min(segment.end_ns, gesture.end_ns) - max(segment.start_ns, gesture.start_ns)
-            if segment.person_id == gesture.person_id and overlap > -tolerance * 1e9:
-                rank = 0 if segment.label == gesture.label else 1 if gesture.label != 0 else 2
-                pairs.append((rank, -overlap, i, j))
-    matched: dict[int, int] = {}
-    used: set[int] = set()
-    for _, _, i, j in sorted(pairs):
-        if i not in matched and j not in used:
-            matched[i] = j
-            used.add(j)
+    segments = [s for s in truth if count_random or s.label != _RANDOM]
+
+    def rank(i: int, j: int) -> int:
+        return 0 if segments[i].label == gestures[j].label else 1 if gestures[j].label != _RANDOM else 2
+
+    partner, _ = match_spans(segments, gestures, tolerance, rank)
     confusion = np.zeros((len(GESTURES), len(GESTURES) + 1), np.int64)
     for i, segment in enumerate(segments):
-        confusion[segment.label, gestures[matched[i]].label if i in matched else -1] += 1
+        confusion[segment.label, gestures[partner[i]].label if i in partner else -1] += 1
     hits = int(np.trace(confusion))
     random_column = 0 if not count_random else int(confusion[0, 0])
     misses = int(confusion[:, 0].sum() + confusion[:, -1].sum()) - random_column
-    false_alarms = sum(1 for j, gesture in enumerate(gestures) if j not in used and gesture.label != 0)
-    outcomes = tuple((segment, gestures[matched[i]] if i in matched else None) for i, segment in enumerate(segments))
+    used = set(partner.values())
+    false_alarms = sum(1 for j, gesture in enumerate(gestures) if j not in used and gesture.label != _RANDOM)
+    outcomes = tuple((segment, gestures[partner[i]] if i in partner else None) for i, segment in enumerate(segments))
     return GestureScore(hits, int(confusion.sum()) - hits - misses, misses, false_alarms, confusion, outcomes)

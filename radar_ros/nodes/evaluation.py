@@ -37,7 +37,7 @@ class EvaluationNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("evaluation", **kwargs)
         self._report = str(declare(self, "report", "", "file to write the report to at the end (JSON); empty: none"))
-        self._settings = declare_config(self, EvaluationConfig)
+        self._config = declare_config(self, EvaluationConfig)
         self._evaluator: Evaluator | None = None
         self._info = InfoKeeper(self, self._configure)
         profile = qos.RESULT
@@ -52,7 +52,7 @@ class EvaluationNode(StageNode):
         self.create_timer(1.0, self._publish)
 
     def _configure(self, info: RadarInfo) -> None:
-        self._evaluator = Evaluator(info.mount, info.array.fov_azimuth, info.waveform.max_range, self._settings)
+        self._evaluator = Evaluator(info, self._config)
 
     def _take(self, tracks_msg: Any, truth_msg: Any) -> None:
         started = time.monotonic_ns()
@@ -84,6 +84,8 @@ class EvaluationNode(StageNode):
         gestures = report["gestures"]
         values = {f"person_{k}_{name}": v for k, person in report["people"].items() for name, v in person.items()}
         values |= {"gestures_right": gestures["hits"], "gestures_total": gestures["total"], "hand_rms_m": report["hand"]["rms_m"]}
+        values |= {name: report[name] for name in ("ghost_track_frames", "ghost_track_frames_per_minute", "gate_m")}
+        values |= {name: gestures[name] for name in ("false_gestures", "false_gestures_per_minute")}
         values |= {"mota": report["mota"], "gospa_mean_m": report["gospa"]["mean_m"], "nees_mean": report["nees"]["mean"]}
         status = DiagnosticStatus(
             level=DiagnosticStatus.OK, name="accuracy", message="against the simulator's truth", hardware_id="evaluation"

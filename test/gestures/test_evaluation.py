@@ -1,12 +1,14 @@
 """The judge of a run is judged: tracks and gestures made from known truth get the marks they deserve."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from radar_core import GESTURES, NO_GESTURE, DataError, Pose
+from radar_core import GESTURES, NO_GESTURE, DataError, Pose, RadarInfo
 from radar_gestures.recognizer import Gesture
+from radar_lab.evaluation.matching import Visibility
 from radar_lab.evaluation.run import EvaluationConfig, Evaluator
 from radar_sim import Truth
 from radar_tracking import HandTrack, Track, Tracks
@@ -44,7 +46,7 @@ def tracks(k, placed, covariance=None):
 
 
 def evaluator():
-    return Evaluator(Pose(), math.radians(120), 6.4)
+    return Evaluator(RadarInfo(mount=Pose()))
 
 
 def gesture(name, track_id, start, end):
@@ -83,6 +85,73 @@ def test_untracked_time_and_ghosts():
     report = judge.report()
     assert report["people"]["1"]["tracked_fraction"] == pytest.approx(0.5, abs=0.01)
     assert report["ghost_tracks"] == 1
+    assert report["ghost_track_frames"] == 250
+    assert report["ghost_track_frames_per_minute"] == pytest.approx(3000)  # one ghost all the time, 50 moments a second
+
+
+def test_a_ghost_that_hits_a_person_later_is_still_a_ghost():
+    """Half of the time the only track is 2 m from the only person, then it is theirs: every track-frame of the first half is a ghost."""
+    judge = evaluator()
+    for k in range(200):
+        judge.add(tracks(k, {7: (4.0, 0.0) if k < 100 else (2.0, 0.0)}), truth(k, [(2.0, 0.0)]))
+    report = judge.report()
+    assert (report["ghost_track_frames"], report["track_frames"]) == (100, 200)
+    assert report["minutes"] == pytest.approx(200 * 0.02 / 60)
+    assert report["ghost_track_frames_per_minute"] == pytest.approx(1500)
+    assert report["ghost_tracks"] == 0  # the first definition leaves it out: the track was on somebody once
+    assert report["mota"] == pytest.approx(1 - (50 + 100) / 150)  # ghosts are MOTA's false positives; a second to settle
+
+
+def test_hidden_people_neither_hit_nor_make_ghosts():
+    """Who shows the radar less than the least cross-section does not count; their track is excused while it is within the gate."""
+    judge, rule = evaluator(), Visibility(RadarInfo(mount=Pose()), EvaluationConfig(settle=0.0))
+    for k in range(200):
+        shown = np.array([0.2, 0.001 if k >= 100 else 0.2], np.float32)
+        state = replace(
+            truth(k, [(2.0, 0.5), (4.0, -1.0)]),
+            scatterer_position=np.zeros((2, 3), np.float32), scatterer_owner=np.array([0, 1], np.int32), scatterer_rcs=shown,
+        )  # fmt: skip
+        place = (4.0, -1.0) if k < 150 else (4.0, -2.5)
+        judge.add(tracks(k, {7: (2.0, 0.5), 8: place}), state)
+        assert rule.process(state).tolist() == [True, k < 100]
+    report = judge.report()
+    assert report["ghost_track_frames"] == 50  # beyond the gate of a hidden person, a track is on nobody
+    assert report["people"]["2"]["tracked_fraction"] == 1.0
+    assert report["mota"] == pytest.approx(1 - 50 / (150 + 50))
+
+
+def test_the_last_range_bins_are_out_of_view():
+    """Unambiguous range 6.4 m less the margin of 0.2 m."""
+    judge = evaluator()
+    for k in range(100):
+        judge.add(tracks(k, {}), truth(k, [(6.3, 0.0)]))
+    assert judge.report()["mota"] is None
+
+
+def test_a_gesture_of_a_track_on_nobody_is_false():
+    """Nobody is within the gate of the track that published it: false, also when the track hits the performer later."""
+    for later in ((5.0, 2.0), (2.0, 0.0)):
+        judge = evaluator()
+        for k in range(150):
+            place = (5.0, 2.0) if k < 120 else later
+            judge.add(tracks(k, {9: place}), truth(k, [(2.0, 0.0)], "push" if 50 <= k < 80 else None))
+        judge.add_gesture(gesture("push", 9, SECOND, SECOND * 8 // 5))
+        judge.add_gesture(gesture("random", 9, SECOND, SECOND * 8 // 5))
+        report = judge.report()["gestures"]
+        assert (report["hits"], report["misses"], report["false_gestures"]) == (0, 1, 1)
+        assert report["false_gestures_per_minute"] == pytest.approx(20)  # one in three seconds
+    assert report["false_alarms"] == 0  # the first definition credits the person whom the track hit later
+
+
+def test_a_gesture_belongs_to_whom_the_track_was_on_while_it_was_performed():
+    """A track that goes from one person to the other after a push: the push is the first one's."""
+    judge = evaluator()
+    for k in range(150):
+        state = truth(k, [(2.0, 0.5), (3.0, -1.0)], "push" if 50 <= k < 80 else None)
+        state.gesture[1] = NO_GESTURE
+        judge.add(tracks(k, {7: (2.0, 0.5) if k < 85 else (3.0, -1.0)}), state)
+    judge.add_gesture(gesture("push", 7, SECOND, SECOND * 8 // 5))
+    assert judge.score().hits == 1
 
 
 def test_people_out_of_view_do_not_count():
@@ -148,9 +217,9 @@ def test_mota_and_gospa_of_a_run_with_known_faults():
     assert (live[0].n_truth, live[60].n_truth, live[60].n_estimates, live[-1].n_pairs) == (0, 1, 1, 1)
 
 
-def test_time_to_settle_and_radius_are_knobs():
-    """Without time to be found, the first moments are misses; with a small radius, a track 0.3 m off is of nobody."""
-    judge = Evaluator(Pose(), math.radians(120), 6.4, EvaluationConfig(settle=0.0, radius=0.2))
+def test_time_to_settle_and_gate_are_knobs():
+    """Without time to be found, the first moments are misses; with a small gate, a track 0.3 m off is of nobody."""
+    judge = Evaluator(RadarInfo(mount=Pose()), EvaluationConfig(settle=0.0, gate=0.2))
     for k in range(10):
         judge.add(tracks(k, {7: (2.0, 0.3)}), truth(k, [(2.0, 0.0)]))
     assert judge.report()["mota"] == pytest.approx(1 - 20 / 10)

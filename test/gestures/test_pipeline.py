@@ -9,8 +9,8 @@ import pytest
 
 from radar_core import GESTURES
 from radar_gestures.recognizer import GestureConfig
-from radar_lab.datasets.scenes import Recording, find_events, record
-from radar_lab.evaluation.scoring import RecognisedGesture, nearest_person, score_gestures, truth_segments
+from radar_lab.datasets.scenes import Recording, find_events, nearest_person, record
+from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, truth_segments
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents
 from radar_lab.pipeline import Pipeline, PipelineConfig
 from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator, Walk, load_scene

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, NO_GESTURE
-from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, nearest_person, score_gestures, truth_segments
+from radar_lab.datasets.scenes import nearest_person
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 
 S = 1_000_000_000
 PULL, PUSH, WAVE = (GESTURES.index(name) for name in ("pull", "push", "wave"))
