@@ -73,12 +73,12 @@ class DepthReader:
 
     Parameters
     ----------
-    settings : DepthConfig or None
+    config : DepthConfig or None
         None: all defaults.
     """
 
-    def __init__(self, settings: DepthConfig | None = None) -> None:
-        self.config = settings or DepthConfig()
+    def __init__(self, config: DepthConfig | None = None) -> None:
+        self.config = config or DepthConfig()
 
     def process(self, image: NDArray[Any], pixel: NDArray[np.floating], label: NDArray[np.uint8] | None = None) -> Depths:
         """Read a depth image at some pixels.

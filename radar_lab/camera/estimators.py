@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from radar_core.config import config, knob
 from radar_lab.camera.markers import MarkerConfig, MarkerFinder
 from radar_lab.camera.mediapipe_pose import MediapipeConfig, MediapipePose
@@ -12,16 +14,15 @@ from radar_lab.camera.pose import PoseEstimator
 class PoseConfig:
     """Which estimator finds the joints."""
 
-    estimator: str = knob(
+    estimator: Literal["markers", "mediapipe"] = knob(
         "markers",
-        choices=("markers", "mediapipe"),
         doc="markers: coloured markers that the person wears; mediapipe: a person without markers (pip install 'handwave[camera]')",
     )
     markers: MarkerConfig = MarkerConfig()
     mediapipe: MediapipeConfig = MediapipeConfig()
 
 
-def make_estimator(settings: PoseConfig) -> PoseEstimator:
+def make_estimator(config: PoseConfig) -> PoseEstimator:
     """Make the estimator that a configuration names.
 
     Raises
@@ -29,4 +30,4 @@ def make_estimator(settings: PoseConfig) -> PoseEstimator:
     ConfigError
         When what it needs is not installed, or its model is not there.
     """
-    return MediapipePose(settings.mediapipe) if settings.estimator == "mediapipe" else MarkerFinder(settings.markers)
+    return MediapipePose(config.mediapipe) if config.estimator == "mediapipe" else MarkerFinder(config.markers)

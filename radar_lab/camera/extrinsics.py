@@ -41,7 +41,7 @@ class CameraCalibration:
 
 
 def calibrate(
-    radar: Trajectory, camera: Trajectory, assumed: CameraMount, latency: float = 0.0, settings: TrajectoryConfig | None = None
+    radar: Trajectory, camera: Trajectory, assumed: CameraMount, latency: float = 0.0, config: TrajectoryConfig | None = None
 ) -> CameraCalibration:
     """Move a camera so that what it saw lies where the radar saw it.
 
@@ -54,7 +54,7 @@ def calibrate(
         With which the camera's trajectory was made.
     latency : float
         Likewise [s].
-    settings : TrajectoryConfig or None
+    config : TrajectoryConfig or None
         None: all defaults; only yaw is found, because tilt and roll are known better from a level.
 
     Raises
@@ -67,7 +67,7 @@ def calibrate(
     d = camera.position.shape[1]
     # Seen from the assumed camera, so that the translation is its place, and a turn does not move it.
     moved = Trajectory(camera.stamp_ns, camera.position - assumed.origin[:d], camera.covariance, camera.velocity)
-    found = align_trajectories(radar, moved, settings)
+    found = align_trajectories(radar, moved, config)
     turn = np.eye(3)
     turn[:d, :d] = found.rotation
     origin = np.append(found.translation, assumed.origin[d:])

@@ -67,7 +67,7 @@ class MarkerFinder:
 
     Parameters
     ----------
-    settings : MarkerConfig or None
+    config : MarkerConfig or None
         None: all defaults.
 
     Attributes
@@ -76,8 +76,8 @@ class MarkerFinder:
         Of the joints.
     """
 
-    def __init__(self, settings: MarkerConfig | None = None) -> None:
-        self.config = settings or MarkerConfig()
+    def __init__(self, config: MarkerConfig | None = None) -> None:
+        self.config = config or MarkerConfig()
         self.names = self.config.names
 
     def process(self, image: NDArray[np.uint8]) -> Keypoints:

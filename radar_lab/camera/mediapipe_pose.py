@@ -60,7 +60,7 @@ class MediapipePose:
 
     Parameters
     ----------
-    settings : MediapipeConfig or None
+    config : MediapipeConfig or None
         None: all defaults.
 
     Attributes
@@ -74,8 +74,8 @@ class MediapipePose:
         When MediaPipe is not installed, or there is no model.
     """
 
-    def __init__(self, settings: MediapipeConfig | None = None) -> None:
-        self.config = settings or MediapipeConfig()
+    def __init__(self, config: MediapipeConfig | None = None) -> None:
+        self.config = config or MediapipeConfig()
         self.names = self.config.joints
         self._rows = [list(_LANDMARKS[name]) for name in self.names]
         self._detect, self._close = _open(self.config)
@@ -111,29 +111,29 @@ class MediapipePose:
 _Detect = Callable[[NDArray[np.uint8]], "Float64Array | None"]
 
 
-def _open(settings: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
+def _open(config: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
     """Open the model that there is: what gives landmarks (x share, y share, visibility), shape (33, 3), of an image, and what closes it."""
     try:
         import mediapipe
     except ImportError as error:
         raise ConfigError(f"MediaPipe is not there ({error}); {_INSTALL}") from None
-    if settings.model_file:
-        return _open_task(mediapipe, settings)
+    if config.model_file:
+        return _open_task(mediapipe, config)
     if not (Path(mediapipe.__file__).parent / _MODEL).exists():
         raise ConfigError(
             f"mediapipe {mediapipe.__version__} carries no model, and nothing is downloaded; name a pose_landmarker*.task file "
             f"(parameter model_file), or use a version that carries one: {_INSTALL}"
         )
-    return _open_solution(mediapipe, settings)
+    return _open_solution(mediapipe, config)
 
 
-def _open_solution(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
+def _open_solution(mediapipe: Any, config: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
     # Complexity 1 is the one model in the package; 0 and 2 would be downloaded.
     pose = mediapipe.solutions.pose.Pose(
-        static_image_mode=not settings.video,
+        static_image_mode=not config.video,
         model_complexity=1,
-        min_detection_confidence=settings.min_confidence,
-        min_tracking_confidence=settings.min_confidence,
+        min_detection_confidence=config.min_confidence,
+        min_tracking_confidence=config.min_confidence,
     )
 
     def detect(image: NDArray[np.uint8]) -> Float64Array | None:
@@ -143,8 +143,8 @@ def _open_solution(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, 
     return detect, pose.close
 
 
-def _open_task(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
-    path = Path(settings.model_file)
+def _open_task(mediapipe: Any, config: MediapipeConfig) -> tuple[_Detect, Callable[[], None]]:
+    path = Path(config.model_file)
     if not path.is_file():
         raise ConfigError(f"mediapipe.model_file {path} is not there; name a pose_landmarker*.task file, or leave it empty")
     from mediapipe.tasks import python as tasks
@@ -152,9 +152,9 @@ def _open_task(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, Call
     vision = tasks.vision
     options = vision.PoseLandmarkerOptions(
         base_options=tasks.BaseOptions(model_asset_path=str(path)),
-        running_mode=vision.RunningMode.VIDEO if settings.video else vision.RunningMode.IMAGE,
-        min_pose_detection_confidence=settings.min_confidence,
-        min_tracking_confidence=settings.min_confidence,
+        running_mode=vision.RunningMode.VIDEO if config.video else vision.RunningMode.IMAGE,
+        min_pose_detection_confidence=config.min_confidence,
+        min_tracking_confidence=config.min_confidence,
     )
     try:
         landmarker = vision.PoseLandmarker.create_from_options(options)
@@ -167,7 +167,7 @@ def _open_task(mediapipe: Any, settings: MediapipeConfig) -> tuple[_Detect, Call
         count += 1
         wrapped = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=image)
         # Times only have to ascend; the order of the images is all that following needs.
-        result = landmarker.detect_for_video(wrapped, count * 33) if settings.video else landmarker.detect(wrapped)
+        result = landmarker.detect_for_video(wrapped, count * 33) if config.video else landmarker.detect(wrapped)
         found = result.pose_landmarks
         return None if not found else np.array([(p.x, p.y, p.visibility) for p in found[0]])
 

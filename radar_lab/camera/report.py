@@ -70,7 +70,7 @@ def _series(items: Sequence[Residual], start: int) -> Series:
     )
 
 
-def budget(series: Series, settings: ResidualConfig) -> dict[str, Any]:
+def budget(series: Series, config: ResidualConfig) -> dict[str, Any]:
     """Say how far a track is from the reference, and how much of that is the radar's.
 
     The mean square of the residual is that of the radar's errors plus that of the reference's, because the two know nothing of each other;
@@ -82,7 +82,7 @@ def budget(series: Series, settings: ResidualConfig) -> dict[str, Any]:
     ----------
     series : Series
         Of one track, at least one residual.
-    settings : ResidualConfig
+    config : ResidualConfig
         Blocks and confidence.
 
     Returns
@@ -104,8 +104,8 @@ def budget(series: Series, settings: ResidualConfig) -> dict[str, Any]:
         raise DataError("there is no residual: track and reference never overlap in time; compare their stamps (clocks, latency, max_gap)")
     square = (series.residual**2).sum(-1)
     own = np.trace(series.covariance, axis1=-2, axis2=-1)
-    middle, deviation = float((square - own).mean()), math.hypot(_scatter(series.time, square - own, settings), _shared(series))
-    reach = float(ndtri(0.5 + settings.confidence / 2)) * deviation
+    middle, deviation = float((square - own).mean()), math.hypot(_scatter(series.time, square - own, config), _shared(series))
+    reach = float(ndtri(0.5 + config.confidence / 2)) * deviation
     return {
         "samples": n,
         "seconds": float(series.time[-1] - series.time[0]),
@@ -119,20 +119,20 @@ def budget(series: Series, settings: ResidualConfig) -> dict[str, Any]:
         "rms_radar_m": math.sqrt(middle) if middle > 0 else None,
         "rms_radar_low_m": math.sqrt(max(middle - reach, 0.0)),
         "rms_radar_high_m": math.sqrt(max(middle + reach, 0.0)),
-        "confidence": settings.confidence,
+        "confidence": config.confidence,
         "nees": _nees(series),
         "lag_s": _lag(series),
     }
 
 
-def _scatter(time: Float64Array, value: Float64Array, settings: ResidualConfig) -> float:
+def _scatter(time: Float64Array, value: Float64Array, config: ResidualConfig) -> float:
     """Estimate the standard deviation of the mean of values that hang together for a while, by drawing blocks of time with replacement."""
-    block = ((time - time[0]) / settings.block).astype(np.int64)
+    block = ((time - time[0]) / config.block).astype(np.int64)
     _, place, count = np.unique(block, return_inverse=True, return_counts=True)
     total = np.bincount(place, weights=value)
     if len(total) < 2:  # one block says nothing about how blocks differ: no certainty at all
         return float(np.abs(value).max())
-    drawn = np.random.default_rng(settings.seed).integers(0, len(total), (settings.resamples, len(total)))
+    drawn = np.random.default_rng(config.seed).integers(0, len(total), (config.resamples, len(total)))
     # The spread of m blocks about their own mean is too small by a factor of (m - 1) / m.
     return float((total[drawn].sum(1) / count[drawn].sum(1)).std() * math.sqrt(len(total) / (len(total) - 1)))
 

@@ -135,7 +135,7 @@ class HandResiduals:
 
     Parameters
     ----------
-    settings : ResidualConfig or None
+    config : ResidualConfig or None
         None: all defaults.
 
     Attributes
@@ -144,8 +144,8 @@ class HandResiduals:
         Samples of tracks without a reference near enough on both sides, so far.
     """
 
-    def __init__(self, settings: ResidualConfig | None = None) -> None:
-        self.config = settings or ResidualConfig()
+    def __init__(self, config: ResidualConfig | None = None) -> None:
+        self.config = config or ResidualConfig()
         self._wait_ns, self._gap_ns = round(self.config.wait / _SECOND), round(self.config.max_gap / _SECOND)
         self.reset()
 

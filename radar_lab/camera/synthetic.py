@@ -84,7 +84,7 @@ class SyntheticCamera:
     ----------
     scene : Scene
         Who is there and what they do.
-    settings : SyntheticCameraConfig or None
+    config : SyntheticCameraConfig or None
         None: all defaults.
 
     Raises
@@ -93,8 +93,8 @@ class SyntheticCamera:
         When nobody is there who could wear the markers, or a script cannot be kept.
     """
 
-    def __init__(self, scene: Scene, settings: SyntheticCameraConfig | None = None) -> None:
-        self.config = settings or SyntheticCameraConfig()
+    def __init__(self, scene: Scene, config: SyntheticCameraConfig | None = None) -> None:
+        self.config = config or SyntheticCameraConfig()
         if self.config.markers and not scene.people:
             raise ConfigError("SyntheticCamera: nobody is in the scene to wear the markers; add a person, or leave markers empty")
         people = tuple(dataclasses.replace(person, body="mesh") for person in scene.people)
@@ -108,7 +108,7 @@ class SyntheticCamera:
         return _joints(self._world.poses(time, _SPAN)[0])
 
     def process(self, time: float, sequence: int = 0) -> RgbdFrame:
-        """Take one picture: a function of settings, ``time`` and ``sequence`` only.
+        """Take one picture: a function of config, ``time`` and ``sequence`` only.
 
         Parameters
         ----------

@@ -111,10 +111,10 @@ class CameraTruth:
     ----------
     camera : CameraModel
         Of both images.
-    settings : CameraTruthConfig or None
+    config : CameraTruthConfig or None
         None: all defaults.
     estimator : PoseEstimator or None
-        None: the one that the settings name.
+        None: the one that the configuration names.
 
     Raises
     ------
@@ -122,9 +122,9 @@ class CameraTruth:
         When `below_skin` does not fit the joints, or the pose estimator is not there.
     """
 
-    def __init__(self, camera: CameraModel, settings: CameraTruthConfig | None = None, estimator: PoseEstimator | None = None) -> None:
+    def __init__(self, camera: CameraModel, config: CameraTruthConfig | None = None, estimator: PoseEstimator | None = None) -> None:
         self.camera = camera
-        self.config = settings or CameraTruthConfig()
+        self.config = config or CameraTruthConfig()
         self.estimator: PoseEstimator = estimator if estimator is not None else make_estimator(self.config.pose)
         self._depth = DepthReader(self.config.depth)
         n = len(self.estimator.names)

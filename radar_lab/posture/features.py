@@ -24,7 +24,7 @@ _LEAST: Final = 1e-3  # m: a person at the very place of the sensor has no line 
 
 @config
 class PostureFeatureConfig:
-    """How a person's points become numbers; a model holds the settings that it was trained with."""
+    """How a person's points become numbers; a model holds the configuration that it was trained with."""
 
     reach: float = knob(1.2, unit="m", low=0.1, high=3.0, doc="largest horizontal distance of a point from the body")
     across: float = knob(0.9, unit="m", low=0.1, high=3.0, doc="the grid reaches this far to both sides of the body")
@@ -117,12 +117,12 @@ class PostureFeatures:
 
     Parameters
     ----------
-    settings : PostureFeatureConfig
+    config : PostureFeatureConfig
         Knobs.
     """
 
-    def __init__(self, settings: PostureFeatureConfig) -> None:
-        self.settings = settings
+    def __init__(self, config: PostureFeatureConfig) -> None:
+        self.config = config
         self.reset()
 
     def reset(self) -> None:
@@ -170,22 +170,22 @@ class PostureFeatures:
         if not np.isfinite(track.position).all():
             raise DataError(f"Track.position of track {track.id} is not finite: {track.position}")
         frame = BodyFrame.of(track.position, origin)
-        own, rate = _points(tracked, track, frame, self.settings.reach)
+        own, rate = _points(tracked, track, frame, self.config.reach)
         past = self._past.get(track.id)
         if past is None and not len(own):
             return None
         now = self._now(own, rate, None if past is None else past[0])
         if past is None:
-            past = np.tile(now, (1 + len(self.settings.history), 1))
+            past = np.tile(now, (1 + len(self.config.history), 1))
         else:
-            share = -np.expm1(-dt / np.array(self.settings.history))  # of the way to the newest
+            share = -np.expm1(-dt / np.array(self.config.history))  # of the way to the newest
             past = np.vstack([now, past[1:] + (now - past[1:]) * share[:, None]])
         self._past[track.id] = past
         return Seen(track, frame, len(own), past.ravel())
 
     def _now(self, own: Float64Array, rate: Float64Array, last: Float64Array | None) -> Float64Array:
         """Describe one person's points, shape (n_now,); without any, the quantiles stay what they were."""
-        grid = _grid(own, rate, self.settings)
+        grid = _grid(own, rate, self.config)
         if len(own):
             spread = np.quantile(own, _QUANTILES, axis=0).T.ravel()
         else:
@@ -194,22 +194,22 @@ class PostureFeatures:
         return np.concatenate([grid, [math.log1p(len(own))], spread])
 
 
-def mirror(features: Float64Array, settings: PostureFeatureConfig) -> Float64Array:
+def mirror(features: Float64Array, config: PostureFeatureConfig) -> Float64Array:
     """Give the features of the mirrored person (left and right changed), shape (..., n_features)."""
-    index, sign = _mirror_of(settings)
+    index, sign = _mirror_of(config)
     return np.asarray(features[..., index] * sign)
 
 
-def _mirror_of(settings: PostureFeatureConfig) -> tuple[NDArray[np.int64], Float64Array]:
+def _mirror_of(config: PostureFeatureConfig) -> tuple[NDArray[np.int64], Float64Array]:
     """Which feature takes whose place, and with which sign; both of shape (n_features,)."""
-    cells = np.arange(_CHANNELS * settings.rows * settings.columns).reshape(_CHANNELS, settings.rows, settings.columns)
+    cells = np.arange(_CHANNELS * config.rows * config.columns).reshape(_CHANNELS, config.rows, config.columns)
     spread = cells.size + 1 + np.arange(3 * len(_QUANTILES)).reshape(3, -1)  # rows: away, left, up
     spread[1] = spread[1, ::-1]
-    sign = np.ones(settings.n_now)
+    sign = np.ones(config.n_now)
     sign[spread[1]] = -1.0
     once = np.concatenate([cells[:, :, ::-1].ravel(), [cells.size], spread.ravel()])
-    blocks = 1 + len(settings.history)
-    return (once + settings.n_now * np.arange(blocks)[:, None]).ravel(), np.tile(sign, blocks)
+    blocks = 1 + len(config.history)
+    return (once + config.n_now * np.arange(blocks)[:, None]).ravel(), np.tile(sign, blocks)
 
 
 def _points(tracked: TrackedCloud, track: Track, frame: BodyFrame, reach: float) -> tuple[Float64Array, Float64Array]:
@@ -222,14 +222,14 @@ def _points(tracked: TrackedCloud, track: Track, frame: BodyFrame, reach: float)
     return frame.to_own(position[usable]), np.clip(rate, -_FASTEST, _FASTEST)
 
 
-def _grid(own: Float64Array, rate: Float64Array, settings: PostureFeatureConfig) -> Float64Array:
+def _grid(own: Float64Array, rate: Float64Array, config: PostureFeatureConfig) -> Float64Array:
     """Share every point among the four cells around it (bilinear), shape (4 * rows * columns,), see `_CHANNELS`."""
-    column, right = _share(own[:, 1], -settings.across, settings.across, settings.columns)
-    row, upper = _share(own[:, 2], settings.low, settings.high, settings.rows)
-    corner = row * settings.columns + column
-    cell = np.concatenate([corner, corner + 1, corner + settings.columns, corner + settings.columns + 1])
+    column, right = _share(own[:, 1], -config.across, config.across, config.columns)
+    row, upper = _share(own[:, 2], config.low, config.high, config.rows)
+    corner = row * config.columns + column
+    cell = np.concatenate([corner, corner + 1, corner + config.columns, corner + config.columns + 1])
     share = np.concatenate([(1 - upper) * (1 - right), (1 - upper) * right, upper * (1 - right), upper * right])
-    n = settings.rows * settings.columns
+    n = config.rows * config.columns
     weights = (np.ones(len(rate)), rate, np.abs(rate), own[:, 0])
     return np.concatenate([np.bincount(cell, share * np.tile(weight, 4), minlength=n) for weight in weights])
 

@@ -101,14 +101,14 @@ class PostureSamples:
         return len(self.hand)
 
 
-def samples_of(recordings: Sequence[HandRecording], settings: PostureFeatureConfig, block: float = 10.0) -> PostureSamples:
+def samples_of(recordings: Sequence[HandRecording], config: PostureFeatureConfig, block: float = 10.0) -> PostureSamples:
     """Make samples of recordings, each from its start on, with the features that `PostureTracker` will see.
 
     Parameters
     ----------
     recordings : sequence of HandRecording
         Of any people.
-    settings : PostureFeatureConfig
+    config : PostureFeatureConfig
         Knobs of the features.
     block : float
         Length of a piece of time [s].
@@ -120,7 +120,7 @@ def samples_of(recordings: Sequence[HandRecording], settings: PostureFeatureConf
     """
     features, hand, rows, first = [], [], [], 0
     for recording in recordings:
-        maker, start_ns = PostureFeatures(settings), recording.clouds[0].cloud.stamp_ns if recording.clouds else 0
+        maker, start_ns = PostureFeatures(config), recording.clouds[0].cloud.stamp_ns if recording.clouds else 0
         for k, (tracked, both) in enumerate(zip(recording.clouds, recording.hands, strict=True)):
             seen = _owner(maker.process(tracked, recording.origin), both)
             if seen is None or not seen.n_points:
@@ -129,7 +129,7 @@ def samples_of(recordings: Sequence[HandRecording], settings: PostureFeatureConf
             for side, place in enumerate(both):
                 if np.isfinite(place).all():
                     own = seen.frame.to_own(place)
-                    features.append(mirror(seen.features, settings) if side else seen.features)
+                    features.append(mirror(seen.features, config) if side else seen.features)
                     hand.append(own * _FLIP if side else own)
                     rows.append((k, side, piece))
         first = 1 + max((row[2] for row in rows), default=first)
@@ -151,7 +151,7 @@ def _owner(people: Sequence[Seen], hands: Float64Array) -> Seen | None:
 
 
 def train_postures(
-    recordings: Sequence[HandRecording], settings: PostureTrainingConfig | None = None, progress: Callable[[str], None] | None = None
+    recordings: Sequence[HandRecording], config: PostureTrainingConfig | None = None, progress: Callable[[str], None] | None = None
 ) -> PostureModel:
     """Train a model. Its error is measured on pieces of time left out in turn; the model itself has seen everything.
 
@@ -159,8 +159,8 @@ def train_postures(
     ----------
     recordings : sequence of HandRecording
         Of the people that it is for, or of as many others as possible.
-    settings : PostureTrainingConfig or None
-        Knobs; None: all defaults. The same recordings, settings and versions of the libraries give the same model.
+    config : PostureTrainingConfig or None
+        Knobs; None: all defaults. The same recordings, config and versions of the libraries give the same model.
     progress : callable or None
         Told what is done next.
 
@@ -174,76 +174,76 @@ def train_postures(
     DataError
         When there is too little to learn from.
     """
-    chosen = settings if settings is not None else PostureTrainingConfig()
+    chosen = config if config is not None else PostureTrainingConfig()
     samples = samples_of(recordings, chosen.features, chosen.block)
     return fit_postures(samples, chosen, progress)
 
 
-def fit_postures(samples: PostureSamples, settings: PostureTrainingConfig, progress: Callable[[str], None] | None = None) -> PostureModel:
+def fit_postures(samples: PostureSamples, config: PostureTrainingConfig, progress: Callable[[str], None] | None = None) -> PostureModel:
     """Train on samples that were made before; see `train_postures`. The parts left out are judged by one member, a little too badly."""
     from threadpoolctl import threadpool_limits
 
     tell = progress if progress is not None else str  # which does nothing
     with threadpool_limits(1):  # so small that threads only fight, and with another number of them rounding differs
-        wrong, plain = _left_out(samples, settings, tell)
+        wrong, plain = _left_out(samples, config, tell)
         tell("everything")
-        weights, biases = zip(*_fit(samples.features, samples.hand, settings, settings.members), strict=True)
+        weights, biases = zip(*_fit(samples.features, samples.hand, config, config.members), strict=True)
     return PostureModel(
-        settings.features, weights, biases,
+        config.features, weights, biases,
         std=np.maximum(np.sqrt((wrong**2).mean(axis=0)), _LEAST_STD),
         spread=np.maximum(samples.hand.std(axis=0), _LEAST_STD),
         bounds=np.stack([samples.hand.min(axis=0), samples.hand.max(axis=0)]),
-        figures={"samples": len(samples), "error_m": _rms(wrong), "mean_place_error_m": _rms(plain), "seed": settings.seed},
+        figures={"samples": len(samples), "error_m": _rms(wrong), "mean_place_error_m": _rms(plain), "seed": config.seed},
     )  # fmt: skip
 
 
-def _left_out(samples: PostureSamples, settings: PostureTrainingConfig, tell: Callable[[str], object]) -> tuple[Float64Array, Float64Array]:
+def _left_out(samples: PostureSamples, config: PostureTrainingConfig, tell: Callable[[str], object]) -> tuple[Float64Array, Float64Array]:
     """Leave out one part after the other: errors of the perceptron and of the mean place there, both of shape (n, 3) [m]."""
-    wrong, plain, part = np.empty((len(samples), 3)), np.empty((len(samples), 3)), _parts(samples, settings)
+    wrong, plain, part = np.empty((len(samples), 3)), np.empty((len(samples), 3)), _parts(samples, config)
     for fold in range(int(part.max()) + 1):
         tell(f"part {fold + 1} of {part.max() + 1} left out")
         out = part == fold
-        layers = _fit(samples.features[~out], samples.hand[~out], settings, 1)
+        layers = _fit(samples.features[~out], samples.hand[~out], config, 1)
         wrong[out] = _forward(layers, samples.features[out]) - samples.hand[out]
         plain[out] = samples.hand[~out].mean(axis=0) - samples.hand[out]
     return wrong, plain
 
 
-def _parts(samples: PostureSamples, settings: PostureTrainingConfig) -> NDArray[np.int64]:
+def _parts(samples: PostureSamples, config: PostureTrainingConfig) -> NDArray[np.int64]:
     """Deal the pieces of time out in turn; which part each sample is of, shape (n,)."""
     pieces, number = np.unique(samples.block, return_inverse=True)
     if len(pieces) < 2:
-        raise DataError(f"the recordings are shorter than two pieces of {settings.block:g} s; record more, or make `block` shorter")
-    return np.asarray(number % min(settings.folds, len(pieces)), np.int64)
+        raise DataError(f"the recordings are shorter than two pieces of {config.block:g} s; record more, or make `block` shorter")
+    return np.asarray(number % min(config.folds, len(pieces)), np.int64)
 
 
-def _fit(features: Float64Array, hand: Float64Array, settings: PostureTrainingConfig, members: int) -> Layers:
+def _fit(features: Float64Array, hand: Float64Array, config: PostureTrainingConfig, members: int) -> Layers:
     """Fit perceptrons on whitened principal components; the linear steps before and after them become part of the first and last layer."""
     middle, scale = features.mean(axis=0), features.std(axis=0)
     scale[scale < 1e-9] = 1.0  # cells that are always empty
     standard = (features - middle) / scale
-    variance, components = (array[..., : -settings.components - 1 : -1] for array in np.linalg.eigh(standard.T @ standard / len(hand)))
+    variance, components = (array[..., : -config.components - 1 : -1] for array in np.linalg.eigh(standard.T @ standard / len(hand)))
     own = variance > _LEAST_VARIANCE
     if not own.any():
         raise DataError("the recordings' clouds are all alike: nothing can be learned from them")
     project = components[:, own] / scale[:, None] / np.sqrt(variance[own])
     mean, size = hand.mean(axis=0), np.maximum(hand.std(axis=0), 1e-6)
     x, y = (features - middle) @ project, (hand - mean) / size
-    layers = _mean([_perceptron(x, y, settings, settings.seed + number) for number in range(members)])
+    layers = _mean([_perceptron(x, y, config, config.seed + number) for number in range(members)])
     first = project @ layers[0][0]
     layers[0] = (first, layers[0][1] - middle @ first)
     layers[-1] = (layers[-1][0] * size, layers[-1][1] * size + mean)
     return layers
 
 
-def _perceptron(x: Float64Array, y: Float64Array, settings: PostureTrainingConfig, seed: int) -> Layers:
+def _perceptron(x: Float64Array, y: Float64Array, config: PostureTrainingConfig, seed: int) -> Layers:
     """Fit one perceptron to standardised inputs and outputs."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.neural_network import MLPRegressor
 
     network: Any = MLPRegressor(
-        hidden_layer_sizes=settings.hidden, alpha=settings.regularisation, learning_rate_init=settings.learning_rate,
-        max_iter=settings.epochs, batch_size=min(64, len(y)), random_state=seed, n_iter_no_change=settings.epochs,
+        hidden_layer_sizes=config.hidden, alpha=config.regularisation, learning_rate_init=config.learning_rate,
+        max_iter=config.epochs, batch_size=min(64, len(y)), random_state=seed, n_iter_no_change=config.epochs,
     )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # the number of passes is chosen, not waited for
