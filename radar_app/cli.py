@@ -252,20 +252,25 @@ def process(
 ) -> None:
     """Run the library over a recording without a graph: the same results as `replay --lockstep`, bit for bit.
 
+    A calibration is named as in the graph: of the array by `baseband.calibration`, of the mount by `driver.calibration`.
+
     Examples: `handwave process my_demo --out results` · `handwave process walkers --out tracks --config tracking=dense`
+    · `handwave process my_demo --out results --param baseband.calibration=array.npz`
     """
     from rich.progress import track
 
+    from radar_core.mounting import load_mount
     from radar_ros.bags import BagWriter, contents, local
     from radar_ros.offline import copy_info, open_recording, pipeline_config, process_recording, write_results
 
-    settings = pipeline_config(parse_parameters(param, config))
+    chosen = pipeline_config(parse_parameters(param, config))
+    mount = load_mount(chosen.driver.calibration) if chosen.driver.calibration else None
     recording = open_recording(bag)
     total = sum(count for topic, count in contents(bag).items() if local(topic) == recording.topic)
     gestures = 0
     with BagWriter(out) as writer:
-        copy_info(bag, writer)
-        for stamp_ns, result in track(process_recording(bag, settings), total=total, description="processing"):
+        copy_info(bag, writer, mount)
+        for stamp_ns, result in track(process_recording(bag, chosen), total=total, description="processing"):
             write_results(writer, stamp_ns, result)
             gestures += len(result.gestures)
     print(f"{total} frames, {gestures} gestures; results in {out}")

@@ -16,6 +16,7 @@ from radar_app.graph import STAGES, graph
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError, DataError
+from radar_core.mounting import MountCalibration, load_mount
 from radar_ros.bags import TYPES, BagWriter, contents, local
 from radar_ros.interrupts import INTERRUPTED, interruptible, ros
 from radar_ros.offline import copy_info, open_recording
@@ -61,6 +62,9 @@ def run_replay(options: ReplayOptions) -> int:
     common = {"reliable": True} if options.lockstep else {"use_sim_time": options.clock}
     parameters = {name: dict(values) for name, values in (options.parameters or {}).items()}
     parameters["*"] = {**common, **parameters.get("*", {})}
+    # The driver does not run in a replay: whoever sends the recording in its place knows the measured mount.
+    file = parameters.get("driver", {}).get("calibration", "")
+    mount = load_mount(file) if file else None
     without = ("baseband",) if recording.topic == "radar/points" else ()
     specs = graph("stages" if options.lockstep else "replay", namespace=options.namespace, parameters=parameters, without=without)
     if options.graph_too:
@@ -71,9 +75,9 @@ def run_replay(options: ReplayOptions) -> int:
     with interruptible(), ros(), supervisor:
         try:
             if options.lockstep:
-                _lockstep(options, supervisor, recording.topic, console)
+                _lockstep(options, supervisor, recording.topic, console, mount)
             else:
-                _in_time(options, supervisor, console)
+                _in_time(options, supervisor, console, mount)
             supervisor.poll()
         except KeyboardInterrupt:
             console.print("interrupted")
@@ -106,15 +110,15 @@ def _total(options: ReplayOptions, topic: str) -> int:
     return sum(count for name, count in contents(options.bag).items() if local(name) == topic)
 
 
-def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console) -> None:
+def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console, mount: MountCalibration | None) -> None:
     def watch() -> None:
         for name, status in supervisor.poll():
             raise DataError(f"node {name} ended with status {status}; the replay is not complete")
 
     out = BagWriter(options.out) if options.out is not None else None
     if out is not None:
-        copy_info(options.bag, out)
-    lockstep = Lockstep(expected_stages(STAGES, topic), options.namespace, out, watch)
+        copy_info(options.bag, out, mount)
+    lockstep = Lockstep(expected_stages(STAGES, topic), options.namespace, out, watch, mount)
     try:
         with Progress(console=console) as progress:
             task = progress.add_task("lockstep", total=_total(options, topic))
@@ -126,10 +130,10 @@ def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, consol
             out.close()
 
 
-def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console) -> None:
+def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console, mount: MountCalibration | None) -> None:
     topics = options.topics or source_topics(options.bag)
     awaited = next((topic for topic in topics if topic in ("radar/frame", "radar/points")), topics[0])
-    player, monitor = Player(options.namespace), Monitor(options.namespace)
+    player, monitor = Player(options.namespace, mount), Monitor(options.namespace)
     try:
         source = player.publisher(awaited)
         end = time.monotonic() + READER_TIMEOUT

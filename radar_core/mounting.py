@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from radar_core.config import config, knob, load_file, plain
 from radar_core.errors import ConfigError
+from radar_core.frame import RadarInfo
 from radar_core.pose import Pose
 
 Float64Array = NDArray[np.float64]
@@ -45,6 +47,10 @@ class MountCalibration:
     def names(self, frame_id: str) -> bool:
         """Whether it is about the radar with this frame, e.g. ``right/radar``."""
         return self.radar.strip("/") == frame_id.strip("/")
+
+    def applied(self, info: RadarInfo) -> RadarInfo:
+        """Put the measured mount into a radar's description; that of another radar stays as it is."""
+        return dataclasses.replace(info, mount=self.mount) if self.names(info.frame_id) else info
 
     @property
     def pose_covariance(self) -> Float64Array:

@@ -4,23 +4,44 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radar_core import PointCloud, RadarFrame, RadarInfo
+from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
-from radar_dsp import Baseband, BasebandConfig
+from radar_dsp import Baseband
+from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
 from radar_tracking import HandConfig, HandTrack, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, Tracks
 
 
 @config
-class PipelineConfig:
-    """Settings of all stages."""
+class MountConfig:
+    """Where the radar stands, if that was measured."""
 
-    baseband: BasebandConfig = BasebandConfig()
-    tracker: TrackerConfig = TrackerConfig()
-    gestures: GestureConfig = GestureConfig()
-    hand: HandConfig = HandConfig()
+    calibration: str = knob("", doc="file of handwave calibrate-pair with this radar's mount; empty: as the source says")
+
+
+@config
+class ModelledGestureConfig(GestureConfig):
+    """Knobs of the gesture stage: those of the processor, and its model."""
+
     model: str = knob("gestures", doc="gesture model: a file, or one of ours by name")
+
+
+@config
+class PipelineConfig:
+    """Knobs of all stages, by the names that the nodes' parameters have."""
+
+    driver: MountConfig = MountConfig()
+    baseband: CalibratedBasebandConfig = CalibratedBasebandConfig()
+    tracking: TrackerConfig = TrackerConfig()
+    gestures: ModelledGestureConfig = ModelledGestureConfig()
+    hand: HandConfig = HandConfig()
+
+    def validate(self) -> None:
+        """Raise `ConfigError` for the configuration of a processor where that of a stage belongs, which also names a file."""
+        for name, wanted in (("baseband", CalibratedBasebandConfig), ("gestures", ModelledGestureConfig)):
+            if not isinstance(getattr(self, name), wanted):
+                raise ConfigError(f"PipelineConfig.{name} is a {type(getattr(self, name)).__name__}; give a {wanted.__name__}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +71,31 @@ class Pipeline:
 
     Parameters
     ----------
-    info : RadarInfo
-        The radar whose frames come.
-    settings : PipelineConfig or None
-        All knobs; None: the defaults.
+    radar : RadarInfo or RadarContext
+        The radar whose frames come; a context may hold calibrations that are in memory.
+    config : PipelineConfig or None
+        All knobs, the files of calibrations among them; None: the defaults.
+
+    Attributes
+    ----------
+    context : RadarContext
+        What all processors were made from.
 
     Raises
     ------
     ConfigError
-        When the gesture model cannot be read or does not fit the settings.
+        When a calibration or the gesture model cannot be read or does not fit, or calibrations come as context and as file.
     """
 
-    def __init__(self, info: RadarInfo, settings: PipelineConfig | None = None) -> None:
-        settings = settings if settings is not None else PipelineConfig()
-        self._mount = info.mount
-        self._baseband = Baseband(settings.baseband, info)
-        self._tracker = PeopleTracker(settings.tracker, info)
-        self._recognizer = GestureRecognizer(settings.gestures, load_model(settings.model), info.mount)
-        self._hand = HandTracker(settings.hand, info)
+    def __init__(self, radar: RadarInfo | RadarContext, config: PipelineConfig | None = None) -> None:
+        config = config if config is not None else PipelineConfig()
+        self.context = _context(radar, config)
+        known = self.context.radar
+        self._mount = known.mount
+        self._baseband = Baseband(config.baseband, known)
+        self._tracker = PeopleTracker(config.tracking, known)
+        self._recognizer = GestureRecognizer(config.gestures, load_model(config.gestures.model), known.mount)
+        self._hand = HandTracker(config.hand, known)
 
     @property
     def hand(self) -> HandTracker:
@@ -103,3 +131,12 @@ class Pipeline:
         for gesture in gestures:
             self._hand.gesture(gesture.name, gesture.track_id, gesture.stamp_ns)
         return PipelineResult(cloud, tracked.tracks, gestures, self._hand.process(tracked))
+
+
+def _context(radar: RadarInfo | RadarContext, config: PipelineConfig) -> RadarContext:
+    array, mount = config.baseband.calibration, config.driver.calibration
+    if isinstance(radar, RadarInfo):
+        return load_context(radar, array, mount)
+    if array or mount:
+        raise ConfigError("calibrations are given as a context and as files (baseband.calibration, driver.calibration); give one of them")
+    return radar

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,21 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import load, nest, plain
+from radar_core.mounting import MountCalibration
 from radar_lab.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
-from radar_ros.bags import TYPES, BagWriter, local, read, require_topics
+from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
 from radar_ros.interrupts import unbroken
-from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_from_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_ros.messages.convert import (
+    cloud_from_msg,
+    cloud_to_msg,
+    frame_from_msg,
+    frame_to_msg,
+    from_time,
+    info_from_msg,
+    info_to_msg,
+    mount_to_transform,
+)
 from radar_ros.messages.gestures import gesture_to_msg
 from radar_ros.messages.tracks import hand_to_msg, tracks_to_msg
 from radar_ros.messages.truth import truth_to_msg
@@ -24,7 +34,6 @@ from radar_sim import SimulatedFrame, Simulator, load_scene
 
 _FLUSH = 50
 """Frames after which a recording is brought to the file, so that a crash costs no more."""
-_PARTS = {"baseband": "baseband", "tracking": "tracker", "gestures": "gestures", "hand": "hand"}  # node to part of the configuration
 
 
 def parse(data: bytes, topic: str) -> Any:
@@ -82,7 +91,7 @@ def open_recording(path: Path) -> Recording:
 
 
 def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
-    """Make the settings of the library from parameters of the nodes, so that both can be told the same.
+    """Make the library's configuration from parameters of the nodes: both have the same names.
 
     Parameters
     ----------
@@ -94,30 +103,41 @@ def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConf
     ConfigError
         Naming what there is not.
     """
+    stages = [stage.name for stage in fields(PipelineConfig)]
     given: dict[str, Any] = {}
     for node, values in parameters.items():
-        if node not in _PARTS:
-            raise ConfigError(f"there is no stage {node!r} to process with; stages: {', '.join(_PARTS)}")
-        own = {
-            name: value for name, value in values.items() if node != "tracking" or not name.startswith("consistency.")
-        }  # the node's alone
-        if node == "gestures" and "model" in own:
-            given["model"] = own.pop("model")
-        given[_PARTS[node]] = nest(own)
+        if node not in stages:
+            raise ConfigError(f"there is no stage {node!r} to process with; stages: {', '.join(stages)}")
+        # consistency of tracking is for the diagnostics of a running node
+        given[node] = nest({name: value for name, value in values.items() if (node, name.split(".")[0]) != ("tracking", "consistency")})
     return load(PipelineConfig, given, "--param")
 
 
-def process_recording(path: Path, settings: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:
+def process_recording(path: Path, config: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:
     """Run the library over a bag; recording time [ns] and results of every frame (or cloud)."""
     recording = open_recording(path)
-    pipeline = Pipeline(recording.info, settings)
+    pipeline = Pipeline(recording.info, config)
     for stamp_ns, item in recording.messages():
         yield stamp_ns, pipeline.process(item) if isinstance(item, RadarFrame) else pipeline.process_cloud(item)
 
 
-def copy_info(path: Path, writer: BagWriter) -> None:
-    """Write the radar's description of one bag into another, which can be replayed only with it."""
-    item = next(iter(read(path, ("radar/info",))))
+def remounted(item: Recorded, mount: MountCalibration | None) -> Recorded:
+    """Put a measured mount into a recorded message of ``radar/info`` or ``tf_static``; every other message stays as it is."""
+    kind = local(item.topic)
+    if mount is None or kind not in ("radar/info", "tf_static"):
+        return item
+    msg = parse(item.data, kind)
+    if kind == "radar/info":
+        msg = info_to_msg(mount.applied(info_from_msg(msg)), from_time(msg.header.stamp))
+    for transform in getattr(msg, "transforms", ()):
+        if mount.names(transform.child_frame_id):
+            transform.transform = mount_to_transform(RadarInfo(mount=mount.mount), 0).transform
+    return replace(item, data=serialize_message(msg))
+
+
+def copy_info(path: Path, writer: BagWriter, mount: MountCalibration | None = None) -> None:
+    """Write the radar's description of one bag into another, which can be replayed only with it; with its mount where it was measured."""
+    item = remounted(next(iter(read(path, ("radar/info",)))), mount)
     writer.write("/radar/info", item.msgtype, item.stamp_ns, item.data)
 
 

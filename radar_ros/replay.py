@@ -13,10 +13,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 
 from radar_core import DataError
+from radar_core.mounting import MountCalibration
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
 from radar_ros.messages.convert import from_time, to_time
-from radar_ros.offline import open_recording, parse
+from radar_ros.offline import open_recording, parse, remounted
 
 SOURCES = ("radar/info", "radar/frame", "truth", "tf_static", "hand/trigger")
 CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static", "hand/trigger")
@@ -45,9 +46,12 @@ class Player:
     ----------
     namespace : str
         Of the graph.
+    mount : MountCalibration or None
+        Where the radar stands, if that was measured after the recording; else it stands where the recording says.
     """
 
-    def __init__(self, namespace: str = "") -> None:
+    def __init__(self, namespace: str = "", mount: MountCalibration | None = None) -> None:
+        self._mount = mount
         self.node = rclpy.create_node("handwave_player", namespace=namespace, start_parameter_services=False)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
@@ -65,7 +69,7 @@ class Player:
 
     def publish(self, item: Recorded) -> None:
         """Publish one recorded message."""
-        self.publisher(local(item.topic)).publish(item.data)
+        self.publisher(local(item.topic)).publish(remounted(item, self._mount).data)
 
     def tick(self, stamp_ns: int) -> None:
         """Tell the time of the recording."""
@@ -144,6 +148,8 @@ class Lockstep:
         Where the results go.
     watch : callable
         Called while waiting; raises when waiting is in vain.
+    mount : MountCalibration or None
+        See `Player`.
     """
 
     def __init__(
@@ -152,8 +158,9 @@ class Lockstep:
         namespace: str = "",
         out: BagWriter | None = None,
         watch: Callable[[], None] = lambda: None,
+        mount: MountCalibration | None = None,
     ) -> None:
-        self.player = Player(namespace)
+        self.player = Player(namespace, mount)
         self._watch = watch
         self._stages, self._out = set(stages), out
         self._ready: set[str] = set()

@@ -27,14 +27,14 @@ PRESETS: Final[dict[str, tuple[int, dict[str, Any]]]] = {
     "fast": (2, {"baseband.doa.newton_steps": 1}),
     "default": (1, {}),
     "people": (1, {"baseband.doa.method": "dml2"}),
-    "thorough": (1, {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3, "tracker.filter.estimator.name": "mm_vel_est"}),
+    "thorough": (1, {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3, "tracking.filter.estimator.name": "mm_vel_est"}),
     "most thorough": (
         1,
         {
             "baseband.doa.method": "dml2",
             "baseband.doa.newton_steps": 3,
             "baseband.refine": "ml",
-            "tracker.filter.estimator.name": "mm_vel_est",
+            "tracking.filter.estimator.name": "mm_vel_est",
         },
     ),
 }
@@ -50,8 +50,8 @@ class Chain:
         config, info = load(PipelineConfig, nest(knobs)), simulator.info
         interval = info.waveform.frame_interval * self._every
         info = dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=interval))
-        self._baseband, self._tracker = Baseband(config.baseband, info), PeopleTracker(config.tracker, info)
-        self._gestures = GestureRecognizer(config.gestures, load_model(config.model), info.mount)
+        self._baseband, self._tracker = Baseband(config.baseband, info), PeopleTracker(config.tracking, info)
+        self._gestures = GestureRecognizer(config.gestures, load_model(config.gestures.model), info.mount)
         self._info, self._rate, self._judge, self._parts = info, 1.0 / interval, judge, parts
 
     def process(self, scene: str, made: SimulatedFrame) -> None:

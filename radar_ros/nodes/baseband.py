@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from radar_core import HandwaveError, PointCloud, Quality, RadarInfo
-from radar_dsp import Baseband, BasebandConfig
-from radar_dsp.array_file import calibrate_info, load_array
+from radar_dsp import Baseband
+from radar_dsp.context import CalibratedBasebandConfig, load_context
 from radar_ros import qos
 from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
-from radar_ros.params import declare, declare_config, on_change
+from radar_ros.params import declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, run
 
 _FLAWS = {
@@ -68,8 +68,7 @@ class BasebandNode(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("baseband", **kwargs)
-        self._config = declare_config(self, BasebandConfig, changeable=True)
-        self._calibration = str(declare(self, "calibration", "", "file of handwave calibrate for this radar's array (.npz); empty: none"))
+        self._config = declare_config(self, CalibratedBasebandConfig, changeable=True)
         self._budget = Budget(self, self._config, self._prepare_levels)
         self._levels: tuple[Baseband | None, ...] = (None,)
         self._warm_up()
@@ -89,7 +88,7 @@ class BasebandNode(StageNode):
     def _configure(self, info: RadarInfo) -> None:
         self._levels = self._make(self._budget.configs, info)
 
-    def _prepare(self, config: BasebandConfig) -> Callable[[], None]:
+    def _prepare(self, config: CalibratedBasebandConfig) -> Callable[[], None]:
         """Make a new chain for the radar that is there; refused (`ConfigError`) when it does not suit that radar."""
         place = self._prepare_levels(self._budget.configs_of(config))
 
@@ -100,7 +99,7 @@ class BasebandNode(StageNode):
 
         return apply
 
-    def _prepare_levels(self, configs: tuple[BasebandConfig, ...]) -> Callable[[], None]:
+    def _prepare_levels(self, configs: tuple[CalibratedBasebandConfig, ...]) -> Callable[[], None]:
         """Make new chains for all levels of the budget, likewise."""
         unusable = self._info.unusable  # it may be the configuration that the radar did not suit
         info = self._info.info or unusable
@@ -113,12 +112,12 @@ class BasebandNode(StageNode):
 
         return apply
 
-    def _make(self, configs: Sequence[BasebandConfig], info: RadarInfo) -> tuple[Baseband | None, ...]:
+    def _make(self, configs: Sequence[CalibratedBasebandConfig], info: RadarInfo) -> tuple[Baseband | None, ...]:
         """Make the chains for the calibrated radar; None for a source that gives ready point clouds only."""
         if info.waveform.n_sample == 0:
             return (None,) * len(configs)
-        calibrated = calibrate_info(info, load_array(self._calibration)) if self._calibration else info
-        made = {config: Baseband(config, calibrated) for config in set(configs)}  # levels may differ in how many frames they leave out only
+        radar = load_context(info, configs[0].calibration).radar  # levels differ in other knobs only
+        made = {config: Baseband(config, radar) for config in set(configs)}  # or only in how many frames they leave out
         return tuple(made[config] for config in configs)
 
     def _take(self, msg: Any) -> None:

@@ -107,10 +107,13 @@ def test_configuration_files_that_make_no_sense(tmp_path, files, message):
 
 def test_the_library_takes_the_settings_of_the_nodes():
     """The same names reach the same knobs as in the running graph."""
-    settings = pipeline_config({"tracking": {"association.gate": 1.2}, "gestures": {"model": "x.npz"}})
-    assert settings.tracker.association.gate == 1.2
-    assert settings.model == "x.npz"
-    with pytest.raises(ConfigError, match="there is no stage 'driver'"):
-        pipeline_config({"driver": {}})
-    with pytest.raises(ConfigError, match=r"unknown key 'tracker\.association\.gaet'"):
+    settings = pipeline_config(
+        {"tracking": {"association.gate": 1.2}, "gestures": {"model": "x.npz"}, "baseband": {"calibration": "a.npz"}}
+    )
+    assert settings.tracking.association.gate == 1.2
+    assert settings.baseband.calibration == "a.npz"
+    assert settings.gestures.model == "x.npz"
+    with pytest.raises(ConfigError, match="there is no stage 'fusion'"):
+        pipeline_config({"fusion": {}})
+    with pytest.raises(ConfigError, match=r"unknown key 'tracking\.association\.gaet'"):
         pipeline_config({"tracking": {"association.gaet": 1.2}})

@@ -7,7 +7,8 @@ import sys
 import numpy as np
 
 from radar_core import RadarInfo
-from radar_dsp import BasebandConfig, SpectrumConfig
+from radar_dsp import SpectrumConfig
+from radar_dsp.context import CalibratedBasebandConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig
 from radar_sim import Action, Effects, Fidelity, Noise, Person, Scene, SceneRadar, Simulator
 
@@ -33,7 +34,7 @@ def run(fft: str, n_frames: int) -> dict[str, str]:
     """Digests by stage."""
     found = {f"simulator {model}": digest(Simulator(scene_of(model)).process(30).frame.cube) for model in MODELS}
     simulator, parts = Simulator(scene_of("separable")), {"clouds": [], "tracks": [], "gestures": [], "hand": []}
-    pipeline = Pipeline(RadarInfo(), PipelineConfig(baseband=BasebandConfig(spectrum=SpectrumConfig(fft=fft))))
+    pipeline = Pipeline(RadarInfo(), PipelineConfig(baseband=CalibratedBasebandConfig(spectrum=SpectrumConfig(fft=fft))))
     pipeline.hand.start(None, 600_000_000)
     for k in range(n_frames):
         result = pipeline.process(simulator.process(k).frame)
