@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from radar_core import PointCloud, Pose
 from radar_core.config import load_file
-from radar_core.geometry import cartesian_to_spherical
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.spectrum import make_spectrum
+from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
 from radar_sim import Simulator, Truth
 from radar_sim.bodies.make import make_figure
 from radar_sim.effects.config import Coupling, Effects, Losses, Multipath, Noise, Occlusion, Pattern
@@ -29,10 +29,10 @@ Random = np.random.Generator
 Place = tuple[float, float]
 MOUNT: Final = Pose(z=1.2)
 HIGH_MOUNT: Final = Pose(z=2.0, tilt=math.radians(-15.0))
-VISIBLE_RCS: Final = 0.02  # m^2: a tenth of what a person shows from the front; who shows less is hidden
+MATCHING: Final = MatchingConfig(gate=0.5, settle=0.0)
+"""A track is of a person within 0.5 m; nobody has time to be found."""
 WALLS: Final = ((-0.5, 2.6, 5.6, 2.6), (-0.5, -2.6, 5.6, -2.6), (5.6, -2.6, 5.6, 2.6))  # m: both ends, of the furnished room
 _BODY: Final = 0.4  # m: centres of people are never nearer to each other
-_MARGIN: Final = 0.2  # m: the last range bins see a person only in part
 
 GESTURES: Final = ("push", "pull", "swipe_left", "swipe_right", "swipe_up", "swipe_down", "wave", "rotate", "push_pull")
 
@@ -266,7 +266,7 @@ class Moment:
     truth : Truth
         Without scatterers, which are large.
     visible : ndarray of bool, shape (n_people,)
-        Who shows the radar at least `VISIBLE_RCS` within its field of view and unambiguous range.
+        Who counts, see `Visibility`.
     owner : ndarray of int32, shape (n_points,)
         Whose each point is: the row of the person with most noiseless power in its range-Doppler cell; -1: a thing's, or not known.
     baseband_ms : float
@@ -306,17 +306,6 @@ class Owners:
         return np.where(count[cell] > 1, -1, owner).astype(np.int32)
 
 
-def visible(truth: Truth, simulator: Simulator) -> NDArray[np.bool_]:
-    """Say who can be seen, shape (n_people,)."""
-    n = len(truth.person_id)
-    own = truth.scatterer_owner >= 0
-    shown = np.bincount(truth.scatterer_owner[own], truth.scatterer_rcs[own].astype(np.float64), n)
-    info = simulator.info
-    distance, azimuth, _ = cartesian_to_spherical(info.mount.from_room(truth.position))
-    inside = (np.abs(azimuth) <= info.array.fov_azimuth / 2) & (distance < info.waveform.max_range - _MARGIN)
-    return np.asarray((shown >= VISIBLE_RCS) & inside)
-
-
 def baseband_config(name: str) -> BasebandConfig:
     """Read what a kind of scene asks of the baseband.
 
@@ -348,14 +337,12 @@ def moments(
     """
     simulator = Simulator(scenario(name, seed, mount))
     config = baseband_config(name) if config is None else config
-    baseband, whose = Baseband(config, simulator.info), Owners(simulator, config)
+    baseband, whose, rule = Baseband(config, simulator.info), Owners(simulator, config), Visibility(simulator.info, MATCHING)
     for k in range(0, simulator.n_frames, every):
         made = simulator.process(k)
         start = time.perf_counter_ns()
         cloud = baseband.process(made.frame)
         spent = (time.perf_counter_ns() - start) * 1e-6
         owner = whose.process(cloud, k) if owners else np.full(len(cloud), -1, np.int32)
-        seen = visible(made.truth, simulator)
-        nothing = np.empty((0, 3), np.float32)
-        bare = replace(made.truth, scatterer_position=nothing, scatterer_owner=np.empty(0, np.int32), scatterer_rcs=np.empty(0, np.float32))
-        yield Moment(cloud.to_room(simulator.info.mount), bare, seen, owner, spent)
+        seen = rule.process(made.truth)
+        yield Moment(cloud.to_room(simulator.info.mount), without_scatterers(made.truth), seen, owner, spent)

@@ -38,10 +38,11 @@ def code_of(text: str) -> str:
 
 @functools.cache
 def sources(packages: tuple[str, ...] = PACKAGES) -> str:
-    """Digest of the code of all modules on which clouds, or what else is made by some packages, depend."""
+    """Digest of the code of packages or single modules (paths from the root), on which clouds, or what else is made by them, depend."""
     root = Path(__file__).resolve().parent.parent
     found = hashlib.sha256()
-    for path in sorted(path for package in packages for path in (root / package).rglob("*.py")):
+    files = [path for package in packages for path in ((root / package).rglob("*.py") if (root / package).is_dir() else [root / package])]
+    for path in sorted(files):
         found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.scenarios import Moment
+from benchmarks.scenarios import MATCHING, Moment
 from radar_core import RadarInfo
 from radar_core.geometry import cartesian_to_spherical
+from radar_lab.evaluation.matching import Matching
 from radar_tracking import Tracks
-from radar_tracking.metrics import ClearMot, ClearMotStep, GospaMetric, ObjectSet, people
+from radar_tracking.metrics import ClearMotStep
 from radar_tracking.metrics.objects import distances
 
 Float64Array = NDArray[np.float64]
@@ -32,14 +33,16 @@ class Score:
 
     Attributes
     ----------
-    scenes, clouds, truths, matches, misses, false, switches : float
+    scenes, clouds, truths, matches, misses, switches : float
         Counts; people and matches: of visible ones, summed over the clouds.
     seconds : float
         Of the scenes [s].
     gospa, error : float
         Sums of GOSPA over the clouds and of the plane distances of the matches [m].
+    false : float
+        Ghosts: confirmed track-frames without a person within the gate, see `Matching`.
     ghosts : float
-        Confirmed tracks that were never on anybody.
+        Confirmed tracks that were never on anybody; a ghost that hits a person later is not among them.
     wrong, owned : float
         Points of somebody that carry another person's track; that carry any track.
     misses_start, misses_return : float
@@ -101,8 +104,13 @@ class Score:
 
     @property
     def ghosts_per_minute(self) -> float:
-        """Ghosts per minute of scene."""
+        """Tracks that were never on anybody, per minute of scene."""
         return 60 * self.ghosts / self.seconds if self.seconds else float("nan")
+
+    @property
+    def ghost_track_frames_per_minute(self) -> float:
+        """Confirmed track-frames without a person within the gate, per minute of scene."""
+        return 60 * self.false / self.seconds if self.seconds else float("nan")
 
 
 def total(scores: Sequence[Score]) -> Score:
@@ -123,24 +131,20 @@ class Scorer:
 
     def __init__(self, name: str, info: RadarInfo) -> None:
         self._name, self._info = name, info
-        self._gospa, self._mot = GospaMetric(), ClearMot()
+        self._matching = Matching(MATCHING)
         self._steps: list[ClearMotStep] = []
         self._times: list[float] = []
-        self._confirmed: set[int] = set()
         self._person: dict[int, int] = {}  # of each track, who it was last on
         self._wrong = self._owned = self._near = 0
 
     def process(self, moment: Moment, tracks: Tracks, time_ms: float) -> ClearMotStep:
         """Take in what a tracker made of a cloud."""
-        truth = ObjectSet.of(moment.truth.position[:, :2], moment.truth.person_id, moment.visible)
-        estimate = people(tracks)
-        self._gospa.process(truth, estimate)
-        step = self._mot.process(truth, estimate)
+        matched = self._matching.process(tracks, moment.truth, moment.visible)
+        step = matched.step
         self._steps.append(step)
         self._times.append(time_ms)
-        self._confirmed |= set(estimate.id.tolist())
-        false = np.isin(estimate.id, step.false)
-        self._near += int(np.count_nonzero(distances(truth, estimate)[:, false].min(axis=0, initial=np.inf) < NEAR))
+        false = np.isin(matched.tracks.id, step.false)
+        self._near += int(np.count_nonzero(distances(matched.truth, matched.tracks)[:, false].min(axis=0, initial=np.inf) < NEAR))
         self._person |= dict(zip(step.estimate_id.tolist(), step.truth_id.tolist(), strict=True))
         self._count_points(moment, tracks)
         return step
@@ -154,22 +158,22 @@ class Scorer:
 
     def score(self, moments: Sequence[Moment]) -> Score:
         """Sum up; ``moments`` are those that were processed, in their order."""
-        gospa, mot = self._gospa.summary(), self._mot.summary()
-        tracked = {int(track) for step in self._steps for track in step.estimate_id}
+        summary = self._matching.summary()
+        mot = summary.mot
         stamps = np.array([m.truth.stamp_ns for m in moments], np.float64) * 1e-9
         start, back = fresh_misses(self._steps, moments, stamps)
         return Score(
             scenes=1,
             clouds=mot.moments,
-            seconds=float(stamps[-1] - stamps[0] + np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0,
+            seconds=60 * summary.minutes,
             truths=mot.truths,
             matches=mot.matches,
             misses=mot.misses,
-            false=mot.false_positives,
+            false=summary.ghost_track_frames,
             switches=mot.switches,
-            gospa=gospa.mean * mot.moments,
+            gospa=summary.gospa.mean * mot.moments,
             error=mot.motp * mot.matches if mot.matches else 0.0,
-            ghosts=len(self._confirmed - tracked),
+            ghosts=summary.ghost_tracks,
             wrong=self._wrong,
             owned=self._owned,
             misses_start=start,

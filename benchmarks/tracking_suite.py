@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.scenarios import MOUNT, SCENARIOS, WALLS, Moment, moments
+from benchmarks.stores import sources
 from benchmarks.tracking_score import Score, Scorer, total
 from radar_core import PointCloud, Pose, RadarInfo
 from radar_core.config import load, load_file, nest, plain
@@ -27,7 +27,16 @@ from radar_tracking.people.zones import Zones, ZonesConfig
 FLOOR: Final = (0.0, 5.1, -2.1, 2.1)  # m: where people walk in the furnished room, half a metre inside its walls
 PROCESSES: Final = 2
 PEER: Final = "stone_soup"
-PACKAGES: Final = ("benchmarks", "radar_core", "radar_dsp", "radar_sim", "radar_tracking")
+_OWN: Final = ("scenarios", "tracking_suite", "tracking_score", "tracking_choices", "stone_soup")
+PACKAGES: Final = (
+    "radar_core",
+    "radar_dsp",
+    "radar_sim",
+    "radar_tracking",
+    "radar_lab/evaluation",
+    *(f"benchmarks/{name}.py" for name in _OWN),
+)
+"""What finished scenes depend on."""
 _TURN: Final = 50  # clouds
 
 
@@ -180,15 +189,6 @@ def work(job: Job) -> Done:
     return Done(job, scores, follow(job.name, made, choices, info), [moment.baseband_ms for moment in made])
 
 
-def sources() -> str:
-    """Digest of all our modules: whatever was measured with others does not count."""
-    root = Path(__file__).resolve().parent.parent
-    found = hashlib.sha256()
-    for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
-        found.update(path.read_bytes())
-    return found.hexdigest()[:16]
-
-
 def run_all(jobs: Sequence[Job], processes: int = PROCESSES, keep: Path | None = None) -> list[Done]:
     """Do all jobs, the longest first; progress on stderr.
 
@@ -201,7 +201,7 @@ def run_all(jobs: Sequence[Job], processes: int = PROCESSES, keep: Path | None =
     keep : Path or None
         Folder in which finished jobs are kept, and from which they are taken when nothing in the sources has changed since.
     """
-    do = work if keep is None else Memory(keep / sources(), verbose=0).cache(work)
+    do = work if keep is None else Memory(keep / sources(PACKAGES), verbose=0).cache(work)
     order = sorted(range(len(jobs)), key=lambda i: -_length(jobs[i]))
     with parallel_config(backend="loky", inner_max_num_threads=1) if processes > 1 else parallel_config(backend="sequential"):
         results = Parallel(n_jobs=min(processes, os.cpu_count() or 1), return_as="generator")(delayed(do)(jobs[i]) for i in order)
@@ -231,6 +231,7 @@ def figures(score: Score, name: str) -> dict[str, float]:
         "frame_ms": float(np.median(score.times)),
         "torso_error_m": score.torso_error,
         "ghosts_per_minute": score.ghosts_per_minute,
+        "ghost_track_frames_per_minute": score.ghost_track_frames_per_minute,
         "misses": score.misses,
         "false": score.false,
         "truths": score.truths,

@@ -65,11 +65,19 @@ def test_counts_of_a_hand_made_run():
     assert score.torso_error == pytest.approx(40 * 0.3 / 90)
     assert score.ghosts == 1
     assert score.ghosts_per_minute == pytest.approx(60.0)  # one in a second
+    assert score.ghost_track_frames_per_minute == pytest.approx(3000)  # all the time, at 50 clouds a second
     assert score.misses_start == 10
     assert score.false_near == 0
     # GOSPA, c = 1 m: a miss and a false track cost half a square metre each
     by_hand = (10 * math.sqrt(0.5 + 0.5) + 40 * math.sqrt(0.3**2 + 0.5)) / 50
     assert score.mean_gospa == pytest.approx(by_hand)
+
+
+def test_a_ghost_that_hits_a_person_later_counts():
+    """Twenty clouds 2 m beside the only person, then on them: twenty ghosts, though the track is somebody's in the end."""
+    score = scored("crossing", [(moment(k, [(2.0, 0.0)]), tracks(k, {7: (4.0 if k < 20 else 2.0, 0.0)})) for k in range(50)])
+    assert (score.false, score.ghosts) == (20, 0)
+    assert score.ghost_track_frames_per_minute == pytest.approx(60 * 20)
 
 
 def test_scores_add_up():
@@ -244,7 +252,7 @@ def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     again = run_all([first, other], processes=1, keep=tmp_path)
     assert calls == [1]
     np.testing.assert_array_equal(again[0].trackers["group_clustering"].times, made[0].trackers["group_clustering"].times)
-    monkeypatch.setattr(tracking_suite, "sources", lambda: "changed")
+    monkeypatch.setattr(tracking_suite, "sources", lambda packages: "changed")
     run_all([first], processes=1, keep=tmp_path)
     assert calls == [1, 0]
 
