@@ -48,12 +48,27 @@ def declare(
         descriptor.integer_range = [
             IntegerRange(from_value=-(2**62) if low is None else int(low), to_value=2**62 if high is None else int(high))
         ]
+    given = node._parameter_overrides.get(name)
+    meant = _meant(default, given)
+    if meant is not None:
+        return node.declare_parameter(name, meant, descriptor, ignore_override=True).value
     try:
         return node.declare_parameter(name, default, descriptor).value
     except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-        given = node._parameter_overrides.get(name)
         shown = f" (given {given.value!r})" if given is not None else ""
         raise ConfigError(f"parameter {name} of node {node.get_name()}{shown}: {error}; {doc}") from None
+
+
+def _meant(default: Any, given: Any) -> Any:
+    """Value that `ros2 param dump` wrote and ROS's reader of parameter files takes for something else; None: there is no such thing.
+
+    An empty list has no type there, and arrives as nothing. The words y and n are written without quotes, and arrive as true and false.
+    """
+    if given is not None and isinstance(default, list) and given.type_ == Parameter.Type.NOT_SET:
+        return []
+    if given is not None and isinstance(default, str) and given.type_ == Parameter.Type.BOOL:
+        return "y" if given.value else "n"
+    return None
 
 
 def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: bool = False) -> T:
