@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from benchmarks.hand_clouds import STAND, HandStore
 from radar_core import PointCloud, RadarInfo, merge
+from radar_core.linalg import canonical_svd
 from radar_sim import Scene
 from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig
 from radar_tracking.estimators import SnapshotVelocity
@@ -187,7 +188,7 @@ def lateral_std(tracked: Tracked, followed: Followed) -> Float64Array:
 
 def settling(tracked: Tracked, followed: Followed, bound: float = 0.1) -> list[float]:
     """Give how long after each reversal of a line the residual is above a bound, at most `_AFTER` [s]."""
-    main = np.linalg.svd(tracked.velocity[counts(tracked)], full_matrices=False)[2][0]
+    main = canonical_svd(tracked.velocity[counts(tracked)])[2][0]
     along = tracked.velocity @ main
     turns = np.flatnonzero((np.sign(along[1:]) != np.sign(along[:-1])) & counts(tracked)[1:]) + 1
     error, found = residual(tracked, followed), []

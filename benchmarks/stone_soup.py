@@ -222,7 +222,7 @@ def drawn(seed: int, n_tracks: int = N_TRACKS) -> tuple[Float64Array, Float64Arr
 
 def their_inputs(mean: Float64Array, covariance: Float64Array, seen: Float64Array) -> tuple[list[Any], list[Any]]:
     """Tracks and detections as Stone Soup wants them."""
-    inverse = np.argsort(_ORDER)
+    inverse = np.argsort(_ORDER, kind="stable")
     start, now = moment(0), moment(round(DT * 1e9))
     tracks = [
         PeerTrack([GaussianState(m[inverse][:, None], c[np.ix_(inverse, inverse)], timestamp=start)])

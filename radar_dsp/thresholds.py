@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from radar_core.linalg import canonical_eigh
+
 Array = NDArray[np.float64]
 Level = Callable[[NDArray[np.floating]], Array]
 """Noise level per draw, shape (n_draws,), from powers of the training cells, shape (n_draws, n_training)."""
@@ -70,7 +72,7 @@ def design(correlation: NDArray[np.complex128], level: Level, false_alarm: float
     tuple of float
         Threshold over the level, and mean of the level over the mean power of the noise.
     """
-    value, vector = np.linalg.eigh(correlation[1:, 1:])
+    value, vector = canonical_eigh(correlation[1:, 1:])
     use = value > 1e-7 * value[-1]
     value, vector = value[use], vector[:, use]
     guess = float(ca_factor(false_alarm, np.array([effective_number(correlation[1:, 1:])]), n)[0])

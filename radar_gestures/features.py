@@ -198,7 +198,7 @@ def weighted_medians(rows: NDArray[np.floating], weights: NDArray[np.floating]) 
     if not len(weights):
         return [math.nan] * len(rows)
     good = np.isfinite(rows) & (weights > 0)
-    order = np.where(good, rows, np.inf).argsort(axis=1)
+    order = np.where(good, rows, np.inf).argsort(axis=1, kind="stable")
     row = np.arange(len(rows))[:, None]
     value, weight = rows[row, order].astype(np.float64), np.where(good, weights, 0.0)[row, order]
     total = weight.cumsum(axis=1)

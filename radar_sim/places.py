@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo
+from radar_core.linalg import first_max
 
 _CELLS = 32
 """Strongest cells that are looked at."""
@@ -65,12 +66,12 @@ def _place(cube: NDArray[np.complex128], info: RadarInfo, moving: bool) -> NDArr
     power = (np.abs(spectrum) ** 2).sum(axis=(0, 2))
     if not power.max() > 0.0:
         return np.full(2, np.nan)
-    strongest = np.argsort(power, axis=None)[-_CELLS:]
+    strongest = np.argsort(power, axis=None, kind="stable")[-_CELLS:]
     doppler, column = np.unravel_index(strongest, power.shape)
     weight = (power[doppler, column] / power.max()) ** 2
     lateral = np.array([y for y, _ in info.array.rx]) * (2 * math.pi * w.carrier / SPEED_OF_LIGHT)
     beams = np.abs(spectrum[0, doppler, :, column] @ np.exp(1j * lateral[:, None] * _DIRECTIONS))
-    sine = _DIRECTIONS[beams.argmax(axis=1)]
+    sine = _DIRECTIONS[first_max(beams, 1)]  # of two that are equally strong, the same on every machine
     span = ranges[column]
     across = np.stack([span * np.sqrt(1.0 - sine**2), span * sine], axis=-1)
     return np.asarray(np.average(across, axis=0, weights=weight))

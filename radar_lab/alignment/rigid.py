@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
+from radar_core.linalg import canonical_svd
 from radar_lab.alignment.solver import LOSSES, Linear, NotObservableError, Solution, SolverSettings, solve
 
 Float64Array = NDArray[np.float64]
@@ -319,7 +320,7 @@ def closed_form(source: Float64Array, target: Float64Array, freedom: str) -> tup
         if d == 3:
             rotation[..., 2, 2] = 1.0
     else:
-        U, _, Vt = np.linalg.svd(H)
+        U, _, Vt = canonical_svd(H)
         V = np.swapaxes(Vt, -1, -2).copy()
         V[..., :, 2] *= np.where(np.linalg.det(U) * np.linalg.det(V) < 0, -1.0, 1.0)[..., None]
         rotation = V @ np.swapaxes(U, -1, -2)
@@ -344,7 +345,7 @@ def start(source: Float64Array, target: Float64Array, std: Float64Array, freedom
     size = min(n, 4 if d == 3 and freedom == "full" else 3)
     rng = np.random.default_rng(seed)
     judged = np.arange(n) if n <= _JUDGED else np.sort(rng.choice(n, _JUDGED, replace=False))
-    pick = np.argsort(rng.random((_TRIALS, n)), axis=1)[:, :size] if n <= _FEW else rng.integers(0, n, (_TRIALS, size))
+    pick = np.argsort(rng.random((_TRIALS, n)), axis=1, kind="stable")[:, :size] if n <= _FEW else rng.integers(0, n, (_TRIALS, size))
     rotation, translation = closed_form(source[pick], target[pick], freedom)
     step = target[judged] - (source[judged] @ np.swapaxes(rotation, -1, -2) + translation[:, None])
     ratio = np.sqrt((step * step).sum(-1)) / np.maximum(std[judged], 1e-300)

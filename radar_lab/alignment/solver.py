@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from radar_core.checks import require_finite
 from radar_core.errors import DataError
-from radar_core.linalg import SingularError, symmetrise
+from radar_core.linalg import SingularError, canonical_svd, first_max, symmetrise
 
 Float64Array = NDArray[np.float64]
 S = TypeVar("S")
@@ -290,7 +290,7 @@ def _decompose(
     if not (size > 0).all():
         open_ones = [name for name, length in zip(names, size, strict=True) if not length > 0]
         raise NotObservableError(f"{', '.join(open_ones)}; {advice(open_ones)}", open_ones)
-    U, singular, Vt = np.linalg.svd(rows / size, full_matrices=False)
+    U, singular, Vt = canonical_svd(rows / size)
     if len(singular) < len(names) or singular[0] > settings.max_condition * singular[-1]:
         weak = Vt[len(singular) - 1] if len(singular) == len(names) else np.ones(len(names))
         found = _named(weak, names)
@@ -302,15 +302,15 @@ def _decompose(
 def _named(direction: Float64Array, names: Sequence[str]) -> list[str]:
     """Parameters that a direction in parameter space consists of, the largest first."""
     share = direction**2 / (direction**2).sum()
-    return [names[k] for k in np.argsort(-share) if share[k] > _SHARE]
+    return [names[k] for k in np.argsort(-share, kind="stable") if share[k] > _SHARE]
 
 
 def _refuse_noise(
     bread: Float64Array, noise: Float64Array, names: Sequence[str], limit: float, advice: Callable[[Sequence[str]], str]
 ) -> None:
     """Raise `NotObservableError` when what seems to be information about a direction is noise: points that jitter about one place."""
-    value, vector = np.linalg.eig(bread @ noise)
-    worst = int(np.argmax(value.real))
+    value, vector = np.linalg.eig(bread @ noise)  # only magnitudes are used: signs do not matter
+    worst = int(first_max(value.real))
     share = float(value.real[worst])
     if share > limit:
         seen = np.sqrt(np.maximum(np.diagonal(noise), 0.0)) * np.abs(vector[:, worst].real)  # what the noise pretends to tell

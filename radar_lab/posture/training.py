@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radar_core import DataError
 from radar_core.checks import require_shape
 from radar_core.config import config, knob
+from radar_core.linalg import canonical_eigh
 from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures, Seen, mirror
 from radar_lab.posture.model import PostureModel
 from radar_tracking.tracks import TrackedCloud
@@ -222,7 +223,7 @@ def _fit(features: Float64Array, hand: Float64Array, config: PostureTrainingConf
     middle, scale = features.mean(axis=0), features.std(axis=0)
     scale[scale < 1e-9] = 1.0  # cells that are always empty
     standard = (features - middle) / scale
-    variance, components = (array[..., : -config.components - 1 : -1] for array in np.linalg.eigh(standard.T @ standard / len(hand)))
+    variance, components = (array[..., : -config.components - 1 : -1] for array in canonical_eigh(standard.T @ standard / len(hand)))
     own = variance > _LEAST_VARIANCE
     if not own.any():
         raise DataError("the recordings' clouds are all alike: nothing can be learned from them")

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_core.linalg import canonical_eigh, first_max
 from radar_sim.bodies.base import BONES, Pose
 from radar_sim.bodies.lattice import sphere, spread, stretch
 from radar_sim.bodies.skin import blend, turn
@@ -50,7 +51,7 @@ class Solids:
     @property
     def forward(self) -> int:
         """Which axis of the chest goes from back to front."""
-        return int(np.abs(self.axes[_CHEST, 0]).argmax())
+        return int(first_max(np.abs(self.axes[_CHEST, 0])))
 
 
 def fit(subject: Subject) -> Solids:
@@ -66,7 +67,7 @@ def fit(subject: Subject) -> Solids:
     rows = np.arange(len(corner))[:, None, None]
     bones = subject.bone[subject.faces]
     np.add.at(pull, (np.broadcast_to(rows, bones.shape), _PART[bones]), subject.weight[subject.faces])
-    part = pull.argmax(1)
+    part = first_max(pull, 1)
     solids = Solids(np.empty((18, 3)), np.empty((18, 3, 3)), np.empty((18, 3)))
     for i, bone in enumerate(_BONE):
         twin = int(_BONE.tolist().index(MIRROR[bone]))
@@ -77,8 +78,10 @@ def fit(subject: Subject) -> Solids:
         points = np.concatenate([corner[part == i].reshape(-1, 3), corner[part == twin].reshape(-1, 3) * _FLIP])
         weight = np.repeat(np.concatenate([area[part == i], area[part == twin]]), 3)
         solids.centre[i], covariance = _moments(points, weight)
-        values, solids.axes[i] = np.linalg.eigh(covariance)
-        solids.axes[i] *= np.sign(np.linalg.det(solids.axes[i]))
+        values, axes = canonical_eigh(covariance)
+        axes[:, 1] *= -1.0  # of all such rules the one that left most points of the published scenes where they were
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        solids.axes[i] = axes
         solids.half[i] = _half_axes(values)
     return solids
 

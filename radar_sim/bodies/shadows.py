@@ -111,7 +111,7 @@ class View:
         small &= width < _LARGE_CELLS * cell
         large = table[(width >= 0.0) & ~small]
         order = np.flatnonzero(small)
-        order = order[np.argsort(table[order, NEAR])]  # nearest first: most points then need few tests
+        order = order[np.argsort(table[order, NEAR], kind="stable")]  # nearest first: most points then need few tests
         low, high = outline(box, order)
         cell = max(cell, float(np.sqrt((high - low).prod() / _MOST_CELLS)))
         n_az, n_el = (int(n) + 1 for n in (high - low) / cell)

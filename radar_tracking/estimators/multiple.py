@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_core.linalg import symmetrise
+from radar_core.linalg import canonical_eigh, symmetrise
 from radar_tracking.estimators import kernels
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter, Updated
@@ -182,7 +182,7 @@ class _Chain:
             raise ConfigError(f"sojourn is {tuple(sojourn)}; give one positive time for each of the {n_modes} models")
         root = 1.0 / np.sqrt(np.asarray(sojourn, np.float64))
         symmetric = (np.ones((n_modes, n_modes)) - n_modes * np.eye(n_modes)) / (n_modes - 1)
-        self._value, vector = np.linalg.eigh(root[:, None] * symmetric * root)
+        self._value, vector = canonical_eigh(root[:, None] * symmetric * root)
         self._left, self._right = root[:, None] * vector, vector.T / root
         self.stationary = np.asarray(sojourn, np.float64) / np.sum(sojourn)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.config import config, knob
-from radar_core.linalg import symmetrise
+from radar_core.linalg import canonical_qr, canonical_svd, symmetrise
 
 Float64Array = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ class Snapshot:
         weight = np.ones(len(y))
         for turn in range(self.settings.iterations):
             shared, rows = _without(nuisance, np.column_stack([U, y]), std / np.sqrt(weight))
-            left, value, axes = np.linalg.svd(rows[:, :-1], full_matrices=False)
+            left, value, axes = canonical_svd(rows[:, :-1])
             left[:, value <= _ROUNDING * value[0]] = 0.0
             part = left.T @ rows[:, -1]
             if turn + 1 == self.settings.iterations:
@@ -268,7 +268,7 @@ def _without(nuisance: Float64Array, columns: Float64Array, std: Float64Array) -
     rows[:n] = columns / std[:, None]
     if not m:
         return np.zeros(n), rows
-    base = np.linalg.qr(np.vstack([nuisance / std[:, None], np.eye(m)]))[0]
+    base = canonical_qr(np.vstack([nuisance / std[:, None], np.eye(m)]))[0]
     rows[: n + m] -= base @ (base.T @ rows[: n + m])
     return (base[:n] ** 2).sum(axis=1), rows
 

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
+from usb.backend import libusb0, libusb1, openusb
 
 from radar_app.graph import graph
 from radar_app.supervisor import Supervisor
@@ -92,10 +93,22 @@ def make(**values):
 
 @pytest.mark.usefixtures("ros")
 def test_a_driver_without_its_board_says_so():
-    """Nothing plugged in at this machine: one message with the remedy."""
+    """Nothing plugged in at this machine, or no libusb to look with: one message with the remedy."""
     if find():
         pytest.skip("a TinyRad is plugged in")
-    with pytest.raises(DeviceError, match="no TinyRad is plugged in: plug it in"):
+    remedy = "no TinyRad is plugged in: plug it in" if libusb1.get_backend() else "needs libusb, .*: sudo apt-get install libusb-1.0-0"
+    with pytest.raises(DeviceError, match=remedy):
+        make(source="tinyrad")
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_driver_without_libusb_says_what_to_install(monkeypatch):
+    """As on a fresh machine; looking for boards finds none and does not fail."""
+    monkeypatch.setattr(libusb1, "get_backend", lambda *_, **__: None)
+    for other in (libusb0, openusb):
+        monkeypatch.setattr(other, "get_backend", lambda *_, **__: None)
+    assert find() == []
+    with pytest.raises(DeviceError, match="the TinyRad needs libusb, which is not there: sudo apt-get install libusb"):
         make(source="tinyrad")
 
 
