@@ -173,7 +173,8 @@ def test_the_one_behind_is_hidden(figures, kinds):
             # feet and lower legs show below the hands of the nearer one, whose outline is 1.75 times as large
             assert section(seen, 1) < 0.25 * single
             position = seen.motion.position[seen.owner == 1]
-            trunk = (position[:, 2] > 1.0) & (np.abs(position[:, 1]) < 0.15)
+            # the waist of the nearer one, between its ellipsoids, hides 0.135 m on each side (80 seeds of the points: nothing within 0.137)
+            trunk = (position[:, 2] > 1.0) & (np.abs(position[:, 1]) < 0.13)
             assert not trunk.any()
 
 
