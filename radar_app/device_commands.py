@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from radar_driver.boards import Board, Found
-    from radar_driver.live import LiveSource
     from radar_driver.probing import Probe
+    from radar_driver.sources import Source
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
 _STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
@@ -31,19 +31,26 @@ def devices(
 
     Examples: `handwave devices` · `handwave devices --boards` · `handwave devices --json`
     """
-    from radar_driver.boards import boards as known
-    from radar_driver.boards import broken
-
+    registry = _registry()
+    known, broken = registry.boards(), registry.broken()
     if boards:
-        _list_known(known(), broken(), as_json)
+        _list_known(known, broken, as_json)
         return
-    found = [one for board in known().values() for one in _look(board)]
+    found = [one for board in known.values() for one in _look(board)]
     if as_json:
-        print(json.dumps({"devices": [_plain(one) for one in found], "broken": dict(broken())}))
+        print(json.dumps({"devices": [_plain(one) for one in found], "broken": dict(broken)}))
     else:
-        _show_found(found, known(), broken())
+        _show_found(found, known, broken)
     if not any(not one.problem for one in found):
         raise typer.Exit(1)
+
+
+def _registry() -> Any:
+    """Give the registry of all sources: those of `radar_driver.boards`, and recordings, which register themselves."""
+    import radar_ros.bag_source  # noqa: F401
+    from radar_driver import boards
+
+    return boards
 
 
 def _look(board: Board) -> Sequence[Found]:
@@ -51,7 +58,7 @@ def _look(board: Board) -> Sequence[Found]:
     from radar_driver.boards import Found
 
     try:
-        return board.find()
+        return board.find() if board.find is not None else ()
     except Exception as error:  # a board may be somebody else's code, and its libraries may be missing
         return [Found(board.name, "?", {}, f"looking for it failed: {type(error).__name__}: {error}")]
 
@@ -84,7 +91,8 @@ def _show_found(found: Sequence[Found], known: Mapping[str, Board], broken: Mapp
     if not found:
         console.print("No board is plugged in, or none that answers. Looked for:")
         for board in known.values():
-            console.print(f"  {board.name}: {board.title}", markup=False)
+            if board.find is not None:
+                console.print(f"  {board.name}: {board.title}", markup=False)
         console.print(
             "Check the cable (some carry power only), the power supply, and that the board starts its program, not its flash loader.\n"
             "On a network? Such boards are not looked for: name them (handwave devices --boards lists the knobs).\n"
@@ -118,7 +126,8 @@ def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: 
     for name, reason in broken.items():
         console.print(f"{name}: {reason}", style="yellow", markup=False)
     console.print(
-        "In a graph a knob is a parameter of the driver: --param driver.BOARD.KNOB=value; in handwave probe: --set KNOB=value.",
+        "In a graph a knob is a parameter of the driver: --param driver.BOARD.KNOB=value (of sim and bag: --param driver.KNOB=value); "
+        "in handwave probe: --set KNOB=value.",
         markup=False,
     )
 
@@ -140,7 +149,7 @@ def _knobs(config: type) -> list[dict[str, Any]]:
 
 
 def probe(
-    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), or sim")],
+    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, or bag")],
     settings: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
     scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
@@ -201,20 +210,15 @@ def _parse(given: list[str] | None, option: str) -> dict[str, Any]:
     return result
 
 
-def _source(name: str, settings: dict[str, Any], scene: str | None) -> LiveSource:
+def _source(name: str, settings: dict[str, Any], scene: str | None) -> Source:
     from radar_core.config import load, nest
-    from radar_driver.boards import board
 
-    if name == "sim":
-        if settings:
-            raise ConfigError("sim has no knobs: give --scene")
-        from radar_driver.simulated import SimLive
-
-        return SimLive(scene or "demo")
-    if scene is not None:
-        raise ConfigError(f"--scene is for sim; {name} is a board: give --set knob=value (handwave devices --boards lists the knobs)")
-    found = board(name)
-    return found.open(load(found.config, nest(settings), "--set"))
+    registry = _registry()
+    if scene is not None and name != "sim":
+        raise ConfigError(f"--scene is for sim; for {name} give --set knob=value (handwave devices --boards lists the knobs)")
+    found = registry.board(name)
+    given = settings if scene is None else {"scene": scene, **settings}
+    return found.source(load(found.config, nest(given), "--set"))
 
 
 def _show(board: str, found: Probe) -> None:

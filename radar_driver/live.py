@@ -1,94 +1,25 @@
-"""Devices that send by themselves: a thread reads, the newest frame wins, and a device that went away is opened again."""
+"""Reads a source: a thread waits for data, the newest frame wins, and a device that went away is opened again."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from collections.abc import Callable
+from typing import Final
 
-from radar_core import HandwaveError, PointCloud, RadarFrame, RadarInfo
+from radar_core import HandwaveError
+from radar_driver.sources import Reading, Source
 
 _WAIT: Final = 0.2  # s: how long a read may block; so long does it take to stop
 _AGAIN: Final = 0.5  # s: from one attempt to open a lost device to the next
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """What a device gave.
-
-    Attributes
-    ----------
-    data : RadarFrame or PointCloud
-        Its stamp is the start of the acquisition on CLOCK_MONOTONIC [ns], its sequence counts what the device made: a gap is a loss.
-    truth : Any
-        What is true then; None: unknown, as for every real device.
-    """
-
-    data: RadarFrame | PointCloud
-    truth: Any = None
-
-
-class LiveSource(Protocol):
-    """A device that sends by itself once resumed. Its methods are called from one thread at a time.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        What the radar is; known before `power_up`, but for the calibration.
-    """
-
-    info: RadarInfo
-
-    def power_up(self) -> None:
-        """Open and set up the device, suspended; a `DeviceError` leaves it powered down."""
-        ...
-
-    def resume(self) -> None:
-        """Let it send; what it still had from before is thrown away."""
-        ...
-
-    def suspend(self) -> None:
-        """Let it be silent; may be called twice."""
-        ...
-
-    def power_down(self) -> None:
-        """Let go of everything; may be called twice, and never fails."""
-        ...
-
-    def read(self, timeout: float) -> Reading | None:
-        """Wait for what comes next.
-
-        Parameters
-        ----------
-        timeout : float
-            How long at most [s].
-
-        Returns
-        -------
-        Reading or None
-            None: nothing came.
-
-        Raises
-        ------
-        DeviceError
-            ``gone``: the device has to be powered up anew; otherwise reading may go on.
-        """
-        ...
-
-    def report(self) -> Mapping[str, Any]:
-        """Say what is known of the device: states, temperature, counts; called from any thread."""
-        ...
-
-
 class Reader:
-    """Reads a live source in a thread of its own.
+    """Reads a source in a thread of its own.
 
     Parameters
     ----------
-    source : LiveSource
+    source : Source
         Powered up; the reader resumes it, and powers it up anew when it is lost.
     notify : callable
         Called from the thread when there is something new to `take`, and when `problem` changes.
@@ -103,7 +34,7 @@ class Reader:
         ``reopened``, ``errors``: since the start.
     """
 
-    def __init__(self, source: LiveSource, notify: Callable[[], None], *, again: float = _AGAIN) -> None:
+    def __init__(self, source: Source, notify: Callable[[], None], *, again: float = _AGAIN) -> None:
         self._source, self._notify, self._again = source, notify, again
         self._lock = threading.Lock()
         self._newest: Reading | None = None
@@ -192,8 +123,3 @@ class Reader:
         with self._lock:
             self._problem = problem
         self._notify()
-
-
-def monotonic_ns() -> int:
-    """Read the clock on which devices stamp [ns]."""
-    return time.monotonic_ns()

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from radar_core import DeviceError
 from radar_driver.health import Check, Health, HealthConfig, Verdict, worst
-from radar_driver.live import LiveSource
+from radar_driver.sources import Source
 
 _WAIT: Final = 0.2  # s
 
@@ -36,13 +36,13 @@ class Probe:
 
 
 def probe(
-    source: LiveSource, seconds: float, *, settings: HealthConfig | None = None, progress: Callable[[float], None] = lambda _: None
+    source: Source, seconds: float, *, settings: HealthConfig | None = None, progress: Callable[[float], None] = lambda _: None
 ) -> Probe:
     """Power a source up, listen to it, and power it down again, whatever happens.
 
     Parameters
     ----------
-    source : LiveSource
+    source : Source
         Powered down.
     seconds : float
         How long to listen [s].

@@ -1,72 +1,115 @@
-"""Where raw frames come from; every source looks the same to the driver node."""
+"""What every source of radar data looks like: a board, a simulated radar, a recording."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Protocol
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
-from radar_core import RadarFrame, RadarInfo
-from radar_sim import Simulator, Truth, load_scene
+from radar_core import PointCloud, RadarFrame, RadarInfo
+
+if TYPE_CHECKING:
+    from radar_sim import Truth
 
 
-class FrameSource(Protocol):
-    """A device, a simulated radar or a recording.
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One frame or cloud of a source.
+
+    Attributes
+    ----------
+    data : RadarFrame or PointCloud
+        The stamp of a frame is the start of its acquisition, that of a cloud the middle [ns]. The sequence counts what the source made,
+        lost ones too: a gap is a loss.
+    truth : Truth or None
+        What is true in the middle of the frame's acquisition, on the same clock; None: not known.
+    turn : int
+        How often a recording or scene has begun again before this frame; 0: the first time.
+    """
+
+    data: RadarFrame | PointCloud
+    truth: Truth | None = None
+    turn: int = 0
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a source that has no clock of its own is told about its user.
+
+    Attributes
+    ----------
+    namespace : str
+        Which radar, where a scene or recording holds several, e.g. ``"left"``; the only one is taken whatever its namespace.
+    clock : callable
+        Reads the time on which frames are due and stamped [ns]. It may stand still or go back, as simulated time does.
+    rate : float
+        Pace relative to the radar's own.
+    nap : float
+        Longest sleep between two looks at the clock [s]; finite for a clock that does not run with real time.
+    """
+
+    namespace: str = ""
+    clock: Callable[[], int] = time.monotonic_ns
+    rate: float = 1.0
+    nap: float = math.inf
+
+
+class Source(Protocol):
+    """Something that gives frames or clouds once resumed. Its methods are called from one thread at a time.
+
+    Stamps are on CLOCK_MONOTONIC, those of a source that was opened with a `Context` on the context's clock.
 
     Attributes
     ----------
     info : RadarInfo
-        What the radar is and where it stands.
-    n_frames : int or None
-        How many frames there are; None: no end.
-    interval : float
-        From one frame to the next [s]: what the device's own clock makes of the waveform's frame interval.
-    delay : float
-        From power-up to the first frame [s].
+        What the radar is; known before `power_up`, but for the calibration.
     """
 
     info: RadarInfo
-    n_frames: int | None
-    interval: float
-    delay: float
 
-    def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
-        """Frame ``sequence`` (from 0) and, where known, what is true in its middle; stamps count from the source's own start."""
+    def power_up(self) -> None:
+        """Open and set up the device, suspended; a `DeviceError` leaves it powered down."""
         ...
 
-    def close(self) -> None:
-        """Let go of what the source holds; may be called twice."""
+    def resume(self) -> None:
+        """Let it send; what it still had from before is thrown away. A recording or scene goes on from where it was suspended."""
+        ...
+
+    def suspend(self) -> None:
+        """Stop sending; may be called twice."""
+        ...
+
+    def power_down(self) -> None:
+        """Let go of everything; may be called twice, and never fails."""
+        ...
+
+    def read(self, timeout: float) -> Reading | None:
+        """Wait for what comes next.
+
+        Parameters
+        ----------
+        timeout : float
+            How long at most [s].
+
+        Returns
+        -------
+        Reading or None
+            None: nothing came.
+
+        Raises
+        ------
+        DeviceError
+            ``gone``: the device has to be powered up anew; otherwise reading may go on.
+        """
+        ...
+
+    def report(self) -> Mapping[str, Any]:
+        """Say what is known of the source: states, temperature, counts; called from any thread."""
         ...
 
 
-class SimSource:
-    """A simulated radar in a scene.
-
-    Parameters
-    ----------
-    scene : str or Path
-        Scene file, or one of ours by name.
-    namespace : str
-        Which radar of the scene, where it has several, e.g. ``left``; the only one is taken whatever its namespace.
-
-    Raises
-    ------
-    ConfigError
-        Naming file, line and key.
-    """
-
-    def __init__(self, scene: str | Path, namespace: str = "") -> None:
-        loaded = load_scene(scene)
-        self._simulator = Simulator(loaded, namespace.strip("/") if len(loaded.radars) > 1 else "")
-        self.info: RadarInfo = self._simulator.info
-        self.n_frames: int | None = self._simulator.n_frames
-        self.interval: float = self._simulator.interval
-        self.delay: float = self._simulator.radar.trigger_offset
-        self._simulator.process(0)  # compiles the inner loops on a fresh machine: half a minute that must not fall into the measurement
-
-    def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
-        """Simulate one frame."""
-        simulated = self._simulator.process(sequence)
-        return simulated.frame, simulated.truth
-
-    def close(self) -> None:
-        """Nothing is held."""
+def monotonic_ns() -> int:
+    """Read the clock on which boards stamp [ns]."""
+    return time.monotonic_ns()

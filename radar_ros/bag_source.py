@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-from rosbags.highlevel import AnyReader, AnyReaderError
+from typing import TYPE_CHECKING, Any
 
 from radar_core import DataError, RadarFrame, RadarInfo
+from radar_core.config import config, knob
+from radar_driver.boards import Board, register
+from radar_driver.sources import Context
 from radar_ros.messages.convert import frame_from_msg, info_from_msg
-from radar_sim import Truth
+
+if TYPE_CHECKING:
+    from radar_driver.paced import Paced
 
 
-class BagSource:
-    """The raw frames of a bag, in order, paced by the driver.
+@config
+class BagConfig:
+    """Which recording."""
+
+    bag: str = knob("", doc="source bag: folder of the recording")
+
+
+class BagFrames:
+    """The raw frames of a bag, in order; see `radar_driver.paced.Frames`.
 
     Parameters
     ----------
@@ -30,6 +40,8 @@ class BagSource:
     """
 
     def __init__(self, path: Path, namespace: str = "") -> None:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+
         try:
             self._reader = AnyReader([path])
             self._reader.open()
@@ -68,24 +80,34 @@ class BagSource:
         topics = ", ".join(sorted(held)) or "none"
         raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
 
-    def read(self, sequence: int) -> tuple[RadarFrame, Truth | None]:
-        """Read the frame at a place; going back starts from the front.
+    def frame(self, number: int) -> tuple[RadarFrame, None]:
+        """Read a frame; going back starts from the front.
 
         Raises
         ------
         DataError
             When the bag has fewer frames.
         """
-        if sequence < self._next or self._next == 0:
+        if number < self._next or self._next == 0:
             self._messages, self._next = self._reader.messages(connections=self._frames), 0
         for connection, _, raw in self._messages:
             self._next += 1
-            if self._next > sequence:
+            if self._next > number:
                 return frame_from_msg(self._reader.deserialize(raw, connection.msgtype)), None
-        raise DataError(f"the bag ends before frame {sequence}")
+        raise DataError(f"the bag ends before frame {number}")
 
     def close(self) -> None:
         """Close the bag."""
         if self._open:
             self._open = False
             self._reader.close()
+
+
+def open_bag(settings: BagConfig, context: Context) -> Paced:
+    """Make the source of a recording."""
+    from radar_driver.paced import Paced
+
+    return Paced(BagFrames(Path(settings.bag), context.namespace), context)
+
+
+BOARD = register(Board("bag", "recording of raw frames (rosbag2)", BagConfig, open_bag, prefix="", paced=True))

@@ -1,6 +1,7 @@
-"""Boards that Handwave knows: every module of this package is one and says what it is in ``BOARD``; a new board is one new module.
+"""Sources that Handwave knows, by name. Each module of this package says what it is in ``BOARD``; a new board is one new module.
 
-Boards of other people's packages are found by their entry points in the group ``handwave.boards`` (docs/adding-a-board.md).
+Boards of other people's packages are found by their entry points in the group ``handwave.boards`` (docs/adding-a-board.md). A later room
+calls `register`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from functools import cache
 from typing import Any, Final
 
 from radar_core import ConfigError
-from radar_driver.live import LiveSource
+from radar_driver.sources import Context, Source
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Board:
-    """A kind of board.
+    """A kind of source: a board, the simulated radar, recordings.
 
     Attributes
     ----------
@@ -50,32 +51,58 @@ class Board:
     title : str
         For people.
     config : type
-        Knobs, a class made with `radar_core.config.config`; the driver declares each as parameter ``NAME.knob``.
+        Knobs, a class made with `radar_core.config.config`; the driver declares each as a parameter.
     open : callable
-        Makes the source of a configuration; nothing is touched before its `power_up`.
-    find : callable
-        Lists what is plugged in; quick, and changes nothing.
+        Makes the source of a configuration (and a `Context`, see ``paced``); no device is touched before its `power_up`.
+    find : callable or None
+        Lists what is plugged in; quick, and changes nothing. None: there is nothing to plug in.
     clouds : bool
-        Whether the board gives point clouds instead of raw frames.
+        Whether it gives point clouds instead of raw frames.
+    prefix : str or None
+        In front of the knobs' names in the driver's parameters; None: ``NAME.``.
+    paced : bool
+        Whether `open` takes a `Context` too, on whose clock frames are then due and stamped.
     """
 
     name: str
     title: str
     config: type
-    open: Callable[[Any], LiveSource]
-    find: Callable[[], Sequence[Found]]
+    open: Callable[..., Source]
+    find: Callable[[], Sequence[Found]] | None = None
     clouds: bool = False
+    prefix: str | None = None
+    paced: bool = False
+
+    def parameter(self, knob: str = "") -> str:
+        """Name of a knob among the driver's parameters; of no knob: what they begin with."""
+        return (f"{self.name}." if self.prefix is None else self.prefix) + knob
+
+    def source(self, config: Any, context: Context | None = None) -> Source:
+        """Make the source of a configuration; ``context`` is for those that are paced (None: real time)."""
+        return self.open(config, context or Context()) if self.paced else self.open(config)
 
 
 GROUP: Final = "handwave.boards"
 """Entry points of this group are boards of other packages: each names a `Board`."""
 
+_registered: dict[str, Board] = {}
+
+
+def register(board: Board) -> Board:
+    """Make a kind of source of a later room known; gives it back."""
+    _registered[board.name] = board
+    return board
+
+
+def _ours() -> list[str]:
+    """Names of the boards of this package, which are those of its modules."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__))
+
 
 @cache
 def _known() -> tuple[Mapping[str, Board], Mapping[str, str]]:
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    ours = [importlib.import_module(f"{__name__}.{name}").BOARD for name in names]
-    found = {board.name: board for board in ours}
+    """Boards of other packages, and why some cannot be used."""
+    found: dict[str, Board] = {}
     bad: dict[str, str] = {}
     for entry in sorted(importlib.metadata.entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
         try:
@@ -83,7 +110,7 @@ def _known() -> tuple[Mapping[str, Board], Mapping[str, str]]:
         except Exception as error:  # somebody else's code: whatever it raises must not take the other boards away
             bad[entry.name] = f"{entry.value} cannot be used: {type(error).__name__}: {error}"
             continue
-        if other.name in found:
+        if other.name in found or other.name in _ours():
             bad[entry.name] = f"{entry.value} calls its board {other.name!r}, as another one is called; it needs a name of its own"
         else:
             found[other.name] = other
@@ -99,8 +126,8 @@ def _checked(value: Any) -> Board:
 
 
 def boards() -> Mapping[str, Board]:
-    """All boards by name: ours, then those of other packages."""
-    return _known()[0]
+    """All kinds of source by name: ours, then those of other packages."""
+    return {**{name: board(name) for name in _ours()}, **_registered, **_known()[0]}
 
 
 def broken() -> Mapping[str, str]:
@@ -109,15 +136,20 @@ def broken() -> Mapping[str, str]:
 
 
 def board(name: str) -> Board:
-    """Look up a board.
+    """Look up a kind of source; imports no other one of ours.
 
     Raises
     ------
     ConfigError
         When there is none of that name.
     """
+    if name in _ours():
+        found: Board = importlib.import_module(f"{__name__}.{name}").BOARD
+        return found
+    if name in _registered:
+        return _registered[name]
+    if name in broken():
+        raise ConfigError(f"the board {name!r}: {broken()[name]}")
     if name not in boards():
-        if name in broken():
-            raise ConfigError(f"the board {name!r}: {broken()[name]}")
-        raise ConfigError(f"there is no board {name!r}; choose one of {', '.join(boards())}")
+        raise ConfigError(f"there is no source {name!r}; choose one of {', '.join(boards())}")
     return boards()[name]

@@ -18,7 +18,7 @@ from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.settings import Dca1000Config, check_settings
 from radar_driver.dca1000.stamps import Stamps
 from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
-from radar_driver.live import Reading
+from radar_driver.sources import Reading
 
 _STOP_WAIT: Final = 0.5  # s: for a sensor that may not be there any more
 _SETTLE: Final = 0.1  # s, and a frame: samples that come sooner are of a sensor that ran already

@@ -16,7 +16,7 @@ from radar_core.config import config, knob
 from radar_core.geometry import spherical_to_cartesian
 from radar_driver.clouds import cloud_source_info
 from radar_driver.components import Component, Radar, Report
-from radar_driver.live import Reading
+from radar_driver.sources import Reading
 from radar_driver.ti_demo.cli import SendConfig, send_config
 from radar_driver.ti_demo.config_file import describe, static_removed
 from radar_driver.ti_demo.items import Points
@@ -98,7 +98,7 @@ class _Sensor(Component):
 
 
 class TiDemo:
-    """Reads packets of a demo and makes clouds of them; a `radar_driver.live.LiveSource`.
+    """Reads packets of a demo and makes clouds of them; a `radar_driver.sources.Source`.
 
     Parameters
     ----------

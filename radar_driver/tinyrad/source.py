@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from radar_core import DeviceError
 from radar_driver.components import Radar
-from radar_driver.live import Reading, monotonic_ns
+from radar_driver.sources import Reading, monotonic_ns
 from radar_driver.tinyrad.board import Controller, Converter, FrontEnd, Sequencer, Synthesiser
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.convert import Converter as FrameConverter
@@ -19,7 +19,7 @@ _MOST_STALLS: Final = 5  # in a row without a frame between them
 
 
 class TinyRadSource:
-    """An EV-TINYRAD24G that sends by itself, see `radar_driver.live.LiveSource`.
+    """An EV-TINYRAD24G that sends by itself, see `radar_driver.sources.Source`.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class TinyRadSource:
         self._radar.power_down()
 
     def read(self, timeout: float) -> Reading | None:
-        """Wait for the next frame; see `radar_driver.live.LiveSource`."""
+        """Wait for the next frame; see `radar_driver.sources.Source`."""
         try:
             self._look_at_temperature()
             block = self._stream.fetch(timeout)

@@ -7,28 +7,26 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
 from sensor_msgs.msg import PointCloud2
-from tf2_msgs.msg import TFMessage
 
 from radar_core import HandwaveError, RadarInfo
 from radar_driver.foreign import ForeignConfig, foreign_cloud
 from radar_ros import qos
-from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg, mount_to_transform
+from radar_ros.announce import Announcer, in_namespace
+from radar_ros.messages.convert import cloud_to_msg, from_time
 from radar_ros.messages.pointcloud2 import read_fields
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run
 
-_AGAIN: Final = 0.5  # s: the info is said again this often, as the driver does
 _QUIET: Final = 4.0  # s without a cloud: worth a word
 
 
 class Cloud2Node(StageNode):
-    """Takes somebody else's clouds; what cannot be used is dropped, counted, and told once."""
+    """Takes somebody else's clouds; what cannot be used is dropped, counted, and logged once."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("cloud2", **kwargs)
-        self._settings = declare_config(self, ForeignConfig)
+        self._config = declare_config(self, ForeignConfig)
         topic = str(declare(self, "topic", "points", "topic of the clouds (sensor_msgs/PointCloud2), e.g. /ti_mmwave/radar_scan_pcl"))
         self._info: RadarInfo | None = None
         self._count = 0
@@ -36,32 +34,23 @@ class Cloud2Node(StageNode):
         self._theirs = ""
         self._heard = time.monotonic()
         self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
-        self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
-        self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
-        if self._settings.frame_id:
-            self._describe(self._settings.frame_id)
+        self._announcer = Announcer(self)
+        if self._config.frame_id:
+            self._describe(self._config.frame_id)
         # Best effort: other people's drivers often offer no more, and a reader that asks for more gets nothing.
         self._subscription = self.create_subscription(PointCloud2, topic, self._take, qos.sensor(reliable=self.reliable))
         self._topic = self._subscription.topic_name
-        self.create_timer(_AGAIN, self._announce)
 
     def _describe(self, frame_id: str) -> None:
-        space = self.get_namespace().strip("/") + "/"
-        self._info = self._settings.info(f"{space}{frame_id.lstrip('/').removeprefix(space)}".lstrip("/"))
-        self.frame_interval = self._settings.frame_interval
-        self._announce()
-
-    def _announce(self) -> None:
-        if self._info is not None:
-            now = self.get_clock().now().nanoseconds
-            self._infos.publish(info_to_msg(self._info, now))
-            self._tf.publish(TFMessage(transforms=[mount_to_transform(self._info, now)]))
+        self._info = self._config.info(in_namespace(self, frame_id))
+        self.frame_interval = self._config.frame_interval
+        self._announcer.start(self._info)
 
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
         self._heard = time.monotonic()
         try:
-            values = read_fields(msg, self._settings.names, self._topic)
+            values = read_fields(msg, self._config.names, self._topic)
             self._send(msg.header, values, started)
         except HandwaveError as error:
             self.dropped += 1
@@ -75,9 +64,9 @@ class Cloud2Node(StageNode):
             self.caution(f"{self._topic}: clouds come in the frames {self._theirs!r} and {head.frame_id!r}; all count as one radar's")
         self._theirs = self._theirs or head.frame_id
         said = from_time(head.stamp)
-        stamp = said if self._settings.stamp == "message" and said > 0 else self.get_clock().now().nanoseconds
-        stamp = max(stamp - round(self._settings.latency * 1e9), 1)
-        cloud, refused = foreign_cloud(values, self._settings, stamp, self._count, self._info.frame_id)
+        stamp = said if self._config.stamp == "message" and said > 0 else self.get_clock().now().nanoseconds
+        stamp = max(stamp - round(self._config.latency * 1e9), 1)
+        cloud, refused = foreign_cloud(values, self._config, stamp, self._count, self._info.frame_id)
         self._count += 1
         self._refused_points += refused
         self._points.publish(cloud_to_msg(cloud))

@@ -1,40 +1,34 @@
-"""Driver node (lifecycle): a source of raw frames, paced and stamped with the node's clock."""
+"""Driver node (lifecycle): frames or clouds of a source, stamped with the node's clock."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
-from geometry_msgs.msg import Pose as PoseMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import Truth as TruthMsg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from tf2_msgs.msg import TFMessage
 
 from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
 from radar_core.mounting import MountCalibration, load_mount
-from radar_driver.boards import Board, board
-from radar_driver.live import LiveSource
-from radar_ros import qos
-from radar_ros.feed import LiveFeed
-from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, header, info_to_msg, mount_to_transform
+from radar_driver import boards
+from radar_driver.sources import Context, Reading, Source
+from radar_ros import bag_source, qos
+from radar_ros.announce import Announcer, in_namespace
+from radar_ros.feed import Feed
+from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
 
-if TYPE_CHECKING:  # the simulator takes longer to import than a board to come up, e.g. after a crash
-    from radar_driver.sources import FrameSource
-    from radar_sim import Truth
-
 AT_END = ("stop", "loop", "exit")
+_ALWAYS = ("sim", bag_source.BOARD.name)  # their parameters are there whatever the source is
 _SETTLE_NS = 500_000_000
-_TICK = 0.125  # of a frame: a frame that ends between two ticks is late, which to a fusion looks like a clock that is behind
+_LOOK = 0.02  # s: how often readers are counted while they are waited for
+_NAP = 1e-3  # s: how long a source sleeps at once while time is simulated
 
 
 class DriverNode(StageMixin, LifecycleNode):
@@ -43,60 +37,40 @@ class DriverNode(StageMixin, LifecycleNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("driver", **kwargs)
         self.start_stage("driver")
-        self._source_kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
-        self._scene = str(declare(self, "scene", "demo", "source sim: scene file, or one of ours by name"))
-        self._bag = str(declare(self, "bag", "", "source bag: folder of the recording"))
+        kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
         self._calibration = str(
             declare(self, "calibration", "", "file of handwave calibrate-pair with this radar's mount; empty: as the source says")
         )
-        self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}"))
+        self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}", choices=AT_END))
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
-        self._speed = float(declare(self, "rate", 1.0, "pace relative to the radar's own", low=0.01, high=100.0))
+        self._speed = float(declare(self, "rate", 1.0, "of sim and bag: pace relative to the radar's own", low=0.01, high=100.0))
         self._readers = int(declare(self, "wait_for_readers", 0, "frames come when so many read radar/frame; 0: at once", low=0, high=100))
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
         if self._at_end not in AT_END:
             raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
-        self._board = None if self._source_kind in ("sim", "bag") else self._known_board()
-        self._source: FrameSource | None = None
-        self._device: LiveSource | None = None
-        self._feed: LiveFeed | None = None
-        self._measured: MountCalibration | None = None
+        self._board, self._settings = self._known_board(kind)
+        self._source: Source | None = None
+        self._feed: Feed | None = None
         self._timer: Any = None
-        self._again: Any = None
         self._failure: HandwaveError = ConfigError("")
         self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.stream_out())
-        self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
-        if self._board is not None and self._board.clouds:
+        if self._board.clouds:
             self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
-        self._tf = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
-        self._pose = self.create_publisher(PoseWithCovarianceStamped, "radar/pose", qos.LATCHED) if self._calibration else None
+        self._announcer = Announcer(self, pose=bool(self._calibration))
         if autostart:
             self._autostart()
 
-    def _known_board(self) -> Board:
-        """Look up the board and declare its knobs as parameters ``BOARD.knob``."""
+    def _known_board(self, name: str) -> tuple[boards.Board, Any]:
+        """Look up the kind of source and declare its knobs as parameters."""
         try:
-            found = board(self._source_kind)
+            found = boards.board(name)
         except ConfigError as error:
-            raise ConfigError(
-                f"parameter source of node {self.get_name()} is {self._source_kind!r}; choose sim, bag or a board: {error}"
-            ) from None
-        self._settings: Any = declare_config(self, found.config, f"{found.name}.")
-        return found
-
-    def _open(self) -> RadarInfo:
-        """Open what frames come from, or power up the board; tell what radar it is."""
-        space = self.get_namespace()
-        if self._board is not None:
-            self._device = self._board.open(self._settings)
-            self._device.power_up()
-            return self._device.info
-        from radar_driver.sources import SimSource
-        from radar_ros.bag_source import BagSource
-
-        self._source = SimSource(self._scene, space) if self._source_kind == "sim" else BagSource(Path(self._bag), space)
-        return self._source.info
+            raise ConfigError(f"parameter source of node {self.get_name()} is {name!r}: {error}") from None
+        declared = [boards.board(always) for always in _ALWAYS if always != name]
+        for other in declared:
+            declare_config(self, other.config, other.parameter())
+        return found, declare_config(self, found.config, found.parameter())
 
     def _autostart(self) -> None:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
@@ -106,75 +80,107 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
+        clock = self.get_clock()
+        nap = _NAP if clock.ros_time_is_active else math.inf
+        context = Context(self.get_namespace(), lambda: int(clock.now().nanoseconds), self._speed, nap)
         try:
-            radar = self._open()
+            self._source = self._board.source(self._settings, context)
+            self._source.power_up()
+            self._info, measured = self._mounted(self._source.info)
         except HandwaveError as error:
-            self._failure = error
-            self.get_logger().error(str(error))
-            return TransitionCallbackReturn.FAILURE
-        space = self.get_namespace().strip("/") + "/"
-        name = radar.frame_id.removeprefix(space)  # a recording made in this namespace has it in its frame's name already
-        try:
-            self._info = self._mounted(replace(radar, frame_id=f"{space}{name}".lstrip("/")))
-        except HandwaveError as error:
-            self._failure = error
-            self.get_logger().error(str(error))
             self._power_down()
-            return TransitionCallbackReturn.FAILURE
-        self._position = 0  # in the source
-        self._count = 0  # frames made or skipped since power-up: the sequence
-        self._announce()
-        # Latched messages sometimes reach a late joiner only with the middleware's next heartbeat, 3 s later; saying it again is cheap.
-        self._again = self.create_timer(0.5, self._announce)
+            return self._fail(error)
+        self._feed = Feed(self, self._source, self._publish)
+        self._count = 0
+        self._announcer.start(self._info, measured)
         return TransitionCallbackReturn.SUCCESS
 
+    def _fail(self, error: HandwaveError) -> TransitionCallbackReturn:
+        self._failure = error
+        self.get_logger().error(str(error))
+        return TransitionCallbackReturn.FAILURE
+
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Resume: frames come from now on."""
-        if self._device is not None:
-            return self._start_feed(self._device) or super().on_activate(state)
-        assert self._source is not None
-        self._interval_ns = round(self._source.interval * 1e9 / self._speed)
-        self._delay_ns = round(self._source.delay * 1e9 / self._speed)
-        self._start_ns = self.get_clock().now().nanoseconds
-        self._done = 0  # frames due since activation that were made or skipped
-        self._prefetched: tuple[int, RadarFrame, Truth | None] | None = None
-        self._made = False
-        self._connected = self._readers == 0
-        self._timer = self.create_timer(self._interval_ns * _TICK * 1e-9, self._tick)
+        """Resume: frames come from now on, or from when they are read."""
+        self._first_ns: int | None = None  # stamp of the first frame since
+        if self._readers:
+            self._met_ns = 0  # when all readers were there for the first time
+            self._timer = self.create_timer(_LOOK, self._await_readers)
+            return super().on_activate(state)
+        try:
+            self._start_feed()
+        except HandwaveError as error:
+            return self._fail(error)
         return super().on_activate(state)
 
-    def _start_feed(self, device: LiveSource) -> TransitionCallbackReturn | None:
-        """Let the board send; None when it does."""
-        self._feed = LiveFeed(self, device, self._info, self._send)
+    def _start_feed(self) -> None:
+        assert self._feed is not None
         try:
             self._feed.start()
-        except HandwaveError as error:
-            self._failure = error
-            self.get_logger().error(str(error))
-            self._stop_feed()
-            return TransitionCallbackReturn.FAILURE
-        return None
-
-    def _stop_feed(self) -> None:
-        if self._feed is not None:
+        except HandwaveError:
             self._feed.stop()
-            self._feed = None
+            raise
 
-    def _send(self, data: RadarFrame | PointCloud) -> None:
-        """Publish what a board gave."""
+    def _await_readers(self) -> None:
+        """Begin when the wanted readers have been connected for a moment; a reader knows of it a little later than its writer."""
+        now = time.monotonic_ns()
+        if self._frames.get_subscription_count() < self._readers:
+            self._met_ns = 0
+        elif not self._met_ns:
+            self._met_ns = now
+        elif now - self._met_ns >= _SETTLE_NS:
+            self._stop_timer()
+            self._announcer.say()  # so that the readers know the radar before its first frame
+            self._start_feed()
+
+    def _publish(self, reading: Reading, started_ns: int) -> None:
+        """Publish what the source gave, stamped with the node's clock."""
+        if self._ended(reading):
+            return
+        data = reading.data
+        stamp = self._stamp(data.stamp_ns)
+        self.count_gap(data.sequence, data.every if isinstance(data, PointCloud) else 1)
+        self._count = data.sequence + 1
+        data = replace(data, stamp_ns=max(stamp, 0), frame_id=self._info.frame_id)
         if isinstance(data, RadarFrame):
             self._frames.publish(frame_to_msg(data))
         else:
             self._points.publish(cloud_to_msg(data))
+        self.finish(stamp, data.sequence, started_ns)
+        if reading.truth is not None:
+            from radar_ros.messages.truth import truth_to_msg
+
+            self._truths.publish(truth_to_msg(reading.truth))
+
+    def _stamp(self, stamp_ns: int) -> int:
+        """Put the stamp of a source, on CLOCK_MONOTONIC unless it is paced by the node's clock, onto the node's clock."""
+        return stamp_ns if self._board.paced else stamp_ns + int(self.get_clock().now().nanoseconds) - time.monotonic_ns()
+
+    def _ended(self, reading: Reading) -> bool:
+        """Whether the source or the wanted duration is over; loop, stop or exit as told."""
+        stamp = reading.data.stamp_ns
+        if self._first_ns is None or stamp < self._first_ns:
+            self._first_ns = stamp
+        interval_ns = self._info.waveform.frame_interval * 1e9 / self._speed
+        timed = self._duration > 0 and stamp - self._first_ns + interval_ns > self._duration * 1e9 + 0.5
+        over = timed or (reading.turn > 0 and self._at_end != "loop")
+        if over:
+            self.get_logger().info(f"the source ends after {self._count} frames")
+            assert self._feed is not None
+            self._feed.stop()
+            if self._at_end == "exit":
+                raise SystemExit(0)
+        return over
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
-        """Say what the board reports of itself."""
+        """Say what the source reports of itself."""
         return ({}, []) if self._feed is None else self._feed.figures()
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Suspend: no more frames; the source keeps its place."""
         self._stop_timer()
-        self._stop_feed()
+        if self._feed is not None:
+            self._feed.stop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -198,121 +204,24 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def _power_down(self) -> None:
         self._stop_timer()
-        self._stop_feed()
-        if self._again is not None:
-            self.destroy_timer(self._again)
-            self._again = None
+        self._announcer.stop()
+        if self._feed is not None:
+            self._feed.close()
+            self._feed = None
         if self._source is not None:
-            self._source.close()
+            self._source.power_down()
             self._source = None
-        if self._device is not None:
-            self._device.power_down()
-            self._device = None
 
-    def _mounted(self, info: RadarInfo) -> RadarInfo:
-        """Put the measured mount into a radar's description; a file about another radar changes nothing, so all drivers may get it."""
-        self._measured = None
+    def _mounted(self, info: RadarInfo) -> tuple[RadarInfo, MountCalibration | None]:
+        """Put name and measured mount into a radar's description; a file about another radar changes nothing, so all drivers may get it."""
+        info = replace(info, frame_id=in_namespace(self, info.frame_id))
         if not self._calibration:
-            return info
+            return info, None
         measured = load_mount(self._calibration)
         if not measured.names(info.frame_id):
             self.get_logger().info(f"{self._calibration} is about {measured.radar}; {info.frame_id} stays where its source says")
-            return info
-        self._measured = measured
-        return replace(info, mount=measured.mount)
-
-    def _announce(self) -> None:
-        info = self._info
-        now = self.get_clock().now().nanoseconds
-        self._infos.publish(info_to_msg(info, now))
-        transform = mount_to_transform(info, now)
-        self._tf.publish(TFMessage(transforms=[transform]))
-        if self._pose is not None and self._measured is not None:
-            place = PoseMsg(position=Point(x=info.mount.x, y=info.mount.y, z=info.mount.z), orientation=transform.transform.rotation)
-            pose = PoseWithCovariance(pose=place, covariance=self._measured.pose_covariance.ravel())
-            self._pose.publish(PoseWithCovarianceStamped(header=header(now, "room"), pose=pose))
-
-    def _tick(self) -> None:
-        """Several times per frame: publish the frame whose acquisition has ended, or else make the next one while nothing else is to do."""
-        if self._source is None or self._timer is None:
-            return
-        elapsed = self.get_clock().now().nanoseconds - self._start_ns
-        # Simulated time is 0 until /clock is heard: that jump is no loss. It goes back where a simulation starts again.
-        if self._start_ns == 0 or elapsed < (self._done - 1) * self._interval_ns:
-            self._start_ns += elapsed
-            self._done = elapsed = 0
-        if not self._connected:
-            self._await_readers(elapsed)
-            return
-        due = (elapsed - self._delay_ns) // self._interval_ns  # acquisitions that have ended
-        if due > self._done:
-            self._publish_frame(due)
-        elif self._prefetched is None and self._made and not self._over():
-            self._prefetched = (self._position, *self._source.read(self._position))
-
-    def _await_readers(self, elapsed_ns: int) -> None:
-        """Begin when the wanted readers have been connected for a moment; a reader knows of it a little later than its writer."""
-        if self._frames.get_subscription_count() < self._readers:
-            self._start_ns += elapsed_ns
-        elif elapsed_ns >= _SETTLE_NS:
-            self._start_ns += elapsed_ns
-            self._connected = True
-            self._announce()  # so that the readers know the radar before its first frame
-
-    def _publish_frame(self, due: int) -> None:
-        """Publish the newest frame; what is late is skipped and counted, never queued."""
-        started = time.monotonic_ns()
-        skipped = due - self._done - 1
-        self.dropped += skipped
-        self._done = due
-        self._count += skipped
-        self._position += skipped
-        if self._ended():
-            return
-        frame, truth = self._fetch(self._position)
-        stamp = self._start_ns + self._delay_ns + (due - 1) * self._interval_ns
-        later = stamp - frame.stamp_ns
-        frame = replace(frame, stamp_ns=stamp, sequence=self._count, frame_id=self._info.frame_id)
-        self._frames.publish(frame_to_msg(frame))
-        self.finish(stamp, self._count, started)
-        if truth is not None:
-            from radar_ros.messages.truth import truth_to_msg
-
-            middle = stamp + self._info.waveform.acquisition_ns // 2
-            began, ends = (np.where(t > 0, t + later, t) for t in (truth.gesture_start_ns, truth.gesture_end_ns))
-            moved = replace(truth, stamp_ns=middle, sequence=self._count, gesture_start_ns=began, gesture_end_ns=ends)
-            self._truths.publish(truth_to_msg(moved))
-        self._count += 1
-        self._position += 1
-        self._made = True
-
-    def _fetch(self, position: int) -> tuple[RadarFrame, Truth | None]:
-        """Frame at a place of the source; the next one was made while nothing else was to do."""
-        assert self._source is not None
-        ready, self._prefetched = self._prefetched, None
-        if ready is not None and ready[0] == position:
-            return ready[1], ready[2]
-        return self._source.read(position)
-
-    def _over(self) -> bool:
-        """Whether the source has no frame at the place that comes next."""
-        assert self._source is not None
-        return self._source.n_frames is not None and self._position >= self._source.n_frames
-
-    def _ended(self) -> bool:
-        """Whether the source or the wanted duration is over; loop, stop or exit as told."""
-        assert self._source is not None
-        timed = self._duration > 0 and self._done * self._interval_ns * 1e-9 > self._duration
-        over = self._over()
-        if over and self._at_end == "loop" and not timed:
-            self._position = 0
-            return False
-        if over or timed:
-            self.get_logger().info(f"the source ends after {self._count} frames")
-            self._stop_timer()
-            if self._at_end == "exit":
-                raise SystemExit(0)
-        return over or timed
+            return info, None
+        return replace(info, mount=measured.mount), measured
 
 
 def make_node(**kwargs: Any) -> DriverNode:

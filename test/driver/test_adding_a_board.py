@@ -126,5 +126,5 @@ def test_boards_of_other_packages_are_found(fresh):
     assert "RuntimeError: no library" in reasons["faulty"]
     with pytest.raises(ConfigError, match="the board 'faulty': gb_broken:BOARD cannot be used"):
         registry.board("faulty")
-    with pytest.raises(ConfigError, match=r"there is no board 'nobody'; choose one of .*theirs"):
+    with pytest.raises(ConfigError, match=r"there is no source 'nobody'; choose one of .*theirs"):
         registry.board("nobody")

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import AntennaArray, DataError, DeviceError, PointCloud, RadarFrame, RadarInfo, Waveform
+from radar_driver.boards import board
 from radar_driver.health import Health, HealthConfig, Verdict, worst
-from radar_driver.live import Reading
 from radar_driver.probing import probe
-from radar_driver.simulated import SimLive
+from radar_driver.sources import Reading
 from radar_sim import Simulator, load_scene
 from radar_sim.effects import config as effects
 from radar_sim.effects import coupling, noise
@@ -283,7 +283,7 @@ def test_a_simulated_radar_sends_by_itself(tmp_path):
     """In its own time, counting what was left out; the scene begins again where it ends; its health is its scene's."""
     path = tmp_path / "brief.yaml"
     path.write_text("duration: 0.2\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], rcs: 0.1}]\neffects: {noise: {noise_figure: 12}}\n")
-    source = SimLive(path)
+    source = board("sim").source(board("sim").config(scene=str(path)))
     found = {check.name: check for check in probe(source, 0.6).checks}
     expected = 10 * math.log10(noise.power(effects.Noise(), source.info) * IMPEDANCE)
     assert found["noise floor"].value == pytest.approx(expected, abs=0.2)  # one target, as many cells as above at least

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import DataError, DeviceError, RadarFrame, RadarInfo
-from radar_driver.live import Reader, Reading
+from radar_driver.live import Reader
+from radar_driver.sources import Reading
 
 
 def reading(sequence):

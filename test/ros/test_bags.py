@@ -15,7 +15,7 @@ from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
 from radar_ros import bags
-from radar_ros.bag_source import BagSource
+from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.offline import open_recording, parse, simulate, simulators
@@ -45,14 +45,14 @@ def test_contents_and_file_names(raw_bag):
 def test_frames_come_back_bit_for_bit(raw_bag):
     """The recording's frames are the simulator's; a source may go back and forth."""
     simulator = Simulator(load_scene(raw_bag.parent / "two_seconds.yaml"))
-    source = BagSource(raw_bag)
+    source = BagFrames(raw_bag)
     assert source.info == simulator.info
     assert source.n_frames == 100
     for sequence in (0, 1, 5, 99, 0, 3):
-        frame, _ = source.read(sequence)
+        frame, _ = source.frame(sequence)
         assert frame.cube.tobytes() == simulator.process(sequence).frame.cube.tobytes()
     with pytest.raises(DataError, match="ends before frame 100"):
-        source.read(100)
+        source.frame(100)
     source.close()
 
 
@@ -78,7 +78,7 @@ def test_a_bag_without_the_needed_topics(raw_bag, tmp_path):
     with pytest.raises(DataError, match=r"needs radar/info \+ radar/frame or radar/info \+ radar/points, but holds truth"):
         open_recording(tmp_path / "poor")
     with pytest.raises(DataError, match=r"has no radar/frame with radar/info \(topics: /truth\)"):
-        BagSource(tmp_path / "poor")
+        BagFrames(tmp_path / "poor")
     with pytest.raises(DataError, match="nowhere"):
         open_recording(tmp_path / "nowhere")
 

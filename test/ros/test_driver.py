@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 import radar_ros.nodes.driver
 from radar_core import DataError
 from radar_ros import bags, qos
-from radar_ros.bag_source import BagSource
+from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import from_time
 from radar_ros.offline import simulate, simulators
 from radar_sim import Simulator, load_scene
@@ -116,7 +116,7 @@ def test_many_signals_are_one(ros, start, scene):
     [
         (["scnee:=short"], "no parameter 'scnee'; it knows:"),
         (["at_end:=explode"], "at_end of node driver is 'explode'; choose one of stop, loop, exit"),
-        (["source:=usb"], "choose sim, bag or a board: there is no board 'usb'"),
+        (["source:=usb"], "there is no source 'usb'; choose one of"),
         (["rate:=0.0"], "parameter rate of node driver"),
         (["source:=bag", "bag:=/nowhere"], "/nowhere"),
     ],
@@ -148,12 +148,12 @@ def two_radars(scene, tmp_path_factory):
 def test_radars_of_one_bag_are_not_mixed(two_radars):
     """The namespace says which radar; without one the choice is the user's."""
     for side, n_frames in (("left", N_FRAMES), ("/right", 5)):
-        source = BagSource(two_radars, side)
+        source = BagFrames(two_radars, side)
         assert source.n_frames == n_frames
-        assert [source.read(i)[0].sequence for i in range(5)] == [0, 1, 2, 3, 4]
+        assert [source.frame(i)[0].sequence for i in range(5)] == [0, 1, 2, 3, 4]
         source.close()
     with pytest.raises(DataError, match="holds the radars /left/, /right/; give the driver the namespace"):
-        BagSource(two_radars)
+        BagFrames(two_radars)
 
 
 def test_a_bag_drives_in_its_namespace(ros, two_radars):

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from radar_driver.sources import SimSource
+from radar_driver.boards.sim import SimFrames
 from radar_ros.bags import contents, read, repair
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.offline import parse, process_recording, simulate, simulators
@@ -63,11 +63,11 @@ def test_every_radar_has_its_own_topics(tmp_path, scene):
 
 def test_a_driver_takes_the_radar_of_its_namespace(scene):
     """By namespace, with its own clock; the only radar of a scene is taken whatever the namespace."""
-    source = SimSource(scene, "/right")
+    source = SimFrames(scene, "/right")
     assert source.info.frame_id == "right/radar"
     assert source.interval == pytest.approx(0.02002)
     assert source.delay == 0.005
-    assert SimSource("short", "/right").info.frame_id == "radar"
+    assert SimFrames("short", "/right").info.frame_id == "radar"
 
 
 @pytest.mark.long

@@ -1,0 +1,67 @@
+"""A simulated radar in a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from radar_core import RadarFrame, RadarInfo
+from radar_core.config import config, knob
+from radar_driver.boards import Board
+from radar_driver.sources import Context
+
+if TYPE_CHECKING:
+    from radar_driver.paced import Paced
+    from radar_sim import Truth
+
+
+@config
+class SimConfig:
+    """What is simulated."""
+
+    scene: str = knob("demo", doc="source sim: scene file, or one of ours by name")
+
+
+class SimFrames:
+    """Frames of a simulated radar; see `radar_driver.paced.Frames`.
+
+    Parameters
+    ----------
+    scene : str or Path
+        Scene file, or one of ours by name.
+    namespace : str
+        Which radar of the scene, where it has several, e.g. ``left``; the only one is taken whatever its namespace.
+
+    Raises
+    ------
+    ConfigError
+        Naming file, line and key.
+    """
+
+    def __init__(self, scene: str | Path, namespace: str = "") -> None:
+        from radar_sim import Simulator, load_scene
+
+        loaded = load_scene(scene)
+        self._simulator = Simulator(loaded, namespace.strip("/") if len(loaded.radars) > 1 else "")
+        self.info: RadarInfo = self._simulator.info
+        self.n_frames: int | None = self._simulator.n_frames
+        self.interval: float = self._simulator.interval
+        self.delay: float = self._simulator.radar.trigger_offset
+
+    def frame(self, number: int) -> tuple[RadarFrame, Truth]:
+        """Simulate one frame."""
+        simulated = self._simulator.process(number)
+        return simulated.frame, simulated.truth
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def open_sim(settings: SimConfig, context: Context) -> Paced:
+    """Make the source of a scene."""
+    from radar_driver.paced import Paced
+
+    return Paced(SimFrames(settings.scene, context.namespace), context)
+
+
+BOARD = Board("sim", "simulated radar in a scene", SimConfig, open_sim, prefix="", paced=True)
