@@ -218,7 +218,8 @@ def _source(name: str, settings: dict[str, Any], scene: str | None) -> Source:
         raise ConfigError(f"--scene is for sim; for {name} give --set knob=value (handwave devices --boards lists the knobs)")
     found = registry.board(name)
     given = settings if scene is None else {"scene": scene, **settings}
-    return found.source(load(found.config, nest(given), "--set"))
+    source: Source = found.source(load(found.config, nest(given), "--set"))
+    return source
 
 
 def _show(board: str, found: Probe) -> None:
