@@ -22,9 +22,8 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from benchmarks.report import choice
-from benchmarks.tradeoff.budget import LEVELS, write
-from benchmarks.tradeoff.settings import Settings
-from benchmarks.tradeoff.tune import tune
+from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.tune import LEVELS, tune, write
 from radar_app.graph import graph
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment
@@ -200,7 +199,7 @@ def run(quick: bool) -> dict[str, Any]:
     """Tune this machine, then run the experiment; choices are the levels."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        found = tune(Settings(folder, quick), progress=not quick)
+        found = tune(StudyConfig(folder, quick), progress=not quick)
         write(folder, found)
         result = experiment(folder / LEVELS, folder, 4.0 if quick else 30.0)
         ladders = load_ladders(folder / LEVELS)

@@ -20,9 +20,9 @@ Points = np.ndarray[Any, np.dtype[np.float64]]
 Call = Callable[[], Any]
 
 
-def people(n: int) -> tuple[Points, Points]:
-    """Points of three people with clutter around them, and who each point is of; -1: nobody."""
-    rng = np.random.default_rng(n)
+def people(n: int, rng: np.random.Generator | None = None) -> tuple[Points, Points]:
+    """Points of three people with clutter around them, shape (n, 2) [m], and who each point is of; -1: nobody. None: drawn from ``n``."""
+    rng = rng or np.random.default_rng(n)
     owner = rng.integers(0, len(CENTRES), n)
     points = CENTRES[owner] + rng.normal(0, SCATTER, (n, 2))
     stray = rng.random(n) < STRAY

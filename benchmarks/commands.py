@@ -10,8 +10,8 @@ import typer
 from radar_core import HandwaveError
 
 if TYPE_CHECKING:
+    from benchmarks.tradeoff.config import StudyConfig
     from benchmarks.tradeoff.run import Job
-    from benchmarks.tradeoff.settings import Settings
 
 
 def tradeoff(
@@ -45,36 +45,35 @@ def tradeoff(
     Examples: `handwave tradeoff -o report --quick` · `handwave tradeoff -o report --stage detection --stage chain` ·
     `handwave tradeoff -o mine --scene my_room.yaml --device-factor 8` · `handwave tradeoff --tune -o levels`
     """
+    from benchmarks.tradeoff.config import StudyConfig
     from benchmarks.tradeoff.run import Job
-    from benchmarks.tradeoff.settings import Settings
     from benchmarks.tradeoff.stages import chosen
 
-    settings = Settings(out, quick, seed, scene, domain)
+    study = StudyConfig(out, quick, seed, scene, domain)
     if tune:
-        _tune(settings, device_factor)
+        _tune(study, device_factor)
         return
-    _measure(Job(out, settings, chosen(tuple(stage or ())), device_factor, again, note), _command(stage, scene, device_factor, quick))
+    _measure(Job(out, study, chosen(tuple(stage or ())), device_factor, again, note), _command(stage, scene, device_factor, quick))
 
 
-def _tune(settings: Settings, factor: float) -> None:
+def _tune(study: StudyConfig, factor: float) -> None:
     """Measure the levels of all stages that have some, write them, and show them as a table."""
     from rich.console import Console
     from rich.table import Table
 
-    from benchmarks.tradeoff.budget import LEVELS, write
     from benchmarks.tradeoff.run import make_folder
-    from benchmarks.tradeoff.tune import tune
+    from benchmarks.tradeoff.tune import LEVELS, tune, write
 
-    make_folder(settings.folder, factor)
-    found = tune(settings, factor)
-    write(settings.folder, found)
+    make_folder(study.folder, factor)
+    found = tune(study, factor)
+    write(study.folder, found)
     table = Table("", "level", f"{found[0].ladder.figure} [m]", "ms a frame", "ms for each frame of the radar", title="levels")
     for stage in found:
         for number, level in enumerate(stage.ladder.levels):
             name = stage.ladder.stage if number == 0 else ""
             table.add_row(name, level.name, f"{level.accuracy:.4f}", f"{level.time_ms:.3f}", f"{level.cost_ms:.3f}")
     Console().print(table)
-    print(f"levels in {settings.folder / LEVELS}; give it to nodes as budget.tuning, beside frame_budget_ms")
+    print(f"levels in {study.folder / LEVELS}; give it to nodes as budget.tuning, beside frame_budget_ms")
 
 
 def _command(stage: list[str] | None, scene: str | None, factor: float, quick: bool) -> str:
@@ -117,5 +116,5 @@ def _measure(job: Job, command: str) -> None:
     print(f"report in {job.out / REPORT}")
     if unexplained:
         print(f"defaults that are beaten, and nobody says why: {', '.join(unexplained)} (benchmarks/tradeoff/reasons.py)")
-        if not job.settings.quick:
+        if not job.study.quick:
             raise typer.Exit(1)

@@ -1,24 +1,25 @@
-"""Measure everything and write docs/benchmarks.md with one picture per stage: ``python -m benchmarks.document [NAME[=FILE] ...]``.
+"""Measure everything and write docs/benchmarks.md with one picture per benchmark: ``python -m benchmarks.document [NAME[=FILE] ...]``.
 
 ``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring, and
-``gestures=speed.json,tables.json`` what its parts printed.
+``gestures=speed.json,tables.json`` what its parts printed. It needs a checkout of the project: that is where the document lies.
 """
 
 from __future__ import annotations
 
 import json
-import platform
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 from rich.progress import track
 
 from benchmarks.plot import draw, scalars, tables
-from benchmarks.report import join
+from benchmarks.report import Row, checkout, join
+from benchmarks.tradeoff.document import machine
 
-ROOT = Path(__file__).resolve().parent.parent
 NAMES = (
     *("graph", "simulator", "dsp", "tracking", "gestures", "gesture_model", "hand", "hand_velocity", "hand_mars", "calibrate_pair"),
     *("boards", "effects", "budget"),
@@ -31,16 +32,16 @@ one stage alone: `python -m benchmarks NAME` (`--json`, `--plot PNG`).
 """
 
 
-def table(choices: list[dict[str, Any]]) -> str:
+def table(choices: list[Row]) -> str:
     """One Markdown row per choice."""
     several = len({row["stage"] for row in choices}) > 1
     rows = ["| choice | accuracy | median ms | p95 ms | x reference |", "|---|---|---:|---:|---:|"]
     for row in choices:
-        accuracy, time = row["accuracy"], row["time_ms"]
+        accuracy, taken = row["accuracy"], row["time_ms"]
         name = f"{row['stage']}: {row['choice']}" if several else row["choice"]
         name += f", {row['at']['value']:g} {row['at']['name']}" if "at" in row else ""
         value = f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}".rstrip()
-        rows.append(f"| {name} | {value} | {time['median']:.3f} | {time['p95']:.3f} | {row['ratio']:.2f} |")
+        rows.append(f"| {name} | {value} | {taken['median']:.3f} | {taken['p95']:.3f} | {row['ratio']:.2f} |")
     return "\n".join(rows)
 
 
@@ -54,31 +55,55 @@ def figures(result: dict[str, Any]) -> str:
     return found
 
 
-def sections(text: str) -> dict[str, str]:
-    """Split the document into its sections by name."""
-    parts = text.split("\n## ")[1:]
-    return {part.split("\n", 1)[0]: part.split("\n", 1)[1] for part in parts}
+def apart(name: str, quick: bool = False) -> dict[str, Any]:
+    """Run one benchmark in a process of its own, so that none warms the caches of another.
+
+    Returns
+    -------
+    dict
+        What it printed, or ``failed`` or ``absent`` with the end of what it said; and ``seconds``.
+    """
+    start = time.monotonic()
+    command = [sys.executable, "-m", "benchmarks", name, "--json", *(["--quick"] if quick else [])]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode == 0:
+        found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    else:
+        key = "absent" if done.returncode == os.EX_UNAVAILABLE else "failed"
+        found = {key: (done.stderr.strip().splitlines() or [f"status {done.returncode}"])[-1]}
+    return {**found, "seconds": time.monotonic() - start}
 
 
-def measure(name: str) -> str:
-    """Run one benchmark in a process of its own; returns what it printed."""
-    command = [sys.executable, "-m", "benchmarks", name, "--json"]
-    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+def measured(name: str, file: str) -> dict[str, Any]:
+    """Read the figures of a benchmark from files, or measure them.
+
+    Raises
+    ------
+    SystemExit
+        When it fails.
+    """
+    if file:
+        return join(json.loads(Path(part).read_text(encoding="utf-8").splitlines()[-1]) for part in file.split(","))
+    found = apart(name)
+    del found["seconds"]
+    if why := found.get("failed") or found.get("absent"):
+        sys.exit(f"{name}: {why}")
+    return found
 
 
 def main() -> None:
-    """Run each benchmark (all, or those named) in a process of its own, so that none warms the caches of another."""
-    path = ROOT / "docs" / "benchmarks.md"
-    kept = sections(path.read_text(encoding="utf-8")) if path.exists() else {}
-    head = HEAD.format(machine=f"{platform.system()} {platform.machine()}, Python {platform.python_version()}")
+    """Run each benchmark (all, or those named), and write its section."""
+    docs = checkout("docs")
+    path = docs / "benchmarks.md"
+    parts = path.read_text(encoding="utf-8").split("\n## ")[1:] if path.exists() else []
+    kept = dict(part.split("\n", 1) for part in parts)
     for argument in track(sys.argv[1:] or NAMES, description="measuring"):
         name, _, file = argument.partition("=")
-        printed = [Path(part).read_text(encoding="utf-8") for part in file.split(",")] if file else [measure(name)]
-        result = join(json.loads(text.splitlines()[-1]) for text in printed)
-        draw(result["choices"], ROOT / "docs" / "img" / f"choices_{name}.png")
+        result = measured(name, file)
+        draw(result["choices"], docs / "img" / f"choices_{name}.png")
         kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n"
         body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)
-        path.write_text(head + body, encoding="utf-8")  # after each: the slow ones come last
+        path.write_text(HEAD.format(machine=machine()) + body, encoding="utf-8")  # after each: the slow ones come last
 
 
 if __name__ == "__main__":

@@ -104,7 +104,7 @@ def steps(frame: RadarFrame, repeat: int) -> dict[str, Any]:
     config = CfarConfig()
     detector, footprint = measured.detector(config, SpectrumConfig()), measured.footprint(config)
     rank = round(config.rank * footprint.sum()) - 1
-    given, snr = measured.snapshots(300, 20.0)[1], np.full(300, 100, np.float32)
+    given, snr = measured.snapshots(300, 20.0, 4)[1], np.full(300, 100, np.float32)
     finder = DirectionFinder(DoaConfig(), INFO)
     calls: dict[str, Callable[[], Any]] = {
         "spectrum": lambda: baseband._spectrum.process(frame.cube),

@@ -13,8 +13,9 @@ from scipy.ndimage import rank_filter
 from scipy.optimize import minimize
 
 from benchmarks.dsp_frames import INFO, LIMITS, WAVE, frame, noise, person_frames, single_frames
+from benchmarks.tradeoff import directions
+from benchmarks.tradeoff.directions import snapshots
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, kernels
-from radar_dsp.bounds import Bound
 from radar_dsp.cfar import TrainingWindow, make_detector
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.spectrum import make_spectrum
@@ -96,18 +97,7 @@ def errors(config: BasebandConfig, n: int) -> NDArray[np.float64]:
 
 def over_bound(refine: str, snr_db: float, n: int) -> NDArray[np.float64]:
     """Root mean square error over the joint Cramer-Rao bound of range, range rate and azimuth, azimuths to 50 degrees, shape (3,)."""
-    baseband = Baseband(BasebandConfig(grouping="peak", refine=refine), INFO)
-    bound, rng = Bound(INFO), np.random.default_rng(6)
-    low, high = LIMITS.copy()
-    low[2], high[2] = -math.radians(50), math.radians(50)
-    ratios = []
-    for truth in rng.uniform(low, high, size=(n, 4)):
-        cloud = baseband.process(frame(truth, snr_db, rng))
-        i = int(np.argmax(cloud.snr))
-        at = bound.process(10 ** (snr_db / 10), truth[2], truth[3])
-        error = np.array([cloud.range[i], cloud.radial_speed[i], cloud.azimuth[i]]) - truth[:3]
-        ratios.append(error / [float(at.distance), float(at.speed), float(at.azimuth)])
-    return np.sqrt(np.mean(np.square(ratios), axis=0))
+    return directions.over_bound(BasebandConfig(grouping="peak", refine=refine), directions.single(n, 6, snr_db), snr_db)
 
 
 def all_over_bound(quick: bool) -> dict[str, float]:
@@ -146,17 +136,9 @@ def person_points(config: BasebandConfig, quick: bool) -> tuple[float, float, fl
     return float(points), float(moving), float(elsewhere)
 
 
-def snapshots(n: int, snr_db: float, seed: int = 4) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
-    """Directions within 50 by 25 degrees, shape (n, 2), and noisy snapshots of unit noise, shape (n, n_channel)."""
-    rng = np.random.default_rng(seed)
-    truth = np.radians(rng.uniform([-50, -25], [50, 25], (n, 2)))
-    clean = INFO.array.steering(truth[:, 0], truth[:, 1], WAVE.wavelength) * 10 ** (snr_db / 20)
-    return truth, (clean + rng.normal(scale=0.5**0.5, size=(*clean.shape, 2)) @ np.array([1, 1j])).astype(np.complex64)
-
-
 def angle_gaps(config: DoaConfig, n: int, snr_db: float = 15.0) -> NDArray[np.float64]:
     """Distances of the estimates from the continuous maximum of the likelihood [deg], the larger of azimuth and elevation, shape (n,)."""
-    truth, given = snapshots(n, snr_db)
+    truth, given = snapshots(n, snr_db, 4)
     found = DirectionFinder(config, INFO).process(given, np.full(n, 10 ** (snr_db / 10), np.float32))
     gaps = []
     for i in range(n):
@@ -171,27 +153,11 @@ def angle_gaps(config: DoaConfig, n: int, snr_db: float = 15.0) -> NDArray[np.fl
     return np.degrees(gaps)
 
 
-def resolution_rate(separation: float, snr_db: float, n: int, method: str = "dml2") -> float:
-    """Share of pairs of equal echoes in one cell, ``separation`` beamwidths apart in azimuth, both found within a third of it."""
-    beamwidth = 0.886 / (np.ptp(INFO.array.virtual[:, 0]) / WAVE.wavelength + 0.5)
-    rng = np.random.default_rng(7)
-    centre, elevation = rng.uniform(-0.4, 0.4, n), np.radians(rng.uniform(-15, 15, n))
-    pair = np.arcsin(centre[:, None] + separation * beamwidth * np.array([-0.5, 0.5]))
-    steering = INFO.array.steering(pair, elevation[:, None], WAVE.wavelength)
-    phase = np.exp(2j * np.pi * rng.random((n, 2, 1)))
-    given = 10 ** (snr_db / 20) * (steering * phase).sum(axis=1)
-    given = given + rng.normal(scale=0.5**0.5, size=(*given.shape, 2)) @ np.array([1, 1j])
-    snr = np.maximum(np.mean(np.abs(given) ** 2, axis=1) - 1, 1e-3)
-    found = DirectionFinder(DoaConfig(method=method), INFO).process(given.astype(np.complex64), snr.astype(np.float32))
-    limit = (pair[:, 1] - pair[:, 0]) / 3
-    return float(np.mean([all(np.any(np.abs(found.azimuth[found.source == i] - one) < limit[i]) for one in pair[i]) for i in range(n)]))
-
-
 def all_resolution_rates(quick: bool) -> dict[str, Any]:
     """Where two echoes in one cell are told apart: separations in beamwidths at three signal-to-noise ratios."""
     n = 20 if quick else 400
     table = {
-        f"{separation:g} beamwidths, {snr:g} dB": resolution_rate(separation, snr, n)
+        f"{separation:g} beamwidths, {snr:g} dB": directions.resolved("dml2", n, 7, separation, snr)
         for separation in (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
         for snr in (15.0, 20.0, 25.0)
     }

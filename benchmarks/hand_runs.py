@@ -30,7 +30,8 @@ FAST: Final = 0.6
 """A hand faster than this is in a fast part [m/s]."""
 SLOP: Final = 0.02
 """Clouds whose stamps are farther apart than this are not put together, as by the fusion node [s]."""
-_LOST: Final = 1.0  # m: error where there is no hand track although there is a hand
+LOST: Final = 1.0
+"""Error where there is no hand track although there is a hand [m]."""
 _AFTER: Final = 0.3  # s: how long after a reversal one looks
 
 
@@ -156,7 +157,7 @@ def fast(tracked: Tracked) -> MaskArray:
 def residual(tracked: Tracked, followed: Followed, axes: int = 3) -> Float64Array:
     """Distance of the track from the visible hand, in space (3) or on the floor plane (2), shape (n,) [m]; a lost hand is a metre off."""
     error = np.linalg.norm((followed.position - tracked.hand)[:, :axes], axis=1)
-    return np.where(np.isnan(error), _LOST, error)
+    return np.where(np.isnan(error), LOST, error)
 
 
 def consistency(found: Sequence[tuple[Tracked, Followed]]) -> dict[str, float]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rich.console import Console
 from rich.table import Table
+
+from benchmarks.front import kept
+from benchmarks.report import Row
+
+GREY: Final = "0.7"
+COLOUR: Final = "tab:blue"
 
 
 def show(result: dict[str, Any]) -> None:
@@ -15,23 +21,16 @@ def show(result: dict[str, Any]) -> None:
     console = Console()
     for key, value in scalars(result):
         console.print(f"{key}: {value:.4g}" if isinstance(value, float) else f"{key}: {value}")
-    for rows in tables(result):
-        table = Table(*rows[0])
-        for cells in rows[1:]:
-            table.add_row(*cells)
-        console.print(table)
-    table = Table("stage", "choice", "accuracy", "median ms", "p95 ms", "x reference")
+    choices = [["stage", "choice", "accuracy", "median ms", "p95 ms", "x reference"]]
     for row in result["choices"]:
         accuracy, time = row["accuracy"], row["time_ms"]
-        table.add_row(
-            row["stage"],
-            row["choice"],
-            f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}",
-            f"{time['median']:.3f}",
-            f"{time['p95']:.3f}",
-            f"{row['ratio']:.2f}",
-        )
-    console.print(table)
+        figure = f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}"
+        choices.append([row["stage"], row["choice"], figure, f"{time['median']:.3f}", f"{time['p95']:.3f}", f"{row['ratio']:.2f}"])
+    for header, *body in (*tables(result), choices):
+        table = Table(*header)
+        for cells in body:
+            table.add_row(*cells)
+        console.print(table)
 
 
 def scalars(result: dict[str, Any], prefix: str = "", levels: int = 9) -> Iterator[tuple[str, Any]]:
@@ -60,47 +59,86 @@ def _is_table(value: dict[str, Any]) -> bool:
     return bool(value) and all(isinstance(part, dict) and all(isinstance(v, dict) for v in part.values()) for part in value.values())
 
 
-def draw(choices: list[dict[str, Any]], path: Path) -> None:
-    """Draw one panel per stage and accuracy figure: time (log) across, accuracy up, every choice labelled."""
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """Draw accuracy (up) over time (across), one panel below the other; of rows with ``parts`` also what the time goes to.
+
+    Where rows say which accuracy is better, dominated choices are grey and the default has a ring; rows with ``at`` become lines of time.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    panels: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for row in choices:
-        panels.setdefault((row["stage"], f"{row['accuracy']['name']} [{row['accuracy']['unit']}]"), []).append(row)
-    heights = [max(2.2, 0.9 + 0.18 * len(rows)) for rows in panels.values()]  # room for the legend
-    ratios = {"height_ratios": heights}
-    figure, axes = plt.subplots(len(panels), 1, figsize=(9, sum(heights)), squeeze=False, layout="constrained", gridspec_kw=ratios)
-    for axis, ((stage, label), rows) in zip(axes[:, 0], panels.items(), strict=True):
-        if "at" in rows[0]:
-            _lines(axis, rows)
-        else:
-            _points(axis, rows)
-            axis.set_ylabel(label, fontsize=8)
+    drawn: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        drawn.setdefault((row["stage"], row["accuracy"]["name"]), []).append(row)
+    parts = [row for row in rows if "parts" in row]
+    heights = [max(2.4, 1.0 + 0.17 * len(own)) for own in drawn.values()] + ([2.4] if parts else [])  # room for the legend
+    figure, axes = plt.subplots(
+        len(heights), 1, figsize=(9, sum(heights)), squeeze=False, layout="constrained", gridspec_kw={"height_ratios": heights}
+    )
+    for axis, ((stage, _), own) in zip(axes[:, 0], drawn.items(), strict=False):
+        (_lines if "at" in own[0] else _points)(axis, own)
         axis.set_title(stage)
         axis.grid(alpha=0.3)
-        axis.margins(0.1)
+        axis.margins(y=0.15)
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
-    figure.savefig(path, dpi=90)
+    if parts:
+        _bars(axes[-1, 0], parts)
+    figure.savefig(path, dpi=90, metadata={"Software": None})
     plt.close(figure)
 
 
-def _points(axis: Any, rows: list[dict[str, Any]]) -> None:
+def colours(rows: Sequence[Row]) -> list[str]:
+    """Colour of every choice of a panel: grey where another choice dominates it."""
+    if "better" not in rows[0]:
+        return [f"C{number}" for number in range(len(rows))]
+    return [COLOUR if on_front else GREY for on_front in kept(rows)]
+
+
+def _points(axis: Any, rows: Sequence[Row]) -> None:
     """Draw accuracy over time, one point per choice."""
-    for row, marker in zip(rows, "osD^v<>Pp*hX" * len(rows), strict=False):
-        x, y = row["time_ms"]["median"], row["accuracy"]["value"]
-        spread = [[0], [max(row["time_ms"]["p95"] - x, 0)]]
-        axis.errorbar(x, y, xerr=spread, fmt=marker, markersize=5, capsize=2, label=row["choice"])
-    times, values = ([row[a][b] for row in rows] for a, b in (("time_ms", "median"), ("accuracy", "value")))
-    axis.set(xscale="log" if max(times) > 5 * min(times) else "linear", xlabel="time [ms], bar to the 95th percentile")
-    axis.set_yscale("log" if min(values) > 0 and max(values) > 100 * min(values) else "linear")
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+    medians, values = ([row[a][b] for row in rows] for a, b in (("time_ms", "median"), ("accuracy", "value")))
+    accuracy, better = rows[0]["accuracy"], rows[0].get("better")
+    chosen = colours(rows)
+    if better:
+        front = sorted((x, y) for x, y, colour in zip(medians, values, chosen, strict=True) if colour == COLOUR)
+        axis.step(*zip(*front, strict=True), where="post", color=COLOUR, alpha=0.3, linewidth=1)
+    for row, x, y, colour, marker in zip(rows, medians, values, chosen, "osD^v<>Pp*hX" * len(rows), strict=False):
+        label, spread = row["choice"], [[0], [max(row["time_ms"]["p95"] - x, 0)]]
+        if row.get("default"):
+            axis.plot(x, y, "o", markersize=15, markerfacecolor="none", markeredgecolor="tab:red")
+            axis.annotate(label, (x, y), xytext=(8, 9), textcoords="offset points", fontsize=7, color="tab:red")
+            label += " (default)"
+        axis.errorbar(x, y, xerr=spread, fmt=marker, color=colour, markersize=6, capsize=2, elinewidth=0.8, label=label)
+    limits = (0.6 * min(medians), 1.7 * max(medians))  # bars of a busy machine end where the picture does
+    axis.set(xscale="log", xlim=limits, xlabel="time [ms], bar to the 95th percentile")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    unit, told = f" [{accuracy['unit']}]" if accuracy["unit"] else "", f"\n({better} is better)" if better else ""
+    axis.set_ylabel(f"{accuracy['name']}{unit}{told}", fontsize=8)
+    axis.set_yscale("log" if min(values) > 0 and max(values) > 50 * min(values) else "linear")
 
 
-def _lines(axis: Any, rows: list[dict[str, Any]]) -> None:
+def _lines(axis: Any, rows: Sequence[Row]) -> None:
     """Draw time over what is varied, one line per choice."""
     for name in dict.fromkeys(row["choice"] for row in rows):
         own = [row for row in rows if row["choice"] == name]
         axis.plot([row["at"]["value"] for row in own], [row["time_ms"]["median"] for row in own], "o-", markersize=4, label=name)
     axis.set(xscale="log", yscale="log", xlabel=rows[0]["at"]["name"], ylabel="time [ms], median")
+
+
+def _bars(axis: Any, rows: Sequence[Row]) -> None:
+    """Show the parts of each row's time beside each other."""
+    names = [row["choice"] for row in rows]
+    left = [0.0] * len(rows)
+    for part in rows[0]["parts"]:
+        width = [row["parts"][part] for row in rows]
+        axis.barh(names, width, left=left, label=part)
+        left = [a + b for a, b in zip(left, width, strict=True)]
+    axis.invert_yaxis()
+    axis.set(xlabel="median time for a second of radar [ms]", title="what the time goes to")
+    axis.legend(fontsize=7, frameon=False)

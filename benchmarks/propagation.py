@@ -42,9 +42,9 @@ TOLERANCES = (0.5, 0.1, 0.02, 0.005, 0.001, 1e-4)
 LABEL = "relative rms error against float64 at every sample"
 
 
-def sampling() -> Sampling:
-    """Sample as the default radar does."""
-    info = RadarInfo()
+def sampling(info: RadarInfo | None = None) -> Sampling:
+    """Sample as a radar does; None: the default one."""
+    info = info or RadarInfo()
     return Sampling(info, np.asarray(info.array.tx, np.float64), np.asarray(info.array.rx, np.float64))
 
 
@@ -71,11 +71,11 @@ def error(cube: NDArray[Any], truth: NDArray[Any]) -> float:
     return float(np.linalg.norm(cube - truth) / np.linalg.norm(truth))
 
 
-def bare_product(n: int) -> Callable[[], Any]:
+def bare_product(n: int, info: RadarInfo | None = None) -> Callable[[], Any]:
     """Make the complex64 product that a frame of n echoes is in the separable model, factors ready."""
-    w, n_rx = sampling().info.waveform, len(sampling().rx)
-    rng = np.random.default_rng(n)
-    sizes = ((w.n_tx * w.n_chirp, n), (n, n_rx * w.n_sample))
+    info, rng = info or RadarInfo(), np.random.default_rng(n)
+    w = info.waveform
+    sizes = ((w.n_tx * w.n_chirp, n), (n, info.array.n_rx * w.n_sample))
     slow, fast = ((rng.standard_normal(s) + 1j * rng.standard_normal(s)).astype(np.complex64) for s in sizes)
     return lambda: slow @ fast
 

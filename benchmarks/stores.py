@@ -37,12 +37,10 @@ def code_of(text: str) -> str:
 
 
 @functools.cache
-def sources(packages: tuple[str, ...] = PACKAGES) -> str:
-    """Digest of the code of packages or single modules (paths from the root), on which clouds, or what else is made by them, depend."""
-    root = Path(__file__).resolve().parent.parent
-    found = hashlib.sha256()
-    files = [path for package in packages for path in ((root / package).rglob("*.py") if (root / package).is_dir() else [root / package])]
-    for path in sorted(files):
+def sources(parts: tuple[str, ...] = PACKAGES) -> str:
+    """Digest of the code of packages, or of single files, by their paths beside this package: figures of other code are not these."""
+    root, found = Path(__file__).resolve().parents[1], hashlib.sha256()
+    for path in sorted(path for part in parts for path in list((root / part).rglob("*.py")) or [root / part]):
         found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
 

@@ -5,21 +5,20 @@ Times are those that a second of radar takes (a core has a thousand milliseconds
 
 from __future__ import annotations
 
-import dataclasses
-import time
 from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.tradeoff.people import Judge, frames, scenes, visible
-from benchmarks.tradeoff.rows import Found, Panel
-from benchmarks.tradeoff.settings import Settings
+from benchmarks.report import Found, Panel, timed
+from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.people import Judge, frames, scenes, slower, visible
+from radar_core import RadarInfo
 from radar_core.config import load, nest
 from radar_dsp import Baseband
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import GestureRecognizer
 from radar_lab.pipeline import PipelineConfig
-from radar_sim import SimulatedFrame, Simulator
+from radar_sim import SimulatedFrame
 from radar_tracking import PeopleTracker, TrackedCloud
 
 PANEL = Panel("whole chain", "mean GOSPA of the people", "m", "lower", "default", "the default chain")
@@ -45,41 +44,35 @@ PARTS: Final = ("baseband", "tracking", "gestures")
 class Chain:
     """One preset, its judge, and the times of its parts."""
 
-    def __init__(self, name: str, simulator: Simulator, judge: Judge, parts: dict[str, list[float]]) -> None:
+    def __init__(self, name: str, info: RadarInfo, judge: Judge, parts: dict[str, list[float]]) -> None:
         self._every, knobs = PRESETS[name]
-        config, info = load(PipelineConfig, nest(knobs)), simulator.info
-        interval = info.waveform.frame_interval * self._every
-        info = dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=interval))
+        config, info = load(PipelineConfig, nest(knobs)), slower(info, self._every)
         self._baseband, self._tracker = Baseband(config.baseband, info), PeopleTracker(config.tracking, info)
         self._gestures = GestureRecognizer(config.gestures, load_model(config.gestures.model), info.mount)
-        self._info, self._rate, self._judge, self._parts = info, 1.0 / interval, judge, parts
+        self._info, self._rate, self._judge, self._parts = info, 1.0 / info.waveform.frame_interval, judge, parts
 
     def process(self, scene: str, made: SimulatedFrame) -> None:
         """Take one frame of a scene through baseband, tracking and gestures, and compare the people with the truth."""
         if made.frame.sequence % self._every:
             return
-        marks = [time.perf_counter_ns()]
-        cloud = self._baseband.process(made.frame).to_room(self._info.mount)
-        marks.append(time.perf_counter_ns())
-        tracks = self._tracker.process(cloud)
-        marks.append(time.perf_counter_ns())
-        self._gestures.process(TrackedCloud(cloud, tracks))
-        marks.append(time.perf_counter_ns())
-        for name, spent in zip(PARTS, np.diff(marks) * 1e-6, strict=True):
-            self._parts[name].append(float(spent * self._rate))
-        self._judge.times_ms.append((marks[-1] - marks[0]) * 1e-6 * self._rate)
+        cloud, *spent = timed(lambda: self._baseband.process(made.frame).to_room(self._info.mount))
+        tracks, more = timed(self._tracker.process, cloud)
+        spent += [more, timed(self._gestures.process, TrackedCloud(cloud, tracks))[1]]
+        for name, value in zip(PARTS, spent, strict=True):
+            self._parts[name].append(value * self._rate)
+        self._judge.times_ms.append(sum(spent) * self._rate)
         self._judge.compare(scene, made.truth, visible(made.truth, self._info), tracks)
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Run all presets over the same raw frames, in turn; ``parts`` of a row are the medians of its stages [ms]."""
     judges = {name: Judge() for name in PRESETS}
     parts: dict[str, dict[str, list[float]]] = {name: {part: [] for part in PARTS} for name in PRESETS}
-    for scene in scenes(settings):
-        chains: dict[str, Chain] = {}
-        for simulator, made in frames(scene, settings):
-            chains = chains or {name: Chain(name, simulator, judges[name], parts[name]) for name in PRESETS}
-            for chain in chains.values():
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        chains = [Chain(name, info, judges[name], parts[name]) for name in PRESETS]
+        for made in simulated:
+            for chain in chains:
                 chain.process(scene, made)
     found, default = Found(), judges["default"]
     for name, judge in judges.items():

@@ -10,9 +10,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from benchmarks.report import Found, Panel, measure_together, of_share
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.echoes import AMPLITUDE, INFO, LIMITS, SNR_DB, WAVE, busy, echo, noise
-from benchmarks.tradeoff.rows import Found, Panel, measure_together, of_share
-from benchmarks.tradeoff.settings import Settings
 from radar_core import RadarFrame
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, SpectrumConfig, kernels
 from radar_dsp.cfar import make_detector
@@ -66,14 +66,14 @@ def _detectors() -> dict[str, Any]:
     return found
 
 
-def _cfar(settings: Settings) -> Found:
-    found, detectors, n = Found(), _detectors(), settings.pick(60, 600)
-    alone, beside = _cases(n, settings.seed, False), _cases(n, settings.seed, True)
-    cube = busy(np.random.default_rng(settings.seed))[1].cube
+def _cfar(study: StudyConfig) -> Found:
+    found, detectors, n = Found(), _detectors(), study.pick(60, 600)
+    alone, beside = _cases(n, study.seed, False), _cases(n, study.seed, True)
+    cube = busy(np.random.default_rng(study.seed))[1].cube
     power = kernels.integrate(make_spectrum(SpectrumConfig(), INFO).process(cube))
     calls: dict[str, Callable[[], Any]] = {"": lambda: scipy.fft.fft2(cube, axes=(1, 3))}
     calls |= {name: partial(detector.detect, power) for name, detector in detectors.items()}
-    times = measure_together(calls, repeat=settings.pick(15, 200))
+    times = measure_together(calls, repeat=study.pick(15, 200))
     for panel, cases in ((ALONE, alone), (BESIDE, beside)):
         for name, detector in detectors.items():
             share = float(np.mean([detector.detect(given)[cell] for given, cell in cases]))
@@ -91,9 +91,9 @@ def _echoes_found(baseband: Baseband, frames: list[tuple[NDArray[np.float64], Ra
     return float(np.mean(hits))
 
 
-def _kept(settings: Settings) -> Found:
-    rng, found = np.random.default_rng([settings.seed, 3]), Found()
-    frames = [busy(rng) for _ in range(settings.pick(3, 20))]
+def _kept(study: StudyConfig) -> Found:
+    rng, found = np.random.default_rng([study.seed, 3]), Found()
+    frames = [busy(rng) for _ in range(study.pick(3, 20))]
     n = sum(len(truths) for truths, _ in frames)
     configs = {
         KEPT: {f"at most {most}": BasebandConfig(max_detections=most) for most in (16, 32, 64, 128, 512)},
@@ -105,13 +105,13 @@ def _kept(settings: Settings) -> Found:
         one = frames[0][1]
         calls: dict[str, Callable[[], Any]] = {"": partial(scipy.fft.fft2, one.cube, axes=(1, 3))}
         calls |= {name: partial(chain.process, one) for name, chain in chains.items()}
-        times = measure_together(calls, repeat=settings.pick(15, 100))
+        times = measure_together(calls, repeat=study.pick(15, 100))
         for name, chain in chains.items():
             share = _echoes_found(chain, frames)
             found.rows.append(panel.row(name, share, times[name], times[""], margin=of_share(share, n)))
     return found
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare CFAR algorithms and windows, caps and groupings on frames of known echoes."""
-    return Found(_cfar(settings).rows + _kept(settings).rows)
+    return Found(_cfar(study).rows + _kept(study).rows)

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from benchmarks.tradeoff.front import beaten_by, kept, panels
+from benchmarks.front import beaten_by, kept, panels
+from benchmarks.report import Row
 from benchmarks.tradeoff.reasons import REASONS
-from benchmarks.tradeoff.rows import Row
 from benchmarks.tradeoff.stages import STAGES, Stage
 
 NO_REASON: Final = "**no reason is given**"

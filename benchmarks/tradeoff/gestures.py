@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.report import Found, Panel, measure_together, of_share
+from benchmarks.stores import sources
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.echoes import INFO, busy
 from benchmarks.tradeoff.people import moments
-from benchmarks.tradeoff.rows import Found, Panel, measure_together, of_share
-from benchmarks.tradeoff.settings import Settings, sources
 from radar_core import DataError
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -43,17 +44,17 @@ _CNN = "feature cube and CNN"
 _PACKAGES = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
 
 
-def strokes(settings: Settings) -> Path:
+def strokes(study: StudyConfig) -> Path:
     """Simulate strokes of several people with one transmitter and with both; what is in the folder already is not made again."""
-    plan = named_plan("subjects", **settings.pick({"n_subjects": 4, "repetitions": 2}, {"n_subjects": 8, "repetitions": 5}))
-    folder = settings.folder / f"strokes-{plan.n_samples}-{settings.seed}-{sources(_PACKAGES)[:8]}"
-    synthesise(folder, plan.n_samples, seed=settings.seed, n_jobs=1, plan=plan, body="ellipsoids", one_tx=True, progress=False)
+    plan = named_plan("subjects", **study.pick({"n_subjects": 4, "repetitions": 2}, {"n_subjects": 8, "repetitions": 5}))
+    folder = study.folder / f"strokes-{plan.n_samples}-{study.seed}-{sources(_PACKAGES)[:8]}"
+    synthesise(folder, plan.n_samples, seed=study.seed, n_jobs=1, plan=plan, body="ellipsoids", one_tx=True, progress=False)
     return folder
 
 
-def _folds(person: NDArray[np.int64], settings: Settings) -> list[Mask]:
+def _folds(person: NDArray[np.int64], study: StudyConfig) -> list[Mask]:
     """Leave two people out at a time, of four quick ones one: of the others enough is left to train with."""
-    return leave_subjects_out(person, settings.pick(1, 2))
+    return leave_subjects_out(person, study.pick(1, 2))
 
 
 def recognised(found: Validation, samples: SampleSet) -> tuple[float, int]:
@@ -65,17 +66,17 @@ def recognised(found: Validation, samples: SampleSet) -> tuple[float, int]:
 
 
 @functools.lru_cache(maxsize=2)
-def _tracked(settings: Settings) -> tuple[TrackedCloud, ...]:
+def _tracked(study: StudyConfig) -> tuple[TrackedCloud, ...]:
     """People who walk, tracked: for times only."""
-    info, found = moments("two_crossing", dataclasses.replace(settings, scene=None))
+    info, found = moments("two_crossing", dataclasses.replace(study, scene=None))
     tracker = PeopleTracker(None, info)
     return tuple(TrackedCloud(moment.cloud, tracker.process(moment.cloud)) for moment in found)
 
 
-def _stage_ms(config: GestureConfig, settings: Settings) -> list[float]:
+def _stage_ms(config: GestureConfig, study: StudyConfig) -> list[float]:
     """Milliseconds of events and features, cloud by cloud."""
     stage, times = EventStage(config, INFO.mount), []
-    for tracked in _tracked(settings):
+    for tracked in _tracked(study):
         start = time.perf_counter_ns()
         stage.process(tracked)
         times.append((time.perf_counter_ns() - start) * 1e-6)
@@ -83,7 +84,7 @@ def _stage_ms(config: GestureConfig, settings: Settings) -> list[float]:
 
 
 def _sources() -> dict[str, tuple[GestureConfig, int, int]]:
-    """Name settings of events and features, every how many'th frame, and how many transmitters."""
+    """Name the configurations of events and features, every how many'th frame, and how many transmitters."""
     default = GestureConfig()
 
     def features(**knobs: Any) -> GestureConfig:
@@ -102,33 +103,33 @@ def _sources() -> dict[str, tuple[GestureConfig, int, int]]:
     }
 
 
-def _baseband_ms(settings: Settings) -> dict[int, list[float]]:
+def _baseband_ms(study: StudyConfig) -> dict[int, list[float]]:
     """Time the baseband with one transmitter and with both."""
-    frame = busy(np.random.default_rng(settings.seed))[1]
+    frame = busy(np.random.default_rng(study.seed))[1]
     one = one_transmitter(INFO)
     alone = one_transmitter_frame(frame, INFO)
     both, single = Baseband(BasebandConfig(), INFO), Baseband(BasebandConfig(), one)
-    times = measure_together({"2": partial(both.process, frame), "1": partial(single.process, alone)}, repeat=settings.pick(20, 100))
+    times = measure_together({"2": partial(both.process, frame), "1": partial(single.process, alone)}, repeat=study.pick(20, 100))
     return {2: times["2"], 1: times["1"]}
 
 
-def _feature_sources(folder: Path, settings: Settings) -> tuple[Found, SampleSet]:
+def _feature_sources(folder: Path, study: StudyConfig) -> tuple[Found, SampleSet]:
     """Compare what features are made of; times are of baseband, events and features for one second of radar."""
-    found, baseband, training = Found(), _baseband_ms(settings), TrainingConfig()
+    found, baseband, training = Found(), _baseband_ms(study), TrainingConfig()
     first: SampleSet | None = None
     reference = (50.0 * np.asarray(baseband[2])).tolist()
     choices = _sources()
-    for name in settings.pick(_QUICK, tuple(choices)):
+    for name in study.pick(_QUICK, tuple(choices)):
         config, every, n_tx = choices[name]
         samples = collect(folder, config, every=every, one_tx=n_tx == 1)
         first = first or samples
         try:
-            judged = validate(samples, _folds(samples.person, settings), training)
+            judged = validate(samples, _folds(samples.person, study), training)
         except DataError as error:
             found.leave_out(SOURCE.name, name, f"too few events are found with it ({error})")
             continue
         share, n = recognised(judged, samples)
-        times = (50.0 / every * (np.asarray(_stage_ms(config, settings)) + np.median(baseband[n_tx]))).tolist()
+        times = (50.0 / every * (np.asarray(_stage_ms(config, study)) + np.median(baseband[n_tx]))).tolist()
         found.rows.append(SOURCE.row(name, share, times, reference, margin=of_share(share, n)))
     assert first is not None
     return found, first
@@ -147,22 +148,22 @@ def _bare(layers: tuple[NDArray[np.float32], ...]) -> Callable[[], Any]:
     return call
 
 
-def _perceptrons(samples: SampleSet, settings: Settings) -> tuple[Found, list[float]]:
-    found, folds, one = Found(), _folds(samples.person, settings), samples.features[0]
+def _perceptrons(samples: SampleSet, study: StudyConfig) -> tuple[Found, list[float]]:
+    found, folds, one = Found(), _folds(samples.person, study), samples.features[0]
     every, names = np.ones(len(samples.label), np.bool_), {}
-    for hidden in settings.pick(_LAYERS[1:4], _LAYERS):
+    for hidden in study.pick(_LAYERS[1:4], _LAYERS):
         names["-".join(map(str, (samples.features.shape[1], *hidden, 10)))] = TrainingConfig(hidden=hidden)
     models = {name: fit(samples, every, training) for name, training in names.items()}
     calls: dict[str, Callable[[], Any]] = {"": _bare(fit(samples, every, TrainingConfig()).weights)}
     calls |= {name: partial(model.probabilities, one) for name, model in models.items()}
-    times = measure_together(calls, repeat=settings.pick(200, 2000), warmup=10)
+    times = measure_together(calls, repeat=study.pick(200, 2000), warmup=10)
     for name, training in names.items():
         share, n = recognised(validate(samples, folds, training), samples)
         found.rows.append(CLASSIFIER.row(f"MLP {name}", share, times[name], times[""], margin=of_share(share, n)))
     return found, times[""]
 
 
-def _network(folder: Path, samples: SampleSet, settings: Settings, reference: list[float], found: Found) -> None:
+def _network(folder: Path, samples: SampleSet, study: StudyConfig, reference: list[float], found: Found) -> None:
     """Train the convolutional network on the same people, where PyTorch and the ONNX runtime are installed."""
     missing = [name for name in ("torch", "onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if missing:
@@ -173,21 +174,21 @@ def _network(folder: Path, samples: SampleSet, settings: Settings, reference: li
     from radar_lab.training.cnn_training import cnn_judge, train_cnn
 
     given = cubes(folder, GestureConfig())
-    judge = cnn_judge(given.cube, given.label, CnnConfig(epochs=settings.pick(3, 40)))
-    judged = cross_validate(given.label, given.person, _folds(given.person, settings), judge, labels=GESTURES, split="subjects")
+    judge = cnn_judge(given.cube, given.label, CnnConfig(epochs=study.pick(3, 40)))
+    judged = cross_validate(given.label, given.person, _folds(given.person, study), judge, labels=GESTURES, split="subjects")
     share, n = recognised(judged, dataclasses.replace(samples, missed=given.missed))
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "network.onnx"
         export(train_cnn(given.cube[:64], given.label[:64], CnnConfig(epochs=1)), path, given.cube.shape[1:])
         model = CnnModel(path)
-        times = measure_together({"": partial(model.probabilities, given.cube[:1])}, repeat=settings.pick(50, 300), warmup=10)
+        times = measure_together({"": partial(model.probabilities, given.cube[:1])}, repeat=study.pick(50, 300), warmup=10)
     found.rows.append(CLASSIFIER.row(_CNN, share, times[""], reference, margin=of_share(share, n)))
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare sources of features and classifiers on simulated strokes of people who are left out of the training."""
-    folder = strokes(settings)
-    features, samples = _feature_sources(folder, settings)
-    classifiers, reference = _perceptrons(samples, settings)
-    _network(folder, samples, settings, reference, classifiers)
+    folder = strokes(study)
+    features, samples = _feature_sources(folder, study)
+    classifiers, reference = _perceptrons(samples, study)
+    _network(folder, samples, study, reference, classifiers)
     return Found(features.rows + classifiers.rows, features.left_out + classifiers.left_out)

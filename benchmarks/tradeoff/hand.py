@@ -3,113 +3,111 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tradeoff.people import short, timed
-from benchmarks.tradeoff.rows import Found, Panel, of_rms
-from benchmarks.tradeoff.settings import Settings
-from radar_core import RadarInfo, merge
+from benchmarks.hand_runs import LOST, SLOP
+from benchmarks.report import Found, Panel, of_rms, timed
+from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.people import short
+from radar_core import RadarFrame, RadarInfo, merge
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator
 from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud
 from radar_tracking.fusion.clouds import fused_info
 
 _TRIGGER_NS, _SETTLED = 800_000_000, 1.3  # ns, s: the hand is followed from there on; its errors count from there on
-_LOST = 1.0  # m: error where there is no hand track although there is a hand
-_SLOP = 0.02  # s: clouds whose stamps are farther apart than this are not put together, as by the fusion node
+_SAME = 0.2  # s: residuals this near tell the same, because the hand goes some 0.1 m meanwhile
 RADARS = Panel("number of radars", "hand residual (rms)", "m", "lower", "1 radar", "baseband and people tracking of one radar")
 FILTER = Panel("hand filter", "hand residual (rms)", "m", "lower", "mm_vel_est", "baseband and people tracking of one radar")
 
-Float64Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
 class Stream:
-    """A drawing hand up to the hand tracker.
+    """A drawing hand up to the hand tracker, as one radar sees it or several put together.
+
+    Parameters
+    ----------
+    infos : sequence of RadarInfo
+        Of the radars.
 
     Attributes
     ----------
-    clouds : tuple of TrackedCloud
-        Of one radar, or of two put together.
     info : RadarInfo
-        The radar that they seem to come from.
-    time : ndarray of float64, shape (n,)
-        Of each cloud [s].
-    hand : ndarray of float64, shape (n, 3)
-        The true hand [m]; NaN: it does not draw.
-    before_ms : tuple of float
+        The radar that the clouds seem to come from.
+    clouds : list of TrackedCloud
+        Moment by moment.
+    before_ms : list of float
         What everything before the hand tracker took [ms].
     """
 
-    clouds: tuple[TrackedCloud, ...]
-    info: RadarInfo
-    time: Float64Array
-    hand: Float64Array
-    before_ms: tuple[float, ...]
+    def __init__(self, infos: Sequence[RadarInfo]) -> None:
+        self.info = infos[0] if len(infos) == 1 else fused_info(infos)
+        self.clouds: list[TrackedCloud] = []
+        self.before_ms: list[float] = []
+        self._mounts, self._people = [info.mount for info in infos], PeopleTracker(None, self.info)
+        self._basebands = [Baseband(BasebandConfig(), info) for info in infos]
+
+    def take(self, frames: Sequence[RadarFrame]) -> None:
+        """Process one moment's frames; those of more radars than these are left out."""
+        cloud, spent = timed(self._process, frames)
+        self.clouds.append(cloud)
+        self.before_ms.append(spent)
+
+    def _process(self, frames: Sequence[RadarFrame]) -> TrackedCloud:
+        parts = [baseband.process(frame) for baseband, frame in zip(self._basebands, frames, strict=False)]
+        room = parts[0].to_room(self.info.mount) if len(parts) == 1 else merge(parts, self._mounts, SLOP)
+        return TrackedCloud(room, self._people.process(room))
 
 
-@functools.lru_cache(maxsize=2)
-def streams(settings: Settings) -> dict[int, Stream]:
-    """Simulate the hand of ``two_radars`` (or of the user's scene with two radars), seen by the first radar and by both."""
-    scene = short(settings.scene or "two_radars", settings.seed, settings.scene is None, radars=2)
+@lru_cache(maxsize=2)
+def streams(study: StudyConfig) -> tuple[tuple[Stream, Stream], NDArray[np.float64], NDArray[np.float64]]:
+    """Simulate the hand of ``two_radars`` (or of the user's scene with two radars), seen by the first radar and by both.
+
+    Also the time of each moment, shape (n,) [s], and the true hand, shape (n, 3) [m]; NaN: it does not draw.
+    """
+    scene = short(study.scene or "two_radars", study.seed, study.scene is None, radars=2)
     simulators = [Simulator(scene, radar.frame_id) for radar in scene.radars[:2]]
-    infos = [simulator.info for simulator in simulators]
-    basebands = [Baseband(BasebandConfig(), info) for info in infos]
-    seen = {1: infos[0], 2: fused_info(infos)}
-    people = {n: PeopleTracker(None, info) for n, info in seen.items()}
-    made: dict[int, list[TrackedCloud]] = {1: [], 2: []}
-    before: dict[int, list[float]] = {1: [], 2: []}
-    times, hands = [], []
-    for k in range(min(simulators[0].n_frames, simulators[1].n_frames, round(settings.pick(4.5, 8.5) / simulators[0].interval))):
-        both = [simulator.process(k) for simulator in simulators]
-        found = [timed(baseband, one.frame) for baseband, one in zip(basebands, both, strict=True)]
-        for n in (1, 2):
-            start = time.perf_counter_ns()
-            parts = [cloud for cloud, _ in found[:n]]
-            room = parts[0].to_room(infos[0].mount) if n == 1 else merge(parts, [info.mount for info in infos], _SLOP)
-            made[n].append(TrackedCloud(room, people[n].process(room)))
-            before[n].append(sum(spent for _, spent in found[:n]) + (time.perf_counter_ns() - start) * 1e-6)
-        truth = both[0].truth
-        times.append(truth.stamp_ns * 1e-9)
-        hands.append(truth.hand_position[0] if truth.drawing[0] else np.full(3, np.nan))
-    return {n: Stream(tuple(made[n]), seen[n], np.array(times), np.array(hands), tuple(before[n])) for n in (1, 2)}
+    infos, time, hand = [simulator.info for simulator in simulators], [], []
+    both = Stream(infos[:1]), Stream(infos)
+    for k in range(min(*(simulator.n_frames for simulator in simulators), round(study.pick(4.5, 8.5) / simulators[0].interval))):
+        made = [simulator.process(k) for simulator in simulators]
+        for stream in both:
+            stream.take([one.frame for one in made])
+        truth = made[0].truth
+        time.append(truth.stamp_ns * 1e-9)
+        hand.append(truth.hand_position[0] if truth.drawing[0] else np.full(3, np.nan))
+    return both, np.array(time), np.array(hand)
 
 
-def follow(stream: Stream, config: HandConfig) -> tuple[Float64Array, list[float]]:
-    """Follow the hand; residuals [m] of the moments that count, and times of all moments [ms]."""
-    tracker, residual, times = HandTracker(config, stream.info), [], []
+def follow(stream: Stream, config: HandConfig, hand: NDArray[np.float64], counts: NDArray[np.bool_]) -> tuple[float, list[float]]:
+    """Follow the hand; rms of the residuals of the moments that count [m], and times of all moments [ms]."""
+    tracker = HandTracker(config, stream.info)
     tracker.start(None, _TRIGGER_NS)
-    for cloud, at, true in zip(stream.clouds, stream.time, stream.hand, strict=True):
-        start = time.perf_counter_ns()
-        found = tracker.process(cloud)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-        if at >= _SETTLED and np.isfinite(true[0]):
-            residual.append(float(np.linalg.norm(found.position - true)) if found is not None and found.active else _LOST)
-    return np.array(residual), times
+    found, times = zip(*(timed(tracker.process, cloud) for cloud in stream.clouds), strict=True)
+    place = np.array([one.position if one is not None and one.active else np.full(3, np.nan) for one in found])
+    residual = np.linalg.norm((place - hand)[counts], axis=1)
+    return float(np.sqrt(np.mean(np.where(np.isnan(residual), LOST, residual) ** 2))), list(times)
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare one radar with two, and the filters with each other, on the same drawing hand."""
-    found, both, default = Found(), streams(settings), HandConfig()
-    reference = list(both[1].before_ms)
-    # Residuals within a fifth of a second tell the same: the hand goes some 0.1 m in it.
-    if not (np.isfinite(both[1].hand[:, 0]) & (both[1].time >= _SETTLED)).any():
+    found, default = Found(), HandConfig()
+    both, time, hand = streams(study)
+    counts = (time >= _SETTLED) & np.isfinite(hand[:, 0])
+    if not counts.any():
         found.leave_out(RADARS.name, "all", f"nobody draws with a hand after {_SETTLED:g} s; choose a scene such as two_radars")
         return found
-    n = max(round((both[1].time[-1] - _SETTLED) / 0.2), 1)
-    for radars, stream in both.items():
-        residual, times = follow(stream, default)
-        value = float(np.sqrt(np.mean(residual**2)))
-        label = "1 radar" if radars == 1 else f"{radars} radars"
-        found.rows.append(RADARS.row(label, value, np.add(stream.before_ms, times).tolist(), reference, margin=of_rms(value, n)))
+    n, reference = max(round((time[-1] - _SETTLED) / _SAME), 1), both[0].before_ms
+
+    def add(panel: Panel, name: str, stream: Stream, config: HandConfig, before: Sequence[float] = (0.0,)) -> None:
+        value, times = follow(stream, config, hand, counts)
+        found.rows.append(panel.row(name, value, np.add(before, times).tolist(), reference, margin=of_rms(value, n)))
+
+    for name, stream in zip(("1 radar", "2 radars"), both, strict=True):
+        add(RADARS, name, stream, default, stream.before_ms)
     for name in ("linear", "extended", "imm", "mm_vel_est"):
-        config = dataclasses.replace(default, estimator=dataclasses.replace(default.estimator, name=name))
-        residual, times = follow(both[2], config)
-        value = float(np.sqrt(np.mean(residual**2)))
-        found.rows.append(FILTER.row(name, value, times, reference, margin=of_rms(value, n)))
+        add(FILTER, name, both[1], dataclasses.replace(default, estimator=dataclasses.replace(default.estimator, name=name)))
     return found

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tradeoff.settings import Settings
-from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
+from benchmarks.report import timed
+from benchmarks.tradeoff.config import StudyConfig
+from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Fidelity, Scene, SimulatedFrame, Simulator, Truth, load_scene
@@ -35,16 +35,11 @@ class Moment:
     baseband_ms: float
 
 
-def scenes(settings: Settings) -> tuple[str, ...]:
+def scenes(study: StudyConfig) -> tuple[str, ...]:
     """Name the scenes with people that are measured: the user's, else ours."""
-    if settings.scene is not None:
-        return (settings.scene,)
-    return settings.pick(_SCENES[:1], _SCENES)
-
-
-def seconds(settings: Settings) -> float:
-    """How much of each scene is simulated at most [s]."""
-    return settings.pick(*_SECONDS)
+    if study.scene is not None:
+        return (study.scene,)
+    return study.pick(_SCENES[:1], _SCENES)
 
 
 def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
@@ -80,30 +75,22 @@ def bare(truth: Truth) -> Truth:
     )
 
 
-def frames(name: str, settings: Settings) -> Iterator[tuple[Simulator, SimulatedFrame]]:
-    """Simulate the first seconds of a scene, frame by frame."""
-    simulator = Simulator(short(name, settings.seed, settings.scene is None))
-    for k in range(min(simulator.n_frames, round(seconds(settings) / simulator.interval))):
-        yield simulator, simulator.process(k)
+def frames(name: str, study: StudyConfig) -> tuple[RadarInfo, Iterator[SimulatedFrame]]:
+    """Simulate the first seconds of a scene, frame by frame; also the radar that sees it."""
+    simulator = Simulator(short(name, study.seed, study.scene is None))
+    n = min(simulator.n_frames, round(study.pick(*_SECONDS) / simulator.interval))
+    return simulator.info, map(simulator.process, range(n))
 
 
 @functools.lru_cache(maxsize=8)
-def moments(name: str, settings: Settings) -> tuple[RadarInfo, tuple[Moment, ...]]:
+def moments(name: str, study: StudyConfig) -> tuple[RadarInfo, tuple[Moment, ...]]:
     """Clouds of a scene by the default baseband; simulated once and shared by all stages of a run."""
-    info, baseband, found = RadarInfo(), None, []
-    for simulator, made in frames(name, settings):
-        if baseband is None:
-            info, baseband = simulator.info, Baseband(BasebandConfig(), simulator.info)
-        cloud, spent = timed(baseband, made.frame)
+    info, simulated = frames(name, study)
+    baseband, found = Baseband(BasebandConfig(), info), []
+    for made in simulated:
+        cloud, spent = timed(baseband.process, made.frame)
         found.append(Moment(cloud.to_room(info.mount), bare(made.truth), visible(made.truth, info), spent))
     return info, tuple(found)
-
-
-def timed(baseband: Baseband, frame: RadarFrame) -> tuple[PointCloud, float]:
-    """Process a frame and say how long that took [ms]."""
-    start = time.perf_counter_ns()
-    cloud = baseband.process(frame)
-    return cloud, (time.perf_counter_ns() - start) * 1e-6
 
 
 class Judge:
@@ -131,38 +118,33 @@ class Judge:
         return float(2 * np.std(apart) / max(len(both), 1) ** 0.5)
 
 
-def track(configs: dict[str, TrackerConfig], settings: Settings, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
-    """Run trackers in turn over the clouds of all scenes.
-
-    Parameters
-    ----------
-    configs : dict of str to TrackerConfig
-        By name.
-    settings : Settings
-        How much.
-    every : int
-        Only each so many'th cloud, as a radar of a lower frame rate gives them.
+def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
+    """Run trackers in turn over the clouds of all scenes, or over each so many'th, as a radar of a lower frame rate gives them.
 
     Returns
     -------
     judges : dict of str to Judge
-        By name.
+        By the names of ``configs``.
     interval : float
         From cloud to cloud [s].
     baseband_ms : list of float
         What the baseband took for each cloud [ms].
     """
     judges, interval, spent = {name: Judge() for name in configs}, 0.02, []
-    for scene in scenes(settings):
-        info, found = moments(scene, settings)
-        interval = info.waveform.frame_interval * every
-        slower = dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=interval))
-        trackers = {name: PeopleTracker(config, slower) for name, config in configs.items()}
+    for scene in scenes(study):
+        info, found = moments(scene, study)
+        info = slower(info, every)
+        interval = info.waveform.frame_interval
+        trackers = {name: PeopleTracker(config, info) for name, config in configs.items()}
         for moment in found[::every]:
             spent.append(moment.baseband_ms)
             for name, tracker in trackers.items():
-                start = time.perf_counter_ns()
-                tracks = tracker.process(moment.cloud)
-                judges[name].times_ms.append((time.perf_counter_ns() - start) * 1e-6)
+                tracks, taken = timed(tracker.process, moment.cloud)
+                judges[name].times_ms.append(taken)
                 judges[name].compare(scene, moment.truth, moment.visible, tracks)
     return judges, interval, spent
+
+
+def slower(info: RadarInfo, every: int) -> RadarInfo:
+    """Give a radar that sends only each so many'th frame."""
+    return dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=info.waveform.frame_interval * every))

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import time
-from typing import Any
-
 import numpy as np
 
-from benchmarks.tradeoff.people import Judge, frames, scenes, timed, track, visible
-from benchmarks.tradeoff.rows import Found, Panel
-from benchmarks.tradeoff.settings import Settings
+from benchmarks.report import Found, Panel, timed
+from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.people import Judge, frames, scenes, track, visible
+from radar_core import RadarFrame, RadarInfo
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 
 RATE = Panel("frame rate", "mean GOSPA", "m", "lower", "50 Hz", "the same at 50 Hz")
 TRANSMITTERS = Panel("number of transmitters", "mean GOSPA", "m", "lower", "2 transmitters", "baseband and tracking with 2 transmitters")
 
 
-def _rates(settings: Settings) -> Found:
+def _rates(study: StudyConfig) -> Found:
     """Take every n-th cloud; times are of baseband and tracking for one second of radar."""
     found, reference, default = Found(), [0.0], Judge()
     for every in (1, 2, 3, 5):
-        judges, interval, baseband = track({"": TrackerConfig()}, settings, every)
+        judges, interval, baseband = track({"": TrackerConfig()}, study, every)
         judge, rate = judges[""], 1.0 / interval
         times = (rate * np.add(baseband, judge.times_ms)).tolist()
         reference, default = (times, judge) if every == 1 else (reference, default)
@@ -31,29 +29,28 @@ def _rates(settings: Settings) -> Found:
     return found
 
 
-def _transmitters(settings: Settings) -> Found:
+def _track(baseband: Baseband, tracker: PeopleTracker, frame: RadarFrame, info: RadarInfo) -> Tracks:
+    return tracker.process(baseband.process(frame).to_room(info.mount))
+
+
+def _transmitters(study: StudyConfig) -> Found:
     """Keep the chirps of the first transmitter of the same frames."""
     judges: dict[str, Judge] = {}
     found = Found()
-    for scene in scenes(settings):
-        chains: dict[str, tuple[Baseband, PeopleTracker]] = {}
-        info: Any = None
-        for simulator, made in frames(scene, settings):
-            if info is None:
-                info = simulator.info
-                if info.waveform.n_tx == 1:
-                    found.leave_out(TRANSMITTERS.name, "2 transmitters", f"the radar of {scene} has one transmitter")
-                    return found
-                infos = {f"{info.waveform.n_tx} transmitters": info, "1 transmitter": one_transmitter(info)}
-                chains = {name: (Baseband(BasebandConfig(), one), PeopleTracker(None, one)) for name, one in infos.items()}
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        if info.waveform.n_tx == 1:
+            found.leave_out(TRANSMITTERS.name, "2 transmitters", f"the radar of {scene} has one transmitter")
+            return found
+        infos = {f"{info.waveform.n_tx} transmitters": info, "1 transmitter": one_transmitter(info)}
+        chains = {name: (Baseband(BasebandConfig(), one), PeopleTracker(None, one)) for name, one in infos.items()}
+        for made in simulated:
             seen = visible(made.truth, info)
             for name, (baseband, tracker) in chains.items():
                 frame = made.frame if name != "1 transmitter" else one_transmitter_frame(made.frame, info)
-                cloud, spent = timed(baseband, frame)
-                start = time.perf_counter_ns()
-                tracks = tracker.process(cloud.to_room(info.mount))
+                tracks, spent = timed(_track, baseband, tracker, frame, info)
                 judge = judges.setdefault(name, Judge())
-                judge.times_ms.append(spent + (time.perf_counter_ns() - start) * 1e-6)
+                judge.times_ms.append(spent)
                 judge.compare(scene, made.truth, seen, tracks)
     most = next(iter(judges.values()))
     for name, judge in judges.items():
@@ -61,7 +58,6 @@ def _transmitters(settings: Settings) -> Found:
     return found
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare frame rates and numbers of transmitters on the same scenes."""
-    rates, transmitters = _rates(settings), _transmitters(settings)
-    return Found(rates.rows + transmitters.rows, transmitters.left_out)
+    return _rates(study) + _transmitters(study)

@@ -26,7 +26,7 @@ REASONS: Final[dict[str, str]] = {
     "grouping of cells": (
         "One point for every speed at which a body moves is what gestures are read from; fewer lose the arm, more tell the same echo again."
     ),
-    "DoA grid and refinement": "Settings beside the default differ by less than errors of a real array's calibration.",
+    "DoA grid and refinement": "StudyConfig beside the default differ by less than errors of a real array's calibration.",
     "DoA method, two echoes in one cell": (
         "One direction is enough for one person, and among mirroring walls the second is a reflection more often than "
         "somebody; for people beside each other take the preset people."

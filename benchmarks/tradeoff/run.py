@@ -14,10 +14,11 @@ from typing import Any, Final
 
 from threadpoolctl import threadpool_limits
 
+from benchmarks.plot import draw
+from benchmarks.report import Found, scaled
+from benchmarks.stores import sources
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.document import report, verdicts
-from benchmarks.tradeoff.plot import draw
-from benchmarks.tradeoff.rows import Found, scaled
-from benchmarks.tradeoff.settings import Settings, sources
 from benchmarks.tradeoff.stages import STAGES, Stage
 from radar_core import ConfigError, DataError, HandwaveError
 from radar_core.paths import find_config
@@ -26,7 +27,7 @@ from radar_sim import load_scene
 FORMAT: Final = 1
 CACHE: Final = "simulated"
 REPORT: Final = "report.md"
-_SHARED: Final = ("rows", "people", "echoes")
+_SHARED: Final = ("benchmarks/report.py", "benchmarks/tradeoff/people.py", "benchmarks/tradeoff/echoes.py")
 _LIBRARIES: Final = ("numpy", "scipy", "numba", "scikit-learn", "finufft")
 
 
@@ -38,7 +39,7 @@ class Job:
     ----------
     out : Path
         Folder of results.
-    settings : Settings
+    study : StudyConfig
         Of the stages.
     stages : tuple of Stage
         Which.
@@ -51,29 +52,29 @@ class Job:
     """
 
     out: Path
-    settings: Settings
+    study: StudyConfig
     stages: tuple[Stage, ...]
     factor: float = 1.0
     again: bool = False
     note: str = ""
 
 
-def key(stage: Stage, settings: Settings) -> str:
+def key(stage: Stage, study: StudyConfig) -> str:
     """Digest of everything that a stage's figures depend on, but for how busy the machine is."""
-    told: dict[str, Any] = {name: value for name, value in asdict(settings).items() if name not in ("folder", "domain", "scene")}
-    if stage.scene and settings.scene is not None:
-        told["scene"] = find_config(settings.scene, "scenes", ".yaml").read_text(encoding="utf-8")
-    told |= {"format": FORMAT, "code": sources((*stage.packages, *(f"benchmarks/tradeoff/{name}.py" for name in (*_SHARED, stage.name))))}
+    told: dict[str, Any] = {name: value for name, value in asdict(study).items() if name not in ("folder", "domain", "scene")}
+    if stage.scene and study.scene is not None:
+        told["scene"] = find_config(study.scene, "scenes", ".yaml").read_text(encoding="utf-8")
+    told |= {"format": FORMAT, "code": sources((*stage.packages, *_SHARED, f"{stage.path.replace('.', '/')}.py"))}
     told |= {"machine": f"{platform.machine()} {os.cpu_count()}", "python": platform.python_version()}
     told |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def read(stage: Stage, job: Job) -> dict[str, Any] | None:
-    """Read what a former run found, if it is of the same settings, code and machine; its times are scaled to this job's factor."""
+    """Read what a former run found, if it is of the same study, code and machine; its times are scaled to this job's factor."""
     try:
         found = json.loads((job.out / f"{stage.name}.json").read_text(encoding="utf-8"))
-        if found["key"] != key(stage, job.settings):
+        if found["key"] != key(stage, job.study):
             return None
         if found["device_factor"] != job.factor:
             found = {**found, "rows": scaled(found["rows"], job.factor / found["device_factor"]), "device_factor": job.factor}
@@ -103,9 +104,9 @@ def measured(stage: Stage, job: Job) -> dict[str, Any]:
     """
     with threadpool_limits(1):
         try:
-            found = stage.measure(job.settings)
+            found = stage.measure(job.study)
         except HandwaveError as error:
-            if job.settings.scene is None or not stage.scene:
+            if job.study.scene is None or not stage.scene:
                 raise
             found = Found()
             found.leave_out(stage.name, "all", f"the scene does not serve for it: {error}")
@@ -113,7 +114,7 @@ def measured(stage: Stage, job: Job) -> dict[str, Any]:
         values = (row["accuracy"]["value"], row["time_ms"]["median"], row["ratio"])
         if not all(abs(value) < float("inf") for value in values):
             raise DataError(f"stage {stage.name}: {row['stage']}, {row['choice']} gave {values}; choose another scene, or report this")
-    result = {"stage": stage.name, "key": key(stage, job.settings), "quick": job.settings.quick, "device_factor": job.factor}
+    result = {"stage": stage.name, "key": key(stage, job.study), "quick": job.study.quick, "device_factor": job.factor}
     return {**result, "rows": scaled(found.rows, job.factor), "left_out": found.left_out}
 
 
@@ -125,10 +126,10 @@ def run(job: Job) -> Iterator[tuple[Stage, bool]]:
     ConfigError
         When the folder cannot be made, the factor is none, or the scene makes no sense.
     """
-    if job.settings.scene is not None:
-        load_scene(job.settings.scene)
+    if job.study.scene is not None:
+        load_scene(job.study.scene)
     make_folder(job.out, job.factor)
-    job = replace(job, settings=replace(job.settings, folder=job.out / CACHE))
+    job = replace(job, study=replace(job.study, folder=job.out / CACHE))
     for stage in job.stages:
         done = None if job.again else read(stage, job)
         if done is None:
@@ -153,14 +154,8 @@ def make_folder(out: Path, factor: float) -> None:
 
 
 def conclude(job: Job, command: str) -> list[str]:
-    """Write the report of all stages that the folder has results of, from this run or another with the same settings.
-
-    Returns
-    -------
-    list of str
-        Panels whose default is clearly beaten without a reason.
-    """
+    """Write the report of all stages that the folder has results of; returns panels whose default is beaten without a reason."""
     results = [found for stage in STAGES.values() if (found := read(stage, job)) is not None]
-    text = report(results, command=command, quick=job.settings.quick, factor=job.factor, note=job.note)
+    text = report(results, command=command, quick=job.study.quick, factor=job.factor, note=job.note)
     (job.out / REPORT).write_text(text, encoding="utf-8")
     return [found.panel for found in verdicts([row for result in results for row in result["rows"]]) if found.unexplained]

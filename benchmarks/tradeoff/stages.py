@@ -5,38 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from benchmarks.tradeoff.rows import Found
-from benchmarks.tradeoff.settings import Settings
 from radar_core import ConfigError
+
+if TYPE_CHECKING:
+    from benchmarks.report import Found
+    from benchmarks.tradeoff.config import StudyConfig
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One module of this package that measures.
+    """One study of `handwave tradeoff`.
 
     Attributes
     ----------
     name : str
-        Of the module, and of the stage's files.
+        Of the stage's files.
     title : str
         Heading in the report.
     packages : tuple of str
         Whose code its figures depend on.
     scene : bool
-        Whether `Settings.scene` replaces its own.
+        Whether `StudyConfig.scene` replaces its own.
+    module : str
+        That measures it; empty: that of its name beside this one.
     """
 
     name: str
     title: str
     packages: tuple[str, ...]
     scene: bool
+    module: str = ""
 
     @property
-    def measure(self) -> Callable[[Settings], Found]:
+    def path(self) -> str:
+        """Dotted name of the module that measures it."""
+        return self.module or f"benchmarks.tradeoff.{self.name}"
+
+    @property
+    def measure(self) -> Callable[[StudyConfig], Found]:
         """What measures it; its imports take seconds, so they wait until then."""
-        found: Callable[[Settings], Found] = import_module(f"benchmarks.tradeoff.{self.name}").measure
+        found: Callable[[StudyConfig], Found] = import_module(self.path).measure
         return found
 
 
@@ -47,17 +57,17 @@ _ALL: Final = (*_PEOPLE, "radar_gestures")
 STAGES: Final[dict[str, Stage]] = {
     stage.name: stage
     for stage in (
-        Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True),
+        Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim", "benchmarks/propagation.py"), True),
         Stage("transforms", "Baseband: sample type, FFT back end, word length", _DSP, False),
         Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False),
         Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False),
-        Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False),
+        Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking", "benchmarks/clustering_parts.py"), False),
         Stage("tracking", "Tracking: trackers, estimators, clustering", _PEOPLE, True),
         Stage("radar", "Radar: frame rate, number of transmitters", _PEOPLE, True),
         Stage("hand", "Hand: number of radars, filter", _PEOPLE, True),
         Stage("gestures", "Gestures: feature source, classifier", _ALL, False),
-        Stage("budget", "Budget: levels of accuracy", (*_PEOPLE, "benchmarks/tradeoff/tune.py"), True),
-        Stage("graph", "Graph: processes", _ALL, True),
+        Stage("budget", "Budget: levels of accuracy", _PEOPLE, True, "benchmarks.tradeoff.tune"),
+        Stage("graph", "Graph: processes", _ALL, True, "benchmarks.graph"),
         Stage("chain", "The whole chain", _ALL, True),
     )
 }

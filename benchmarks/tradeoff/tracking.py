@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from benchmarks.report import Found, Panel
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.people import track
-from benchmarks.tradeoff.rows import Found, Panel
-from benchmarks.tradeoff.settings import Settings
 from radar_core.config import load, nest
 from radar_tracking import TrackerConfig
 
@@ -29,11 +29,11 @@ KNOBS: dict[Panel, dict[str, dict[str, str]]] = {
 }  # fmt: skip
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare trackers, estimators and clusterings within the tracker on the same clouds."""
     found = Found()
     configs = {f"{panel.name}: {name}": load(TrackerConfig, nest(knobs)) for panel, own in KNOBS.items() for name, knobs in own.items()}
-    judges, _, baseband = track(configs, settings)
+    judges, _, baseband = track(configs, study)
     for panel, own in KNOBS.items():
         default = judges[f"{panel.name}: {panel.default}"]
         for name in own:

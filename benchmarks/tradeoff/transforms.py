@@ -11,9 +11,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from benchmarks.report import Found, Panel, measure_together
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.echoes import INFO, busy
-from benchmarks.tradeoff.rows import Found, Panel, measure_together
-from benchmarks.tradeoff.settings import Settings
 from radar_dsp import SpectrumConfig
 from radar_dsp.spectrum import make_spectrum
 
@@ -27,9 +27,9 @@ def _windowed(cube: NDArray[Any], window: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(scipy.fft.fft2(cube * window, axes=(1, 3)))
 
 
-def measure(settings: Settings) -> Found:
+def measure(study: StudyConfig) -> Found:
     """Compare float32 with float64 samples, and the back ends with each other, on a frame of forty echoes."""
-    cube = busy(np.random.default_rng(settings.seed))[1].cube
+    cube = busy(np.random.default_rng(study.seed))[1].cube
     made = make_spectrum(SpectrumConfig(), INFO)
     window = made.speed_window[:, None, None] * made.range_window
     truth = _windowed(cube.astype(np.complex128), window)
@@ -48,7 +48,7 @@ def measure(settings: Settings) -> Found:
     calls: dict[str, Callable[[], Any]] = {"": lambda: scipy.fft.fft2(cube, axes=(1, 3))}
     calls |= {name: partial(_windowed, *arguments) for name, arguments in kinds.items()}
     calls |= {name: partial(spectrum.process, cube) for name, spectrum in spectra.items()}
-    times = measure_together(calls, repeat=settings.pick(15, 200))
+    times = measure_together(calls, repeat=study.pick(15, 200))
     for panel, names in ((SAMPLES, kinds), (BACK_ENDS, spectra)):
         for name in names:
             off = float(np.linalg.norm(calls[name]() - truth) / norm)

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, Literal
 
 import numpy as np
 from rich.progress import track
 from threadpoolctl import threadpool_limits
 
-from benchmarks.tradeoff.front import FASTER
+from benchmarks.front import FASTER
+from benchmarks.plot import draw
+from benchmarks.report import Found, Panel, Row, timed
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.people import Judge, frames, scenes, visible
-from benchmarks.tradeoff.settings import Settings
-from radar_core import PointCloud, RadarInfo
+from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_core.config import flat, load, nest
-from radar_core.ladder import Ladder, Level
+from radar_core.ladder import Ladder, Level, save_ladders
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros.machine import machine
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_ros.messages.tracks import tracks_to_msg
-from radar_sim import Simulator, Truth
+from radar_sim import SimulatedFrame
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 
+LEVELS: Final = "levels.json"
 FIGURE: Final = "mean GOSPA of the people"
 _BASEBAND: Final[Mapping[str, Mapping[str, Any]]] = {
     "one refinement step": {"doa.newton_steps": 1},
@@ -44,6 +47,9 @@ _EVERY: Final = (1, 2, 3, 5)  # below 10 Hz people are lost, and gestures long b
 _OTHERS: Final = np.zeros(1_000_000)
 """Walked through before each timed frame, so that caches are as cold as between two frames of a radar, when other processes run."""
 DEFAULTS: Final = {"baseband": "one echo in a cell", "tracking": "linear filter"}
+_REFERENCE: Final = "the default at every frame"
+BASEBAND: Final = Panel("levels of the baseband", FIGURE, "m", "lower", DEFAULTS["baseband"], _REFERENCE)
+TRACKING: Final = Panel("levels of the tracking", FIGURE, "m", "lower", DEFAULTS["tracking"], _REFERENCE)
 
 
 @dataclass(eq=False)
@@ -86,68 +92,61 @@ class _Follower:
     """A tracker behind one candidate's clouds; between them its last tracks stay, as for whoever reads them."""
 
     def __init__(self, candidate: Candidate, config: TrackerConfig, info: RadarInfo) -> None:
-        self.candidate, self._tracker = candidate, PeopleTracker(config, info)
+        self.candidate, self._tracker, self._info = candidate, PeopleTracker(config, info), info
         self._last: Tracks | None = None
 
-    def process(self, scene: str, number: int, cloud: PointCloud, truth: Truth, info: RadarInfo, *, timed: bool) -> None:
-        if number % self.candidate.every == 0:
-            if timed:
-                _OTHERS.sum()
-            start = time.perf_counter_ns()
-            self._last = self._tracker.process(cloud)
-            if timed:
-                tracks_to_msg(self._last)
-                self.candidate.times_ms.append((time.perf_counter_ns() - start) * 1e-6)
-        if self._last is not None:
-            self.candidate.judge.compare(scene, truth, visible(truth, info), self._last)
-
-
-def _baseband(settings: Settings) -> Iterator[tuple[str, Simulator, Any]]:
-    for scene in scenes(settings):
-        for simulator, made in frames(scene, settings):
-            yield scene, simulator, made
-
-
-def baseband(settings: Settings) -> list[Candidate]:
-    """Run all candidates of the baseband over the same frames, each with a default tracker of people behind it."""
-    found = candidates({**_BASEBAND, **settings.pick({}, _REFINED)}, BasebandConfig())
-    chains: dict[str, Baseband] = {}
-    followers: list[_Follower] = []
-    before = ""
-    for scene, simulator, made in _baseband(settings):
-        info = simulator.info
-        if scene != before:
-            chains = {one.name: Baseband(load(BasebandConfig, nest(one.knobs)), info) for one in found if one.every == 1}
-            followers, before = [_Follower(one, TrackerConfig(), info) for one in found], scene
-        clouds = {}
-        for name, chain in chains.items():
+    def process(self, scene: str, made: SimulatedFrame, cloud: PointCloud, *, with_time: bool) -> None:
+        if made.frame.sequence % self.candidate.every == 0:
             _OTHERS.sum()
-            start = time.perf_counter_ns()
-            cloud = chain.process(made.frame)
-            cloud_to_msg(cloud)
-            spent = (time.perf_counter_ns() - start) * 1e-6
-            clouds[name] = cloud.to_room(info.mount)
-            for one in found:
-                if one.name == name and made.frame.sequence % one.every == 0:
-                    one.times_ms.append(spent)
-        for follower in followers:
-            follower.process(scene, made.frame.sequence, clouds[follower.candidate.name], made.truth, info, timed=False)
+            self._last, spent = timed(self._publish, cloud)
+            if with_time:
+                self.candidate.times_ms.append(spent)
+        if self._last is not None:
+            self.candidate.judge.compare(scene, made.truth, visible(made.truth, self._info), self._last)
+
+    def _publish(self, cloud: PointCloud) -> Tracks:
+        tracks = self._tracker.process(cloud)
+        tracks_to_msg(tracks)
+        return tracks
+
+
+def _published(chain: Baseband, frame: RadarFrame) -> PointCloud:
+    cloud = chain.process(frame)
+    cloud_to_msg(cloud)
+    return cloud
+
+
+def baseband(study: StudyConfig) -> list[Candidate]:
+    """Run all candidates of the baseband over the same frames, each with a default tracker of people behind it."""
+    found = candidates({**_BASEBAND, **study.pick({}, _REFINED)}, BasebandConfig())
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        chains = {one.name: Baseband(load(BasebandConfig, nest(one.knobs)), info) for one in found if one.every == 1}
+        followers = [_Follower(one, TrackerConfig(), info) for one in found]
+        for made in simulated:
+            for name, chain in chains.items():
+                _OTHERS.sum()
+                cloud, spent = timed(_published, chain, made.frame)
+                room = cloud.to_room(info.mount)
+                for follower in followers:
+                    if follower.candidate.name == name:
+                        follower.process(scene, made, room, with_time=False)
+                        if made.frame.sequence % follower.candidate.every == 0:
+                            follower.candidate.times_ms.append(spent)
     return found
 
 
-def tracking(settings: Settings) -> list[Candidate]:
+def tracking(study: StudyConfig) -> list[Candidate]:
     """Run all candidates of the tracking over the clouds of the default baseband."""
     found = candidates(_TRACKING, TrackerConfig())
-    followers: list[_Follower] = []
-    chain, before = None, ""
-    for scene, simulator, made in _baseband(settings):
-        info = simulator.info
-        if scene != before or chain is None:
-            chain, before = Baseband(BasebandConfig(), info), scene
-            followers = [_Follower(one, load(TrackerConfig, nest(one.knobs)), info) for one in found]
-        cloud = cloud_from_msg(cloud_to_msg(chain.process(made.frame))).to_room(info.mount)
-        for follower in followers:
-            follower.process(scene, made.frame.sequence, cloud, made.truth, info, timed=True)
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        chain = Baseband(BasebandConfig(), info)
+        followers = [_Follower(one, load(TrackerConfig, nest(one.knobs)), info) for one in found]
+        for made in simulated:
+            cloud = cloud_from_msg(cloud_to_msg(chain.process(made.frame))).to_room(info.mount)
+            for follower in followers:
+                follower.process(scene, made, cloud, with_time=True)
     return found
 
 
@@ -202,13 +201,24 @@ class Tuned:
     ladder: Ladder
     candidates: tuple[Candidate, ...]
 
+    @property
+    def rows(self) -> list[Row]:
+        """A row of everything that was measured; times are those for each frame of the radar."""
+        panel = {"baseband": BASEBAND, "tracking": TRACKING}[self.ladder.stage]
+        default = next(one for one in self.candidates if one.level.name == panel.default)
+        made = []
+        for one in self.candidates:
+            times = [value / one.every for value in one.times_ms]
+            made.append(panel.row(one.level.name, one.judge.mean, times, default.times_ms, margin=one.judge.margin(default.judge)))
+        return made
 
-def tune(settings: Settings, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
+
+def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
     """Measure the stages that have levels, in one thread.
 
     Parameters
     ----------
-    settings : Settings
+    study : StudyConfig
         How much, and of which scene.
     factor : float
         What times are multiplied by.
@@ -221,10 +231,22 @@ def tune(settings: Settings, factor: float = 1.0, progress: bool = True) -> list
         When nobody is in the scene.
     """
     found = []
+    stages: tuple[Literal["baseband", "tracking"], ...] = ("baseband", "tracking")
     with threadpool_limits(1):
-        for stage in track(("baseband", "tracking"), "tuning", disable=not progress, transient=True):
-            made = (baseband if stage == "baseband" else tracking)(settings)
+        for stage in track(stages, "tuning", disable=not progress, transient=True):
+            made = (baseband if stage == "baseband" else tracking)(study)
             for one in made:
                 one.times_ms = [factor * value for value in one.times_ms]
             found.append(Tuned(ladder(stage, made), tuple(made)))
     return found
+
+
+def measure(study: StudyConfig) -> Found:
+    """Compare all candidates for levels of the baseband and the tracking; `handwave tradeoff --tune` keeps some of them for the nodes."""
+    return Found([row for found in tune(study, progress=False) for row in found.rows])
+
+
+def write(folder: Path, found: Sequence[Tuned]) -> None:
+    """Write levels for nodes, and a picture of all that was measured."""
+    save_ladders(folder / LEVELS, [one.ladder for one in found])
+    draw([row for one in found for row in one.rows], folder / "levels.png")

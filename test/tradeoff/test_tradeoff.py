@@ -1,6 +1,7 @@
 """`handwave tradeoff`: figures, fronts, files and resumption; no test asserts a time."""
 
 import dataclasses
+import importlib
 import json
 import math
 import re
@@ -17,17 +18,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from typer.testing import CliRunner
 
+from benchmarks.clustering_parts import people
+from benchmarks.front import beaten_by, front, kept, panels
+from benchmarks.graph import nodes
+from benchmarks.plot import COLOUR, GREY, colours, draw
+from benchmarks.report import Found, Panel, measure, of_rms, of_share, scaled
 from benchmarks.tradeoff import document, run, stages
-from benchmarks.tradeoff.clustering import three_people
+from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.document import NO_REASON, report, verdicts
-from benchmarks.tradeoff.front import beaten_by, front, kept, panels
-from benchmarks.tradeoff.graph import nodes
 from benchmarks.tradeoff.people import Judge, short, visible
-from benchmarks.tradeoff.plot import COLOUR, GREY, draw, pictures
 from benchmarks.tradeoff.reasons import REASONS
-from benchmarks.tradeoff.rows import Found, Panel, measure, of_rms, of_share, scaled
 from benchmarks.tradeoff.run import Job, conclude, measured, read
-from benchmarks.tradeoff.settings import Settings
 from benchmarks.tradeoff.stages import STAGES, chosen
 from radar_app.cli import app
 from radar_core import ConfigError, DataError
@@ -143,12 +144,8 @@ def test_calls_are_counted():
 def test_dominated_choices_are_grey_and_the_default_has_a_ring(tmp_path):
     """What the plot is told; and it is a picture."""
     own = rows(("usual", 0.3, 1.0, 0.0), ("worse", 0.4, 2.0, 0.0), ("better", 0.1, 3.0, 0.0))
-    (picture,) = pictures(own)
-    assert {point.name: (point.colour, point.ring) for point in picture.points} == {
-        "usual": (COLOUR, True),
-        "worse": (GREY, False),
-        "better": (COLOUR, False),
-    }
+    assert colours(own) == [COLOUR, GREY, COLOUR]
+    assert [row["default"] for row in own] == [True, False, False]
     draw(own, tmp_path / "x.png")
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
 
@@ -171,7 +168,7 @@ def test_the_command_fails_where_a_reason_is_missing_in_a_full_run(tmp_path, mon
     """A full run ends with status 1 and names the panel; a quick one only says so."""
     beaten = Found(rows(("usual", 0.3, 2.0, 0.0), ("better", 0.1, 1.0, 0.0)))
     monkeypatch.setitem(document.REASONS, "tracker", "")
-    monkeypatch.setattr(stages.Stage, "measure", property(lambda stage: lambda settings: beaten))
+    monkeypatch.setattr(stages.Stage, "measure", property(lambda stage: lambda study: beaten))
     full = CliRunner().invoke(app, ["tradeoff", "-o", str(tmp_path / "full"), "--stage", "tracking"])
     assert full.exit_code == 1
     assert "nobody says why: tracker" in full.output
@@ -200,14 +197,8 @@ def test_the_report_holds_every_stage_and_choice():
 
 def test_every_reason_is_of_a_panel():
     """A reason for a panel that does not exist explains nothing; every panel has one, because figures differ from machine to machine."""
-    found = {
-        value.name
-        for name in STAGES
-        for value in vars(
-            sys.modules.get(f"benchmarks.tradeoff.{name}") or __import__(f"benchmarks.tradeoff.{name}", fromlist=["x"])
-        ).values()
-        if isinstance(value, Panel)
-    }
+    modules = [importlib.import_module(stage.path) for stage in STAGES.values()]
+    found = {value.name for module in modules for value in vars(module).values() if isinstance(value, Panel)}
     assert found == set(REASONS)
     assert all(REASONS.values())
 
@@ -249,7 +240,7 @@ def test_known_truths_come_out(finished):
 
 
 def test_what_is_there_is_not_measured_again(finished, monkeypatch):
-    """The second run reads; --again measures; other settings measure; a damaged file is measured."""
+    """The second run reads; --again measures; another amount measures; a damaged file is measured."""
     out, first = finished
     assert first.count("measured") >= 2
     before = {name: (out / f"{name}.json").read_bytes() for name in CHEAP}
@@ -322,8 +313,8 @@ def test_mistakes_are_named(tmp_path, arguments, message):
 def test_a_figure_that_is_no_number_is_refused(tmp_path, monkeypatch):
     """NaN never reaches a file."""
     broken = Found(rows(("usual", math.nan, 1.0, 0.0)))
-    monkeypatch.setattr(stages.Stage, "measure", property(lambda stage: lambda settings: broken))
-    job = Job(tmp_path, Settings(tmp_path, quick=True), chosen(("tracking",)))
+    monkeypatch.setattr(stages.Stage, "measure", property(lambda stage: lambda study: broken))
+    job = Job(tmp_path, StudyConfig(tmp_path, quick=True), chosen(("tracking",)))
     with pytest.raises(DataError, match="tracker, usual"):
         measured(job.stages[0], job)
 
@@ -331,7 +322,7 @@ def test_a_figure_that_is_no_number_is_refused(tmp_path, monkeypatch):
 def test_a_scene_that_does_not_serve_is_left_out(tmp_path):
     """One radar and nobody drawing: the stage of the hand says so; a scene without people: that of tracking."""
     for scene, name in (("two_crossing", "hand"), ("single_target", "tracking")):
-        job = Job(tmp_path, Settings(tmp_path, quick=True, scene=scene), chosen((name,)))
+        job = Job(tmp_path, StudyConfig(tmp_path, quick=True, scene=scene), chosen((name,)))
         found = measured(job.stages[0], job)
         assert not found["rows"]
         assert scene in found["left_out"][0]["why"]
@@ -339,7 +330,7 @@ def test_a_scene_that_does_not_serve_is_left_out(tmp_path):
 
 def test_the_key_knows_scene_and_amount(tmp_path):
     """Another scene, seed or amount is another measurement; the folder and the ROS domain are not."""
-    first = Settings(tmp_path, quick=True)
+    first = StudyConfig(tmp_path, quick=True)
     tracking, clustering = STAGES["tracking"], STAGES["clustering"]
     for other in ({"scene": "short"}, {"seed": 5}, {"quick": False}):
         assert run.key(tracking, dataclasses.replace(first, **other)) != run.key(tracking, first)
@@ -368,7 +359,7 @@ def test_who_cannot_be_seen_does_not_count():
 
 def test_points_are_those_of_three_people():
     """Their owners' means are the three centres: 3000 points, so a standard error of 5 mm."""
-    points, owner = three_people(np.random.default_rng(0), 3000)
+    points, owner = people(3000, np.random.default_rng(0))
     middle = np.array([points[owner == k].mean(axis=0) for k in range(3)])
     assert np.allclose(middle, [[2.0, 0.0], [3.3, 0.0], [2.0, 1.5]], atol=0.03)
     assert np.mean(owner < 0) == pytest.approx(0.1, abs=0.03)
@@ -411,7 +402,7 @@ def test_stages_that_were_asked_for_stay_in_the_order_of_the_chain(tmp_path):
     """Whatever order they are named in; the report also takes what a former run left."""
     assert [stage.name for stage in chosen(("chain", "simulator"))] == ["simulator", "chain"]
     assert len(chosen(())) == len(STAGES)
-    job = Job(tmp_path, Settings(tmp_path, quick=True), chosen(("clustering",)))
+    job = Job(tmp_path, StudyConfig(tmp_path, quick=True), chosen(("clustering",)))
     for _ in run.run(job):
         pass
     assert read(STAGES["clustering"], job) is not None

@@ -7,9 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.budget import BUDGET_MS, experiment
-from benchmarks.tradeoff.budget import LEVELS, rows
 from benchmarks.tradeoff.people import Judge
-from benchmarks.tradeoff.tune import Candidate, Tuned, candidates, ladder, losses
+from benchmarks.tradeoff.tune import LEVELS, Candidate, Tuned, candidates, ladder, losses
 from radar_app.cli import app
 from radar_core.config import load, nest
 from radar_core.ladder import load_ladders
@@ -107,7 +106,7 @@ def test_the_report_shows_what_was_measured():
     """Each candidate is a row, its time that for each frame of the radar; one is the default, and its accuracy stays as it was measured."""
     usual = "linear filter"
     found = (made(usual, 1, 4.0, 0.3), made("unscented filter", 1, 6.0, 0.28, 0.05), made(usual, 3, 4.0, 0.29))
-    shown = rows(Tuned(ladder("tracking", found), found))
+    shown = Tuned(ladder("tracking", found), found).rows
     assert [row["choice"] for row in shown] == [usual, "unscented filter", f"{usual}, one frame in 3"]
     assert [row["time_ms"]["median"] for row in shown] == pytest.approx([4.0, 6.0, 4.0 / 3])
     assert [row["ratio"] for row in shown] == pytest.approx([1.0, 1.5, 1.0 / 3])

@@ -7,16 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tradeoff.rows import Row
+from benchmarks.report import Row
 
 FASTER = 0.1
 """A choice that saves less than this share of the time is not told apart from another: so much a machine drifts in a run."""
 
 
 def front(time: NDArray[np.float64], loss: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points no other point dominates.
-
-    A point dominates another that it is no worse than in both and better than in one. Equal points do not dominate each other.
+    """Tell which points no other point dominates: is no worse than in both and better than in one. Equal points do not dominate.
 
     Parameters
     ----------
@@ -51,19 +49,9 @@ def panels(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
 
 
 def beaten_by(row: Row, rows: Sequence[Row]) -> list[Row]:
-    """Name the choices that are clearly better than a row: no worse in both, and in one by more than chance.
+    """Name the choices of a row's panel that are clearly better than it: no worse in both, and in one by more than chance.
 
-    Parameters
-    ----------
-    row : Row
-        One of the rows.
-    rows : sequence of Row
-        Of the same panel.
-
-    Returns
-    -------
-    list of Row
-        Empty: the row is on the front, or as near to it as can be told.
+    An empty list: the row is on the front, or as near to it as can be told.
     """
     found = []
     for other in rows:
