@@ -35,7 +35,7 @@ def same(labels: Points, expected: Points) -> float:
     return float(np.mean(labels == expected))
 
 
-def agreement(labels: Points, owner: Points) -> float:
+def agreement(labels: np.ndarray[Any, Any], owner: Points) -> float:
     """Compute the adjusted Rand index over the points that are somebody's; 1: everybody one cluster of their own."""
     from sklearn.metrics import adjusted_rand_score
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -14,6 +13,7 @@ from benchmarks.report import Found, Panel, of_rms, timed
 from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.people import short
 from radar_core import RadarFrame, RadarInfo, merge
+from radar_core.config import load, nest
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator
 from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud
@@ -109,5 +109,5 @@ def measure(study: StudyConfig) -> Found:
     for name, stream in zip(("1 radar", "2 radars"), both, strict=True):
         add(RADARS, name, stream, default, stream.before_ms)
     for name in ("linear", "extended", "imm", "mm_vel_est"):
-        add(FILTER, name, both[1], dataclasses.replace(default, estimator=dataclasses.replace(default.estimator, name=name)))
+        add(FILTER, name, both[1], load(HandConfig, nest({"estimator.name": name})))
     return found

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from benchmarks.report import timed
 from benchmarks.tradeoff.config import StudyConfig
 from radar_core import ConfigError, PointCloud, RadarInfo
-from radar_core.geometry import cartesian_to_spherical
 from radar_dsp import Baseband, BasebandConfig
+from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
 from radar_sim import Fidelity, Scene, SimulatedFrame, Simulator, Truth, load_scene
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
 from radar_tracking.metrics import GospaMetric, ObjectSet, people
 
 _SCENES = ("two_crossing", "side_by_side", "five_people")
 _SECONDS = (6.0, 12.0)  # quick, full
-_VISIBLE_RCS = 0.02  # m^2: a tenth of what a person shows from the front; who shows less is hidden
-_MARGIN = 0.2  # m: the last range bins see a person only in part
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,20 +57,8 @@ def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
 
 
 def visible(truth: Truth, info: RadarInfo) -> NDArray[np.bool_]:
-    """Say who shows the radar enough within its field of view and unambiguous range, shape (n_people,)."""
-    own = truth.scatterer_owner >= 0
-    shown = np.bincount(truth.scatterer_owner[own], truth.scatterer_rcs[own].astype(np.float64), len(truth.person_id))
-    distance, azimuth, _ = cartesian_to_spherical(info.mount.from_room(truth.position))
-    inside = (np.abs(azimuth) <= info.array.fov_azimuth / 2) & (distance < info.waveform.max_range - _MARGIN)
-    return np.asarray((shown >= _VISIBLE_RCS) & inside)
-
-
-def bare(truth: Truth) -> Truth:
-    """Leave out the scatterers, which are large."""
-    nothing = np.empty(0, np.float32)
-    return dataclasses.replace(
-        truth, scatterer_position=np.empty((0, 3), np.float32), scatterer_owner=np.empty(0, np.int32), scatterer_rcs=nothing
-    )
+    """Say who counts, shape (n_people,); nobody has time to be found."""
+    return Visibility(info, MatchingConfig(settle=0.0)).process(truth)
 
 
 def frames(name: str, study: StudyConfig) -> tuple[RadarInfo, Iterator[SimulatedFrame]]:
@@ -89,7 +75,7 @@ def moments(name: str, study: StudyConfig) -> tuple[RadarInfo, tuple[Moment, ...
     baseband, found = Baseband(BasebandConfig(), info), []
     for made in simulated:
         cloud, spent = timed(baseband.process, made.frame)
-        found.append(Moment(cloud.to_room(info.mount), bare(made.truth), visible(made.truth, info), spent))
+        found.append(Moment(cloud.to_room(info.mount), without_scatterers(made.truth), visible(made.truth, info), spent))
     return info, tuple(found)
 
 
