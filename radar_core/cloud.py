@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from enum import IntFlag
 
 import numpy as np
@@ -70,6 +70,7 @@ class PointCloud:
     x: Float32Array
     y: Float32Array
     z: Float32Array
+    _: KW_ONLY
     range: Float32Array = field(default_factory=_nan)
     azimuth: Float32Array = field(default_factory=_nan)
     elevation: Float32Array = field(default_factory=_nan)
@@ -118,4 +119,4 @@ class PointCloud:
 
 
 ARRAY_FIELDS: tuple[str, ...] = tuple(f.name for f in fields(PointCloud) if f.type == "Float32Array")
-"""Names of the per-point arrays, in the order of the message."""
+"""Names of the per-point arrays. Their order means nothing: pair arrays with names where they are made."""

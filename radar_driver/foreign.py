@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, PointCloud, Pose, RadarInfo
-from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
 from radar_driver.clouds import cloud_source_info
@@ -89,8 +88,10 @@ def foreign_cloud(
     unknown = np.full(len(position), np.nan)
     speed = settings.doppler_sign * values["doppler"][good] if "doppler" in values else unknown
     strength = _decibel(values["intensity"][good], settings.intensity_unit) if "intensity" in values else unknown
-    columns = (*position.T, distance, azimuth, unknown if flat else elevation, _sane(speed), _sane(strength))
-    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in zip(ARRAY_FIELDS, columns, strict=False)}
+    x, y, z = position.T
+    columns = {"x": x, "y": y, "z": z, "range": distance, "azimuth": azimuth, "elevation": unknown if flat else elevation}
+    columns |= {"radial_speed": _sane(speed), "snr": _sane(strength)}
+    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in columns.items()}
     return PointCloud(stamp_ns, sequence, frame_id, **named), int(len(good) - good.sum())
 
 

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, PointCloud, Quality, RadarFrame, RadarInfo
-from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp.cfar import OPERATIONS, Cells, make_detector
 from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.doa import DirectionFinder, Directions
 from radar_dsp.peaks import Interpolator
-from radar_dsp.reference import Scales
+from radar_dsp.reference import CLOUD_ROWS, Scales
 from radar_dsp.refine import Refiner
 from radar_dsp.spectrum import make_spectrum, normalise
 from radar_dsp.unfold import Unfolder
@@ -239,7 +238,7 @@ class Baseband:
         estimates = np.array((found.distance, found.distance_std, found.speed, found.speed_std, found.snr))
         angles = np.array((directions.azimuth, directions.elevation, directions.azimuth_std, directions.elevation_std))
         arrays = self._run.pack(estimates, found.noise, angles, np.flatnonzero(keep), self._finder.mode == "azimuth", shift_db)
-        named = dict(zip(ARRAY_FIELDS, arrays, strict=True))
+        named = dict(zip(CLOUD_ROWS, arrays, strict=True))
         return PointCloud(frame.stamp_ns + self._half_ns, frame.sequence, frame.frame_id, quality=quality, **named)
 
 

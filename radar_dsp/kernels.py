@@ -255,7 +255,7 @@ def _snapshots(spectrum: Any, speed: Any, distance: Any, turn: Any) -> Any:
 
 
 def pack(estimates: Any, noise: FloatMap, angles: Any, keep: Any, flat: bool, shift: float) -> FloatMap:
-    """Arrays of a point cloud, in the order of its fields, shape (13, n_kept)."""
+    """Arrays of a point cloud, one row for each name in `radar_dsp.reference.CLOUD_ROWS`, shape (13, n_kept)."""
     result: FloatMap = _pack(estimates, noise, angles, keep, flat, shift)
     return result
 

@@ -18,6 +18,11 @@ FLOOR = 1e-3
 """Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
 LEAST_SNR = 1e-3
 TINY = float(np.finfo(np.float32).tiny)
+CLOUD_ROWS = (
+    *("x", "y", "z", "range", "azimuth", "elevation", "radial_speed"),
+    *("snr", "noise", "range_std", "azimuth_std", "elevation_std", "radial_speed_std"),
+)
+"""Names of the rows that `pack` gives."""
 
 
 def integrate(spectrum: NDArray[np.complex64]) -> FloatMap:
@@ -183,7 +188,7 @@ def snapshots(spectrum: NDArray[np.complex64], cells: Cells, turn: NDArray[np.fl
 def pack(
     estimates: NDArray[np.float64], noise: FloatMap, angles: NDArray[np.float64], keep: NDArray[np.intp], flat: bool, shift: float
 ) -> FloatMap:
-    """Arrays of a point cloud, in the order of its fields.
+    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`.
 
     Parameters
     ----------
@@ -203,7 +208,6 @@ def pack(
     Returns
     -------
     ndarray of float32, shape (13, n_kept)
-        x, y, z, range, azimuth, elevation, radial_speed, snr, noise, range_std, azimuth_std, elevation_std, radial_speed_std.
     """
     distance, distance_std, speed, speed_std, snr = estimates[:, keep]
     azimuth, elevation, azimuth_std, elevation_std = angles[:, keep]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import PointCloud, Quality
-from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import cartesian_to_spherical
 
 Float32Array = NDArray[np.float32]
@@ -66,6 +65,8 @@ def cloud_from_ti(
         distance, azimuth, elevation = cartesian_to_spherical(position)
     else:
         distance, azimuth, elevation = spherical[:, 0], -spherical[:, 1], spherical[:, 2]
-    columns = (*position.T, distance, azimuth, elevation, radial_speed, snr, np.broadcast_to(noise, len(snr)))
-    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in zip(ARRAY_FIELDS, columns, strict=False)}
+    x, y, z = position.T
+    columns = {"x": x, "y": y, "z": z, "range": distance, "azimuth": azimuth, "elevation": elevation}
+    columns |= {"radial_speed": radial_speed, "snr": snr, "noise": np.broadcast_to(noise, len(snr))}
+    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in columns.items()}
     return PointCloud(stamp_ns, sequence, frame_id, quality=quality, **named)

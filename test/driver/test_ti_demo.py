@@ -12,7 +12,6 @@ import ti_demo_emulator as ti
 from leftovers import held, left_since
 
 from radar_core import ConfigError, DataError, DeviceError, PointCloud, Pose, Quality
-from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_driver.boards import boards
 from radar_driver.boards.ti_demo import find_ports
@@ -41,7 +40,8 @@ def cloud(number=0, n=6):
     distance, azimuth, elevation = rng.uniform(1, 4, n), rng.uniform(-0.8, 0.8, n), rng.uniform(-0.4, 0.4, n)
     xyz = spherical_to_cartesian(distance, azimuth, elevation)
     columns = (*xyz.T, distance, azimuth, elevation, rng.uniform(-2, 2, n), rng.uniform(8, 30, n))
-    return PointCloud(0, number, "radar", **{k: np.asarray(v, np.float32) for k, v in zip(ARRAY_FIELDS, columns, strict=False)})
+    names = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr")
+    return PointCloud(0, number, "radar", **{k: np.asarray(v, np.float32) for k, v in zip(names, columns, strict=True)})
 
 
 def packet(number, n=6):

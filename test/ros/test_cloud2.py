@@ -13,7 +13,6 @@ from tf2_msgs.msg import TFMessage
 
 import radar_ros.nodes.cloud2
 from radar_core import ConfigError, PointCloud
-from radar_core.cloud import ARRAY_FIELDS
 from radar_core.geometry import spherical_to_cartesian
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, from_time, info_from_msg
@@ -33,7 +32,8 @@ def points(n=5):
         rng.normal(size=n),
         rng.uniform(5, 30, n),
     )
-    return PointCloud(STAMP, 0, "their_radar", **{k: np.asarray(v, np.float32) for k, v in zip(ARRAY_FIELDS, columns, strict=False)})
+    names = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr")
+    return PointCloud(STAMP, 0, "their_radar", **{k: np.asarray(v, np.float32) for k, v in zip(names, columns, strict=True)})
 
 
 def theirs(frame="their_radar", n=5):

@@ -1,6 +1,7 @@
 """Every message carries its dataclass there and back without loss, bit for bit, through real serialisation."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -12,13 +13,16 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
 from radar_core.cloud import ARRAY_FIELDS
+from radar_driver.foreign import ForeignConfig, foreign_cloud
+from radar_driver.ti_demo.points import cloud_from_ti
+from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.recognizer import Gesture
 from radar_ros.bags import typestore
 from radar_ros.messages import convert
 from radar_ros.messages.gestures import gesture_from_msg, gesture_to_msg
 from radar_ros.messages.tracks import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
 from radar_ros.messages.truth import truth_from_msg, truth_to_msg
-from radar_sim import Truth
+from radar_sim import Simulator, Truth, load_scene
 from radar_tracking import HandTrack, Track, Tracks
 from radar_tracking.tracks import Deleted, Reason, TrackStatus
 
@@ -251,3 +255,38 @@ def test_point_cloud2_fields_in_order():
     for field in msg.fields:
         np.testing.assert_array_equal(table[:, field.offset // 4], values[field.name])
     assert len(msg.data) == msg.row_step == msg.point_step * msg.width
+
+
+def clouds_of_every_maker(rng):
+    """One cloud of everything that makes clouds of arrays: the baseband, a TI demo, a foreign driver, a selection and a fusion."""
+    frame = Simulator(load_scene("single_target")).process(0).frame
+    yield Baseband(BasebandConfig(), RadarInfo()).process(frame)
+    yield Baseband(BasebandConfig(backend="numpy"), RadarInfo()).process(frame)
+    ti = cloud_from_ti(0, 0, rng.uniform(1, 3, (5, 3)), rng.normal(size=5), rng.uniform(5, 9, 5), noise=2.0)
+    values = {name: rng.uniform(1, 3, 5) for name in ("x", "y", "z", "doppler", "intensity")}
+    yield from (ti, foreign_cloud(values, ForeignConfig(), 0, 0, "radar")[0], ti.select(np.array([2, 0])))
+    fused = merge([ti, ti], [Pose(y=1.0), Pose(y=-1.0)])
+    yield from (fused, *fused.parts)
+
+
+def test_the_order_of_fields_means_nothing(monkeypatch):
+    """With the list of fields reversed everywhere, every array still lands under its own name, in clouds and in messages."""
+    before = list(clouds_of_every_maker(np.random.default_rng(5)))
+    for module in [m for name, m in sys.modules.items() if name.startswith("radar_") and hasattr(m, "ARRAY_FIELDS")]:
+        monkeypatch.setattr(module, "ARRAY_FIELDS", ARRAY_FIELDS[::-1])
+    after = list(clouds_of_every_maker(np.random.default_rng(5)))
+    assert len(before) == len(after) == 8
+    for expected, found in zip(before, after, strict=True):
+        assert len(expected) > 0
+        for cloud in (found, convert.cloud_from_msg(convert.cloud_to_msg(found))):
+            for name in ARRAY_FIELDS:
+                np.testing.assert_array_equal(getattr(cloud, name), getattr(expected, name), err_msg=name)
+        table = np.frombuffer(bytes(convert.cloud_to_cloud2(found).data), np.float32).reshape(len(found), -1)
+        np.testing.assert_array_equal(table[:, convert.CLOUD2_FIELDS.index("snr")], expected.snr)
+
+
+def test_measured_arrays_of_a_cloud_are_given_by_name():
+    """By position they could be swapped in silence; only x, y, z may be given so."""
+    assert len(PointCloud(0, 0, "radar", *np.zeros((3, 2), np.float32))) == 2
+    with pytest.raises(TypeError, match="positional"):
+        PointCloud(0, 0, "radar", *np.zeros((4, 2), np.float32))

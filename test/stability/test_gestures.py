@@ -165,7 +165,19 @@ def test_steps_at_any_stamp(start_ns):
         stamp = start_ns + k * 20_000_000
         away, speed = 3.0 - 0.4 * min(max(k - 10, 0) / 25, 1.0), 2.0 if 10 <= k < 35 else 0.0
         one = np.full(3, 1.0, np.float32)
-        cloud = PointCloud(stamp, k, "room", away * one, 0 * one, 0 * one, away * one, 0 * one, 0 * one, -speed * one, 25 * one)
+        cloud = PointCloud(
+            stamp,
+            k,
+            "room",
+            away * one,
+            0 * one,
+            0 * one,
+            range=away * one,
+            azimuth=0 * one,
+            elevation=0 * one,
+            radial_speed=-speed * one,
+            snr=25 * one,
+        )
         track = Track(1, TrackStatus.CONFIRMED, 1.0, 0.0, 6, np.array([away, 0.0, 0.0]), np.zeros(3), np.full(3, 0.2), np.eye(6))
         found += stage.process(TrackedCloud(cloud, Tracks(stamp, k, "room", (track,), np.ones(3, np.int32))))
     (event,) = found
