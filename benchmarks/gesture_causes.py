@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from benchmarks.gesture_clouds import Found, Run
+from benchmarks.tally import Tally
 from radar_core import GESTURES
 from radar_gestures.features import FeatureConfig, summarise
 from radar_gestures.recognizer import Gesture
-from radar_lab.datasets.scenes import nearest_person
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, match_spans, score_gestures
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvent, TrueEvents
 from radar_sim.motions.script import Timeline
-from radar_tracking import TrackedCloud, TrackStatus
+from radar_tracking import TrackedCloud
 
 RANDOM: Final = GESTURES.index("random")
 _HAND: Final = 0.6  # m: the arm's echoes are that near to the hand
@@ -57,38 +59,76 @@ class Judged:
         All other events.
     hours : float
         Length [h].
+    track_frames, ghost_track_frames : int
+        See `Tally`.
     """
 
     outcomes: list[Outcome]
     surplus: list[Surplus]
     hours: float
+    track_frames: int = 0
+    ghost_track_frames: int = 0
 
 
 def judge(run: Run, criterion: CriterionConfig | None = None) -> Judged:
     """Match every performed gesture with the event of the same person that overlaps its fast time most, each at most once."""
     criterion = criterion if criterion is not None else CriterionConfig()
     truths = TrueEvents(criterion, run.scene.radars[0].mount).process(run.truths)
-    pairs = sorted(
-        (
-            (-overlap(true, found), i, j)
-            for i, true in enumerate(truths)
-            for j, found in enumerate(run.found)
-            if found.person_id == true.person_id and overlap(true, found) > 0
-        ),
-    )
-    match: dict[int, int] = {}
-    for _, i, j in pairs:
-        if i not in match and j not in match.values():
-            match[i] = j
+    fast = [TruthSegment(true.person_id, true.label, true.first_ns, true.last_ns) for true in truths]
+    match, pairs = match_spans(fast, [_published(found) for found in run.found])
     why = Causes(run, criterion)
     outcomes = [
         Outcome(true, run.found[match[i]], why_random(run.found[match[i]].gesture))
         if i in match
-        else Outcome(true, None, why.missed(true, [(k, j) for _, k, j in pairs if k == i]))
+        else Outcome(true, None, why.missed(true, taken=any(k == i for k, _ in pairs)))
         for i, true in enumerate(truths)
     ]
-    surplus = [Surplus(found, why.doing(found)) for j, found in enumerate(run.found) if j not in match.values()]
-    return Judged(outcomes, surplus, run.hours)
+    used = set(match.values())
+    surplus = [Surplus(found, why.doing(found)) for j, found in enumerate(run.found) if j not in used]
+    tracks = run.matching.summary()
+    return Judged(outcomes, surplus, run.scene.duration / 3600.0, tracks.track_frames, tracks.ghost_track_frames)
+
+
+def _published(found: Found) -> RecognisedGesture:
+    gesture = found.gesture
+    return RecognisedGesture(found.person_id, gesture.label, gesture.start_ns, gesture.end_ns)
+
+
+def count(judged: Judged) -> Tally:
+    """Count the gestures of a run, person by person, by the one scoring of gestures (`score_gestures`)."""
+    segments = [TruthSegment(o.true.person_id, o.true.label, o.true.start_ns, o.true.end_ns) for o in judged.outcomes]
+    events = [o.found for o in judged.outcomes if o.found is not None] + [s.found for s in judged.surplus]
+    gestures = [_published(found) for found in events]
+    score = score_gestures(segments, gestures)
+    named = [g for g in gestures if g.label != RANDOM]
+    return Tally(
+        minutes=60 * judged.hours,
+        performed=score.total,
+        right=score.hits,
+        wrong=score.wrong,
+        missed=score.misses,
+        false_gestures=score.false_alarms,
+        ghost_gestures=sum(g.person_id is None for g in named),
+        crossed=sum(is_crossed(g, segments) for g in named),
+        track_frames=judged.track_frames,
+        ghost_track_frames=judged.ghost_track_frames,
+    )
+
+
+def is_crossed(gesture: RecognisedGesture, segments: Sequence[TruthSegment], tolerance: float = 0.6) -> bool:
+    """Whether somebody gestured at that time [s], but not the person to whom this was credited."""
+    then = {s.person_id for s in segments if min(s.end_ns, gesture.end_ns) - max(s.start_ns, gesture.start_ns) > -tolerance * 1e9}
+    return bool(then) and gesture.person_id is not None and gesture.person_id not in then
+
+
+def false_by_cause(judged: Iterable[Judged]) -> dict[str, int]:
+    """Count false gestures by what they were taken for and what the person did."""
+    return dict(Counter(f"{s.found.gesture.name} ({s.doing})" for one in judged for s in one.surplus if s.false).most_common())
+
+
+def missed_by_cause(outcomes: Iterable[Outcome]) -> dict[str, int]:
+    """Count missed gestures by cause; those whose hand was too slow for the criterion apart."""
+    return dict(Counter(("" if o.true.meets else "slow: ") + o.cause for o in outcomes if o.found is None).most_common())
 
 
 def why_random(gesture: Gesture) -> str:
@@ -101,11 +141,6 @@ def why_random(gesture: Gesture) -> str:
         return "track moved, as if walking"
     best = int(np.argmax(gesture.probabilities))
     return "most probably random" if best == RANDOM else "rejected as unknown"
-
-
-def overlap(true: TrueEvent, found: Found) -> int:
-    """Return the common time of an event and of the fast part of a gesture [ns]; negative: the time between them."""
-    return min(true.last_ns, found.gesture.end_ns) - max(true.first_ns, found.gesture.start_ns)
 
 
 class Causes:
@@ -130,8 +165,11 @@ class Causes:
                 return f"part of {GESTURES[segment.gesture]}"
         return segments[0].kind if segments[0] is not None else "stand"
 
-    def missed(self, true: TrueEvent, taken: Sequence[tuple[int, int]]) -> str:
-        """Say where on its way a gesture was lost: the first stage that half of its fast frames did not pass."""
+    def missed(self, true: TrueEvent, taken: bool) -> str:
+        """Say where on its way a gesture was lost: the first stage that half of its fast frames did not pass.
+
+        ``taken``: an event overlapped it, but went to another gesture.
+        """
         rows = np.flatnonzero((self._stamps >= true.first_ns) & (self._stamps <= true.last_ns))
         after = np.flatnonzero((self._stamps > true.last_ns) & (self._stamps <= true.last_ns + _AFTER_NS))
         if not len(rows):
@@ -156,10 +194,8 @@ class Causes:
 
     def _track(self, k: int, person: int) -> int | None:
         """Id of the track of a person; None: there is none."""
-        tracks = self._run.tracked[k].tracks.tracks
-        own = [t for t in tracks if t.status != TrackStatus.TENTATIVE and nearest_person(self._run.truths[k], t.position) == person]
-        place = self._run.truths[k].position[self._row(k, person), :2]
-        return min(own, key=lambda t: float(np.hypot(*(t.position[:2] - place)))).id if own else None
+        now, tracks = int(self._stamps[k]), self._run.tracked[k].tracks.tracks
+        return next((track.id for track in tracks if self._run.matching.owner(track.id, now, now) == person), None)
 
     def _row(self, k: int, person: int) -> int:
         return int(np.flatnonzero(self._run.truths[k].person_id == person)[0])

@@ -6,10 +6,10 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,8 @@ from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer, TrackEvent
 from radar_lab.datasets.scenes import nearest_person
+from radar_lab.evaluation.matching import Matching, Visibility
 from radar_sim import Scene, Simulator, Truth
-from radar_sim.motions.script import Timeline
-from radar_sim.people import Action, Person
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
 PIECE: Final = 60.0
@@ -111,44 +110,12 @@ def _unpacked(columns: Columns) -> Iterator[Moment]:
         yield Moment(cloud, truth)
 
 
-def fitted(person: Person, duration: float, seed: int, more: Callable[[], Sequence[Action]], mount: tuple[float, float]) -> Person:
-    """Add steps to a script until it is longer than a scene, cut it after the last step that is over in time, and stand still from then on.
-
-    Parameters
-    ----------
-    person : Person
-        With the beginning of a script.
-    duration : float
-        Of the scene [s].
-    seed : int
-        Of the scene.
-    more : callable
-        Gives the next steps; each call has to take some time.
-    mount : tuple of float
-        (x, y) of what the person faces [m].
-    """
-
-    def end(script: Sequence[Action]) -> float:
-        return Timeline(dataclasses.replace(person, script=tuple(script)), seed, mount).end
-
-    script = list(person.script)
-    reached = 0.0
-    while reached <= duration:
-        before, goal = len(script), 1.2 * (duration - reached)
-        pace = reached / before if reached else 10.0
-        while (len(script) - before) * pace <= goal:
-            script += more()
-        reached = end(script)
-    low, high = 0, len(script)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if end(script[:middle]) <= duration else (low, middle)
-    return dataclasses.replace(person, script=(*script[:low], Action(stand=duration)))
+Association = Literal["matching", "nearest"]
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An event, what the recogniser calls it, and the person nearest to its track when it was decided; None: nobody is near."""
+    """An event, what the recogniser calls it, and the person whose its track was; None: the track was on nobody."""
 
     person_id: int | None
     gesture: Gesture
@@ -171,6 +138,8 @@ class Run:
         Every event, those called random too.
     times_ms : list of float
         What the recogniser took for each cloud [ms].
+    matching : Matching
+        Tracks against people.
     """
 
     scene: Scene
@@ -178,15 +147,16 @@ class Run:
     truths: list[Truth]
     found: list[Found]
     times_ms: list[float]
-
-    @property
-    def hours(self) -> float:
-        """Length [h]."""
-        return self.scene.duration / 3600.0
+    matching: Matching
 
 
 def follow(
-    store: StreamStore, scene: Scene, model: GestureModel, settings: GestureConfig | None = None, tracker: TrackerConfig | None = None
+    store: StreamStore,
+    scene: Scene,
+    model: GestureModel,
+    config: GestureConfig | None = None,
+    tracker: TrackerConfig | None = None,
+    association: Association = "matching",
 ) -> Run:
     """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
@@ -198,25 +168,32 @@ def follow(
         Which.
     model : GestureModel
         The classifier.
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of the recogniser. None: the defaults.
     tracker : TrackerConfig or None
         None: the defaults.
+    association : Association
+        Whose an event is: "matching", the person on whom its track was the longest meanwhile (`Matching.owner`); "nearest", the first
+        definition: who was nearest to the track, within 0.8 m, when the event was decided.
     """
     info = scene.radars[0].info
-    people = PeopleTracker(tracker if tracker is not None else TrackerConfig(), info)
-    recogniser = GestureRecognizer(settings if settings is not None else GestureConfig(), model, info.mount)
-    run = Run(scene, [], [], [], [])
+    people, matching, rule = PeopleTracker(tracker or TrackerConfig(), info), Matching(), Visibility(info)
+    recogniser = GestureRecognizer(config or GestureConfig(), model, info.mount)
+    tracked, truths, times, events = [], [], [], []
     for moment in store.moments(scene):
-        tracked = TrackedCloud(moment.cloud, people.process(moment.cloud))
+        tracked.append(TrackedCloud(moment.cloud, people.process(moment.cloud)))
+        truths.append(moment.truth)
         start = time.perf_counter_ns()
-        events = recogniser.find(tracked)
-        gestures = [recogniser.name(event, tracked.tracks.stamp_ns) for event in events]
-        run.times_ms.append((time.perf_counter_ns() - start) * 1e-6)
-        for event, gesture in zip(events, gestures, strict=True):
-            track = tracked.tracks.find(gesture.track_id)
-            person = None if track is None else nearest_person(moment.truth, track.position)
-            run.found.append(Found(person, gesture, dataclasses.replace(event, maps=None)))
-        run.tracked.append(tracked)
-        run.truths.append(moment.truth)
-    return run
+        found = recogniser.find(tracked[-1])
+        gestures = [recogniser.name(event, moment.cloud.stamp_ns) for event in found]
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+        matching.process(tracked[-1].tracks, moment.truth, rule.process(moment.truth))
+        for event, gesture in zip(found, gestures, strict=True):
+            track = tracked[-1].tracks.find(gesture.track_id)
+            near = None if track is None else nearest_person(moment.truth, track.position)
+            events.append((near, gesture, dataclasses.replace(event, maps=None)))
+    owned = [
+        Found(near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.end_ns), gesture, event)
+        for near, gesture, event in events
+    ]
+    return Run(scene, tracked, truths, owned, times, matching)

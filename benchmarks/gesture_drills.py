@@ -19,14 +19,13 @@ from typing import Final
 import numpy as np
 
 from benchmarks.gesture_studies import GATES
-from benchmarks.stores import code_of, sources
+from benchmarks.stores import fill_samples, sources
 from radar_core import AntennaArray, PointCloud, Pose, RadarInfo, Waveform
 from radar_core.config import config, knob, plain
 from radar_core.waveform import SPEED_OF_LIGHT
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.config import CfarConfig, CouplingConfig, SpectrumConfig
-from radar_lab.datasets.samples import FORMAT, open_folder, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
-from radar_lab.datasets.workers import work_through
+from radar_lab.datasets.samples import FORMAT, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
 from radar_sim import ChannelErrors, Effects, Losses, Noise, Occlusion, Person, Scene, SceneRadar, Simulator, Variation
 from radar_sim.bodies.base import Posture
 from radar_sim.motions.curves import Path as HandPath
@@ -43,6 +42,7 @@ _BANDWIDTH: Final = 3.2e9  # Hz
 _CHIRPS, _TRANSMITTERS, _SAMPLES = 32, 3, 112  # the recordings have range rates of -16 to 15 steps
 _SAMPLED: Final = 0.75  # of the time from chirp to chirp
 _STREAM: Final = 0x7A4  # keeps these draws apart from others with the same seed
+_VERSION: Final = 1  # of `simulate`: count up when it makes other clouds of the same drills
 _SLACK: Final = 0.3  # s: scenes go on that long after the cut
 
 Bounds = tuple[float, float]
@@ -351,26 +351,32 @@ def simulate(drill: Drill) -> list[PointCloud]:
 
 
 def generate(plan: Drills, n: int, folder: Path, *, n_jobs: int = 1, progress: bool = True) -> Path:
-    """Simulate the first ``n`` drills of a plan that a folder does not hold yet; a stopped run goes on where it stopped.
+    """Simulate the first ``n`` drills of a plan that a folder does not hold yet, see `fill_samples`.
 
     Returns
     -------
     Path
-        Where they are: below ``folder``, in a place of its own for each plan and state of the sources.
+        Where they are: below ``folder``, in a place of its own for each plan, state of the sources and what is drawn.
     """
-    manifest = {"format": FORMAT, "plan": plain(plan), "sources": sources(), "drills": _own_code()}
-    digest = hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()[:16]
-    place = open_folder(folder / f"drills_{digest}", json.loads(json.dumps(manifest)))
-    todo = [number for number in range(n) if not sample_path(place, number).exists()]
-    work_through(functools.partial(_write, place, plan), todo, n_total=n, n_jobs=n_jobs, progress=progress, title="simulating drills")
-    return place
+    manifest = {"format": FORMAT, "plan": plain(plan), "sources": sources(), "drills": drawn(plan)}
+    place = folder / f"drills_{_digest(manifest)}"
+    return fill_samples(place, manifest, n, functools.partial(_write, plan), n_jobs=n_jobs, progress=progress)[0]
 
 
-def _own_code() -> str:
-    return hashlib.sha256(code_of(Path(__file__).read_text(encoding="utf-8")).encode()).hexdigest()[:16]
+def drawn(plan: Drills) -> str:
+    """Digest of what the first drills are, so that other words in this file do not make them be simulated again."""
+    parts: list[object] = [_VERSION, [plain(baseband(static)) for static in ("keep", "remove")]]
+    for drill in (draw_drill(plan, number) for number in range(8 * len(LABELS))):
+        path = [np.round(drill.move.at(float(time)), 9).tolist() for time in np.linspace(0.0, drill.scene.duration, 21)]
+        parts.append([drill.label, plain(drill.scene), path, drill.start, drill.end, drill.static])
+    return _digest(parts)
 
 
-def _write(place: Path, plan: Drills, number: int) -> None:
+def _digest(parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _write(plan: Drills, place: Path, number: int) -> None:
     drill = draw_drill(plan, number)
     clouds = simulate(drill)
     columns = {

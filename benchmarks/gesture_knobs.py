@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import tempfile
 import time
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +13,7 @@ import numpy as np
 from benchmarks.gesture_tables import counted
 from benchmarks.gestures_speed import four_tracks, one_user
 from benchmarks.report import choice
+from benchmarks.stores import kept
 from radar_core import RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -139,7 +139,5 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None
         ``choices``: gestures recognised beside the time of the event stage of four tracks, or of naming one event.
     """
     n_jobs = n_jobs if n_jobs is not None else (1 if quick else os.cpu_count() or 1)
-    if keep is not None:
-        return {"choices": measure(keep, quick, n_jobs)}
-    with tempfile.TemporaryDirectory() as folder:
-        return {"choices": measure(Path(folder), quick, n_jobs)}
+    with kept(keep) as folder:
+        return {"choices": measure(folder, quick, n_jobs)}

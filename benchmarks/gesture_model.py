@@ -13,7 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.report import choice
+from benchmarks.stores import kept
 from radar_core.paths import find_config
+from radar_gestures.classifiers.curve_net import CurveNet, save_net
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_lab.datasets.samples import SampleSet, join_samples
@@ -42,11 +44,15 @@ def data(folder: Path, quick: bool, n_jobs: int) -> SampleSet:
     return join_samples([read_folder(folder / name) for name in ("scenes", "strokes")])
 
 
-def model_file(report: TrainingReport, folder: Path) -> bytes:
+def model_file(model: GestureModel | CurveNet) -> bytes:
     """Content of the file that a model is saved to."""
-    path = folder / "model.npz"
-    save_model(report.model, path)
-    return path.read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.npz"
+        if isinstance(model, CurveNet):
+            save_net(model, path)
+        else:
+            save_model(model, path)
+        return path.read_bytes()
 
 
 def equal_predictions(first: GestureModel, second: GestureModel, samples: SampleSet) -> float:
@@ -68,8 +74,7 @@ def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
         reports.append(train_on(samples, one))
         seconds.append(time.perf_counter() - start)
     single, alone = reports.pop(), seconds.pop()
-    with tempfile.TemporaryDirectory() as folder:
-        files = [model_file(report, Path(folder)) for report in reports]
+    files = [model_file(report.model) for report in reports]
     return {
         "repeats_bit_for_bit": files[0] == files[1],
         "shipped_bit_for_bit": files[0] == shipped.read_bytes(),
@@ -128,7 +133,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         ``held_out``, ``held_out_gestures``: accuracy for people left out, of all events and of gestures; ``train_s``, ``choices``.
     """
     n_jobs, shipped = (1 if quick else os.cpu_count() or 1), find_config("gestures", "models", ".npz")
-    if keep is not None:
-        return compare(data(keep, quick, n_jobs), shipped)
-    with tempfile.TemporaryDirectory() as folder:
-        return compare(data(Path(folder), quick, n_jobs), shipped)
+    with kept(keep) as folder:
+        return compare(data(folder, quick, n_jobs), shipped)

@@ -15,12 +15,12 @@ import numpy as np
 from joblib import Memory
 from numpy.typing import NDArray
 
+from benchmarks.gesture_model import model_file
 from benchmarks.report import choice, matrix, measure_together
-from benchmarks.stores import sources
+from benchmarks.stores import kept, sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import GestureModel, save_model
 from radar_gestures.recognizer import EventStage, GestureConfig
 from radar_lab.datasets.readings import Cubes, collect, cubes
 from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
@@ -190,21 +190,10 @@ def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def model_bytes(model: GestureModel) -> int:
-    """Bytes of the model's file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.npz"
-        save_model(model, path)
-        return path.stat().st_size
-
-
 def repeats(samples: SampleSet) -> bool:
     """Whether training twice gives the same file, bit for bit."""
-    with tempfile.TemporaryDirectory() as folder:
-        paths = [Path(folder) / f"{k}.npz" for k in (1, 2)]
-        for path in paths:
-            save_model(train_on(samples, SETTINGS).model, path)
-        return paths[0].read_bytes() == paths[1].read_bytes()
+    first, second = (model_file(train_on(samples, SETTINGS).model) for _ in range(2))
+    return first == second
 
 
 def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
@@ -212,7 +201,7 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
     folds = leave_subjects_out(samples.person)
     mlp = fit(samples, np.ones(len(samples.label), np.bool_), SETTINGS)
     accuracy = validate(samples, folds, SETTINGS).accuracy
-    figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": model_bytes(mlp), "mlp_flop": mlp.flop}
+    figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": len(model_file(mlp)), "mlp_flop": mlp.flop}
     settings = CnnConfig(epochs=3) if quick else CnnConfig()
     try:
         found, given = readings.validate_cnn(settings), readings.cubes()
@@ -276,7 +265,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         ``mlp_flop`` and the same of the CNN (None without PyTorch), ``repeats_bit_for_bit``, ``choices``.
     """
     n_jobs = 1 if quick else os.cpu_count() or 1
-    if keep is not None:
-        return measure(keep, quick, n_jobs)
-    with tempfile.TemporaryDirectory() as folder:
-        return measure(Path(folder), quick, n_jobs)
+    with kept(keep) as folder:
+        return measure(folder, quick, n_jobs)

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import json
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,16 +17,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.stores import sources
+from benchmarks.stores import fill_samples, kept, sources
+from benchmarks.tally import share
 from radar_core import GESTURES
 from radar_core.config import plain
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import GestureConfig
 from radar_lab.datasets.readings import collect
-from radar_lab.datasets.samples import FORMAT, SampleSet, open_folder, sample_path, write_chunk
+from radar_lab.datasets.samples import FORMAT, SampleSet, sample_path, write_chunk
 from radar_lab.datasets.synthesis import simulate_sample
 from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample
-from radar_lab.datasets.workers import work_through
 from radar_sim import Pattern, Scene, Wall
 from radar_sim.effects.config import ChannelErrors, Multipath
 from radar_sim.scene import Fidelity
@@ -105,27 +103,20 @@ class Sizes:
 
 
 def generate(world: World, folder: Path, n_samples: int, *, n_jobs: int = 1, progress: bool = True) -> float:
-    """Simulate the samples of a world that the folder does not hold yet; a stopped run goes on where it stopped.
+    """Simulate the samples of a world that the folder does not hold yet, see `fill_samples`.
 
     Returns
     -------
     float
         Seconds of one core for each new sample; NaN: there was nothing to do.
-
-    Raises
-    ------
-    ConfigError
-        When the folder holds samples of another world, or made with other sources.
     """
-    place = open_folder(folder / world.name, json.loads(json.dumps(world.manifest)))
-    todo = [number for number in range(n_samples) if not sample_path(place, number).exists()]
     start = time.monotonic()
-    make = functools.partial(_write, place, world)
-    work_through(make, todo, n_total=n_samples, n_jobs=n_jobs, progress=progress, title=f"simulating {world.name}")
-    return (time.monotonic() - start) * n_jobs / len(todo) if todo else math.nan
+    write = functools.partial(_write, world)
+    _, made = fill_samples(folder / world.name, world.manifest, n_samples, write, n_jobs=n_jobs, progress=progress)
+    return (time.monotonic() - start) * n_jobs / made if made else math.nan
 
 
-def _write(place: Path, world: World, number: int) -> None:
+def _write(world: World, place: Path, number: int) -> None:
     write_chunk(sample_path(place, number), simulate_sample(world.draw(number), GestureConfig(), margin=world.plan.margin), compressed=True)
 
 
@@ -135,8 +126,8 @@ def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> d
     Returns
     -------
     dict
-        ``accuracy``: share right of the events that were found; ``recognised``: of all performed; ``by_gesture``: of the events;
-        ``events``, ``performed``: how many.
+        ``accuracy``: share right of the events that were found; ``recognised``: of all performed; their 95 % intervals;
+        ``by_gesture``: of the events; ``events``, ``performed``: how many.
     """
     labels = np.array([GESTURES.index(name) for name in names])
     own = np.isin(samples.label, labels)
@@ -144,8 +135,8 @@ def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> d
     right = labels[model.probabilities(samples.features[own]).argmax(axis=-1)] == true
     performed = int(own.sum() + samples.missed[labels].sum())
     return {
-        "accuracy": float(right.mean()) if len(right) else None,
-        "recognised": float(right.sum() / performed) if performed else None,
+        **share("accuracy", int(right.sum()), len(right)),
+        **share("recognised", int(right.sum()), performed),
         "by_gesture": {name: float(right[true == label].mean()) for name, label in zip(names, labels, strict=True) if label in true},
         "events": len(right),
         "performed": performed,
@@ -194,7 +185,5 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[
         wrong; ``other_world_7``, ``other_world_10``: see `accuracy`.
     """
     sizes, other = (Sizes(60, 20), FASTER) if quick else (Sizes(), OTHER)
-    if keep is not None:
-        return measure(keep, sizes, n_jobs, other_world=other)
-    with tempfile.TemporaryDirectory() as folder:
-        return measure(Path(folder), sizes, n_jobs, other_world=other)
+    with kept(keep) as folder:
+        return measure(folder, sizes, n_jobs, other_world=other)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any, Final
 
 from benchmarks import gesture_crowds, gesture_knobs, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
 from benchmarks.report import join
+from benchmarks.stores import kept
 
 _OURS: Final = ("tables", "knobs", "worlds", "streams", "crowds")  # folders within the one that --keep names
 
@@ -54,10 +54,7 @@ def run(quick: bool = False, keep: Path | None = None, real: bool = False, full:
 
         return gestures_real.run(quick, None if keep is None else keep / "real")
     n_jobs = 1 if quick else os.cpu_count() or 1
-    if keep is None:
-        with tempfile.TemporaryDirectory() as folder:
-            return measure(Path(folder), quick, n_jobs)
-    if full:
-        for name in _OURS:
-            shutil.rmtree(keep / name, ignore_errors=True)
-    return measure(keep, quick, n_jobs)
+    with kept(keep) as folder:
+        for name in _OURS if full else ():
+            shutil.rmtree(folder / name, ignore_errors=True)
+        return measure(folder, quick, n_jobs)

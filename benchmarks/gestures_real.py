@@ -6,30 +6,28 @@ import functools
 import hashlib
 import importlib.util
 import itertools
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import joblib
 import numpy as np
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
-from benchmarks.gesture_studies import COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
+from benchmarks.gesture_model import model_file
+from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.gestures_closing import accuracy_without, from_the_end, nobody_there
 from benchmarks.gestures_closing import figures as closing_figures
 from benchmarks.recordings import folder
 from benchmarks.report import choice, matrix, measure
 from benchmarks.stores import sources
-from radar_gestures.classifiers.curve_net import CurveNet, save_net
-from radar_gestures.classifiers.model import GestureModel, save_model
+from radar_gestures.classifiers.curve_net import CurveNet
+from radar_gestures.classifiers.model import GestureModel
 from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.training.curve_training import CurveTraining
 from radar_lab.training.validation import Validation
-
-CHOICE_FOLDS: Final = 2  # of the ten: what the choices are compared on
 
 
 @dataclass(frozen=True)
@@ -90,17 +88,6 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
     return measure(lambda: model.probabilities(extractor.process_many(next(events))[0]), repeat=repeat)
 
 
-def model_bytes(model: GestureModel | CurveNet) -> int:
-    """Size of the model's file."""
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "model.npz"
-        if isinstance(model, CurveNet):
-            save_net(model, path)
-        else:
-            save_model(model, path)
-        return path.stat().st_size
-
-
 def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
     """Give the network where PyTorch is installed, else the perceptron."""
     if importlib.util.find_spec("torch") is None:
@@ -142,19 +129,21 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     moved = parts.once("transfer", lambda: transfer(shared, sets["mtranssee"]))
     result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
     model = parts.once("model", first.fit)
-    result |= {"real_model_bytes": model_bytes(model), "real_model_flop": model.flop}
+    result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": model.flop}
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
     result["learning_curve"] = parts.once("learning_curve", lambda: learning_curve(first, counts, (1,)))
     simulated = parts.once("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
     rows = parts.once("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
     daily = parts.once("daily", lambda: gestures_daily.figures(first, quick, keep))
-    return result | simulated | daily | gestures_shipped.figures(quick) | {"choices": rows}
+    result |= simulated | daily | gestures_shipped.figures(quick)
+    return result | {"choices": rows}
 
 
 def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:
     """Accuracies of one data set by split, over all segments and without those that hold no gesture; ``confusion`` by split."""
-    data, result = made.data, {"confusion": {}}
+    data = made.data
+    result: dict[str, Any] = {"confusion": {}}
     if not quick:
         closing, others = (from_the_end(data.label, data.person, data.distance, back) for back in (0, 3))
         nobody = nobody_there(folder() / name / "segments.npz")

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import importlib.util
 import math
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +24,8 @@ from numpy.typing import NDArray
 from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
 from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
 from benchmarks.report import choice, matrix, measure
+from benchmarks.stores import kept
+from benchmarks.tally import share
 from radar_gestures.curves import Curves, curve_names, join
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.maps import feature_maps
@@ -128,12 +129,10 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
         ``synthetic_samples``, ``synthetic_seconds_per_sample``; ``confusion`` of the first and the last; ``choices``: accuracy and time
         to simulate by number of drills.
     """
-    if keep is None:
-        with tempfile.TemporaryDirectory() as folder:
-            return figures(made, quick, Path(folder))
     n = 100 if quick else SAMPLES
     drills, settings = Drills(), transfer_training(quick)
-    data = simulated(generate(drills, n, keep), n)
+    with kept(keep) as folder:
+        data = simulated(generate(drills, n, folder), n)
     training = transfer_study(data, settings, 2 if quick else COPIES)
     developed = np.isin(made.data.person, DEVELOPMENT)
     tests = {
@@ -144,7 +143,10 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     validations = {name: judge(training, test) for name, test in tests.items()}
     times = measure(lambda: [simulate(draw_drill(drills, number)) for number in range(_TIMED)], repeat=1 if quick else 3, warmup=1)
     each = [time / _TIMED for time in times]
-    result: dict[str, Any] = {name: validation.accuracy for name, validation in validations.items()}
+    result: dict[str, Any] = {}
+    for name, validation in validations.items():
+        right = validation.probabilities.argmax(axis=-1) == validation.label
+        result |= share(name, int(right.sum()), len(right))
     result |= {"synthetic_samples": len(data.label), "synthetic_seconds_per_sample": float(np.median(each)) * 1e-3}
     result["confusion"] = {name: _matrix(validations[name]) for name in ("synthetic_to_real", "synthetic_to_mtranssee")}
     accuracy = {n: validations["synthetic_to_real"].accuracy}

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_clouds import fitted
+from benchmarks.gesture_scenes import fitted
 from benchmarks.scenarios import person, walk
 from benchmarks.stores import Store, pack, unpack
 from radar_core import PointCloud, Pose

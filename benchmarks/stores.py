@@ -6,8 +6,10 @@ import ast
 import functools
 import hashlib
 import json
+import tempfile
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import plain
-from radar_lab.datasets.samples import write_chunk
+from radar_lab.datasets.samples import open_folder, sample_path, write_chunk
 from radar_lab.datasets.workers import work_through
 from radar_sim import Scene
 
@@ -43,6 +45,52 @@ def sources(parts: tuple[str, ...] = PACKAGES) -> str:
     for path in sorted(path for part in parts for path in list((root / part).rglob("*.py")) or [root / part]):
         found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
+
+
+@contextmanager
+def kept(folder: Path | None) -> Iterator[Path]:
+    """Give the folder in which parts are kept; None: one that is thrown away."""
+    if folder is not None:
+        yield folder
+        return
+    with tempfile.TemporaryDirectory() as passing:
+        yield Path(passing)
+
+
+def fill_samples(
+    folder: Path, manifest: Mapping[str, Any], n: int, write: Callable[[Path, int], None], *, n_jobs: int = 1, progress: bool = True
+) -> tuple[Path, int]:
+    """Simulate the first ``n`` samples that a folder does not hold yet; a stopped run goes on where it stopped.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they go, one file each.
+    manifest : mapping
+        What has to be equal for a run to go on in the folder, plain values.
+    n : int
+        Samples that the folder shall hold.
+    write : callable
+        Simulates the sample of a number and writes its file into the folder; a function of a module, so that it can be sent to other
+        processes.
+
+    Returns
+    -------
+    folder : Path
+        As given.
+    made : int
+        Samples that were not there.
+
+    Raises
+    ------
+    ConfigError
+        When the folder holds samples made otherwise.
+    """
+    place = open_folder(folder, json.loads(json.dumps(manifest)))
+    todo = [number for number in range(n) if not sample_path(place, number).exists()]
+    title = f"simulating {place.name}"
+    work_through(functools.partial(write, place), todo, n_total=n, n_jobs=n_jobs, progress=progress, title=title)
+    return place, len(todo)
 
 
 class Store:
@@ -116,9 +164,9 @@ def pack(clouds: Sequence[PointCloud], names: Sequence[str] = ARRAY_FIELDS) -> d
 def unpack(columns: Columns, frame_id: str) -> list[PointCloud]:
     """Clouds of `pack`'s columns, in a frame; what was not kept is NaN."""
     edge = np.concatenate([[0], np.cumsum(columns["count"])])
-    kept = [name for name in ARRAY_FIELDS if f"point_{name}" in columns]
+    names = [name for name in ARRAY_FIELDS if f"point_{name}" in columns]
     clouds = []
     for k, (stamp, sequence) in enumerate(zip(columns["stamp_ns"].tolist(), columns["sequence"].tolist(), strict=True)):
-        own: dict[str, Any] = {name: columns[f"point_{name}"][edge[k] : edge[k + 1]] for name in kept}
+        own: dict[str, Any] = {name: columns[f"point_{name}"][edge[k] : edge[k + 1]] for name in names}
         clouds.append(PointCloud(stamp_ns=stamp, sequence=sequence, frame_id=frame_id, **own))
     return clouds

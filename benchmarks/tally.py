@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,8 @@ def share_interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float
         return 0.0, 1.0
     share, n = part / whole, z * z / whole
     half = z * math.sqrt(share * (1 - share) / whole + n / (4 * whole))
-    return max(0.0, (share + n / 2 - half) / (1 + n)), min(1.0, (share + n / 2 + half) / (1 + n))
+    low, high = ((share + n / 2 + sign * half) / (1 + n) for sign in (-1, 1))
+    return (low if part else 0.0), (high if part < whole else 1.0)
 
 
 def rate_interval(count: int, time: float, level: float = 0.95) -> tuple[float, float]:
@@ -28,22 +28,36 @@ def rate_interval(count: int, time: float, level: float = 0.95) -> tuple[float, 
     return low / time, float(chi2.ppf(1 - tail, 2 * count + 2)) / 2 / time
 
 
+def share(name: str, part: int, whole: int) -> dict[str, Any]:
+    """Give a share as ``name`` and its interval as ``name_interval``; both None of nothing."""
+    interval = list(share_interval(part, whole)) if whole else None
+    return {name: part / whole if whole else None, f"{name}_interval": interval}
+
+
+def rate(name: str, count: int, time: float) -> dict[str, Any]:
+    """Give a rate as ``name`` and its interval as ``name_interval``; both None without time."""
+    interval = list(rate_interval(count, time)) if time else None
+    return {name: count / time if time else None, f"{name}_interval": interval}
+
+
 @dataclass(frozen=True)
 class Tally:
-    """What every evaluation of gestures counts; two tallies add up to that of both.
+    """What became of the gestures and tracks of some runs; two tallies add up to that of both.
 
     Attributes
     ----------
     minutes : float
         Length [min].
     performed, right, wrong, missed : int
-        Gestures that people performed, and what they were credited with.
+        Gestures, and what the person who performed them was credited with, see `score_gestures`.
     false_gestures : int
-        Published gestures without a performed one, those of ghosts too.
+        Published gestures without a performed one of that person; those of tracks on nobody too.
     ghost_gestures : int
         Those of them whose track was on nobody.
+    crossed : int
+        Those of them credited to somebody who performed none then, while others did.
     track_frames, ghost_track_frames : int
-        Confirmed tracks summed over the moments; those of them without a person within the gate.
+        Confirmed tracks summed over the moments; those of them without a person within the gate, see `Matching`.
     """
 
     minutes: float = 0.0
@@ -53,35 +67,29 @@ class Tally:
     missed: int = 0
     false_gestures: int = 0
     ghost_gestures: int = 0
+    crossed: int = 0
     track_frames: int = 0
     ghost_track_frames: int = 0
-
-    @classmethod
-    def of(cls, report: Mapping[str, Any]) -> Tally:
-        """Take what counts out of the report of an `Evaluator`."""
-        gestures = report["gestures"]
-        names = {"performed": "total", "right": "hits", "wrong": "wrong", "missed": "misses"}
-        same = ("false_gestures", "ghost_gestures")
-        return cls(
-            **{name: report[name] for name in ("minutes", "track_frames", "ghost_track_frames")},
-            **{name: gestures[key] for name, key in names.items()},
-            **{name: gestures[name] for name in same},
-        )
 
     def __add__(self, other: Tally) -> Tally:
         return Tally(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
 
     def figures(self) -> dict[str, Any]:
-        """Shares of the gestures performed and rates per minute with their 95 % intervals; None where there is nothing to divide by."""
-        right = share_interval(self.right, self.performed) if self.performed else None
-        false = rate_interval(self.false_gestures, self.minutes) if self.minutes else None
+        """Shares of the gestures performed, and rates per minute; ``accuracy``: gestures credited rightly."""
         return {
             "performed": self.performed,
-            "right_share": self.right / self.performed if self.performed else None,
-            "right_share_interval": right,
+            **share("accuracy", self.right, self.performed),
+            "wrong": self.wrong,
+            "missed": self.missed,
+            **share("cross_talk", self.crossed, self.performed),
+            "ghosts": self.ghost_gestures,
+        } | self.false_figures()
+
+    def false_figures(self) -> dict[str, Any]:
+        """Say what was found where nothing was: false gestures and ghosts."""
+        return {
             "false_gestures": self.false_gestures,
-            "false_gestures_per_minute": self.false_gestures / self.minutes if self.minutes else None,
-            "false_gestures_per_minute_interval": false,
+            **rate("false_gestures_per_minute", self.false_gestures, self.minutes),
             "ghost_track_frames": self.ghost_track_frames,
             "ghost_track_frames_per_minute": self.ghost_track_frames / self.minutes if self.minutes else None,
             "ghost_share_of_track_frames": self.ghost_track_frames / self.track_frames if self.track_frames else None,

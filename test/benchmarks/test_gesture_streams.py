@@ -10,17 +10,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import gesture_crowds, gesture_rules, gesture_streams
-from benchmarks.gesture_causes import Judged, Outcome, Surplus, judge, why_random
-from benchmarks.gesture_clouds import Found, Run, StreamStore, fitted, follow
-from benchmarks.gesture_crowds import CROWDS, TOGETHER, Counts, Crowd, count, crowd_scene, is_crossed
-from benchmarks.gesture_streams import IDLE, Plan, gesture_figures, gesture_stream, idle_figures, idle_stream, rejection, scene_of, unknown
+from benchmarks import gesture_crowds, gesture_rules, gesture_scenes, gesture_streams
+from benchmarks.gesture_causes import Judged, Outcome, Surplus, count, is_crossed, judge, why_random
+from benchmarks.gesture_clouds import Found, Run, StreamStore, follow
+from benchmarks.gesture_scenes import CROWDS, IDLE, TOGETHER, Crowd, crowd_scene, fitted, gesture_stream, idle_stream, scene_of, unknown
+from benchmarks.gesture_streams import Plan, gesture_figures, idle_figures, rejection
 from benchmarks.stores import code_of
+from benchmarks.tally import Tally, rate_interval, share_interval
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import GestureModel, load_model
 from radar_gestures.events import Event
 from radar_gestures.recognizer import Gesture, TrackEvent
+from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment
 from radar_lab.evaluation.truth_events import TrueEvent
 from radar_sim import Action, Person, Simulator, Truth
@@ -201,7 +203,10 @@ def hand_made(strokes, events, *, tracked=True, fast=True, owned=True, snr=30.0,
         track = Track(7, TrackStatus.CONFIRMED, 1.0, 0.0, 1, body[0], np.zeros(3), np.zeros(3), np.eye(6))
         owner = np.array([7 if owned else -1], np.int32)
         clouds.append(TrackedCloud(points, Tracks(k * STEP, k, "room", (track,) if tracked else (), owner)))
-    return Run(scene, clouds, truths, events, [0.1] * len(clouds))
+    matching = Matching()
+    for tracked_cloud, now in zip(clouds, truths, strict=True):
+        matching.process(tracked_cloud.tracks, now, np.ones(1, bool))
+    return Run(scene, clouds, truths, events, [0.1] * len(clouds), matching)
 
 
 ONE = [(PUSH, 1.0, 1.6)]
@@ -348,12 +353,50 @@ def test_crowds_count_by_person():
         Outcome(true(PUSH, 6, 7, person=2), found(PUSH, 6, 7, person=2)),
     ]
     extra = [found(WAVE, 6, 7, person=3), found(0, 6, 7, person=3), found(PUSH, 1, 2, person=None), found(PUSH, 30, 31, person=3)]
-    counts = count(segments, Judged(outcomes, [Surplus(f, "stand") for f in extra], 1.0))
-    assert counts == Counts(performed=4, right=2, wrong=1, missed=1, crossed=1, ghosts=1)
-    assert (counts + counts).figures()["accuracy"] == pytest.approx(0.5)
+    surplus = [Surplus(f, "stand") for f in extra]
+    counts = count(Judged(outcomes, surplus, 0.5, track_frames=1000, ghost_track_frames=60))
+    assert counts == Tally(
+        minutes=30, performed=4, right=2, wrong=1, missed=1, false_gestures=3, ghost_gestures=1, crossed=1, track_frames=1000,
+        ghost_track_frames=60,
+    )  # fmt: skip
+    figures = (counts + counts).figures()
+    assert (figures["accuracy"], figures["performed"]) == (pytest.approx(0.5), 8)
+    assert figures["false_gestures_per_minute"] == pytest.approx(0.1)
+    assert (figures["ghost_track_frames_per_minute"], figures["ghost_share_of_track_frames"]) == pytest.approx((2.0, 0.06))
     assert counts.figures()["cross_talk"] == pytest.approx(0.25)
     assert not is_crossed(RecognisedGesture(1, PUSH, 1 * S, 2 * S), segments)
-    assert Counts().figures()["accuracy"] is None
+    assert not is_crossed(RecognisedGesture(None, PUSH, 1 * S, 2 * S), segments)
+    assert Tally().figures()["accuracy"] is None
+
+
+@pytest.mark.parametrize(("part", "whole"), [(0, 20), (10, 20), (20, 20), (3, 200)])
+def test_intervals_cover_the_truth(part, whole):
+    """An interval holds its share, and is as wide as its own ends demand: both are 1.96 standard errors from the share (Wilson)."""
+    low, high = share_interval(part, whole)
+    assert 0 <= low <= part / whole <= high <= 1
+    for end in (low, high):
+        if 0 < end < 1:
+            assert abs(part / whole - end) == pytest.approx(1.96 * math.sqrt(end * (1 - end) / whole))
+    assert share_interval(0, 0) == (0, 1)
+
+
+@pytest.mark.parametrize("events", [0, 1, 7])
+def test_intervals_of_rates(events):
+    """With the rate at an end, so many events or more (or fewer) come with a chance of 2.5 %."""
+    low, high = rate_interval(events, 2.0)
+    fewer = sum(math.exp(-2 * high) * (2 * high) ** k / math.factorial(k) for k in range(events + 1))
+    assert fewer == pytest.approx(0.025)
+    if events:
+        assert sum(math.exp(-2 * low) * (2 * low) ** k / math.factorial(k) for k in range(events)) == pytest.approx(0.975)
+    assert rate_interval(events, 0.0) == (0.0, math.inf)
+
+
+def test_whose_a_gesture_is_can_be_asked_by_the_first_definition(filled):
+    """One person alone is both on whom the track was and who is nearest; in an empty room nobody is."""
+    store, scene = filled
+    by = {association: follow(store, scene, load_model(), association=association) for association in ("matching", "nearest")}
+    assert [f.person_id for f in by["matching"].found] == [f.person_id for f in by["nearest"].found] == [scene.people[0].id]
+    assert by["matching"].matching.summary().ghost_track_frames == 0
 
 
 # Whole benchmarks, on next to nothing
@@ -375,8 +418,8 @@ def test_crowds_measure(tmp_path, monkeypatch):
     """Two users for one round, through the real chain: every gesture is counted once."""
     pair = Crowd(2, (1.2, 2.0), bystander=False)
     monkeypatch.setattr(gesture_crowds, "CROWDS", (pair,))
-    monkeypatch.setattr(gesture_crowds, "_LEAD", 2.5)
-    monkeypatch.setattr(gesture_crowds, "_ROUND", 2.2)
+    monkeypatch.setattr(gesture_scenes, "LEAD", 2.5)
+    monkeypatch.setattr(gesture_scenes, "ROUND", 2.2)
     result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1), tmp_path, load_model(), progress=False)
     row = result["crowds"][pair.name]
     assert row["performed"] == 2

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks import gesture_studies as real
 from benchmarks import gestures_shipped
+from benchmarks.gesture_model import model_file
 from benchmarks.gestures_closing import FEWEST, REACH, accuracy_without, alone, figures, from_the_end, nobody_there
-from benchmarks.gestures_real import model_bytes
 from benchmarks.recordings import folder
 from radar_core import DataError
 from radar_gestures.curves import CURVE_NAMES, Curves
@@ -71,7 +71,7 @@ def test_people_never_seen_are_recognised(made: real.Study) -> None:
 def test_the_model_keeps_to_its_size(made: real.Study) -> None:
     """At most 200 kB and 1 MFLOP."""
     model = made.fit()
-    assert model_bytes(model) <= 200_000
+    assert len(model_file(model)) <= 200_000
     assert model.flop <= 1_000_000
 
 
