@@ -1,4 +1,4 @@
-"""What a radar is made of: devices that are opened and closed, boards that are powered and suspended, a radar composed of them (3.4).
+"""What a radar is made of: devices that are opened and closed, parts that are powered and suspended, a radar composed of them (3.4).
 
 The thesis has one class for each integrated circuit, one for each board, and a radar that delegates to its boards in a fixed sequence.
 """
@@ -32,13 +32,7 @@ class Device(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Make it ready to use.
-
-        Raises
-        ------
-        DeviceError
-            When it is not there or does not answer; it is closed then.
-        """
+        """Make it ready to use; a `DeviceError` says that it is not there or does not answer, and leaves it closed."""
 
     @abstractmethod
     def close(self) -> None:
@@ -49,23 +43,21 @@ class Device(ABC):
         return {}
 
 
-class Component(ABC):
-    """A board, or a part of one, that is powered up and down and works in between."""
+class Component:
+    """A board, or a part of one. A step that it does not define needs nothing of it."""
 
     name: str
 
-    @abstractmethod
     def power_up(self) -> None:
         """Make it ready, suspended; a `DeviceError` leaves it powered down."""
 
-    @abstractmethod
     def power_down(self) -> None:
         """Undo `power_up`; may be called twice."""
 
-    def resume(self) -> None:  # noqa: B027  (a part without a running state needs nothing)
+    def resume(self) -> None:
         """Begin to work."""
 
-    def suspend(self) -> None:  # noqa: B027
+    def suspend(self) -> None:
         """Stop working, ready to resume; may be called twice."""
 
     def report(self) -> Report:
@@ -142,7 +134,7 @@ class Radar:
             getattr(component, step.replace(" ", "_"))()
         except HandwaveError as error:
             self._states[component.name] = PowerState.FAILED
-            self.power_down()
+            Radar.power_down(self)
             gone = getattr(error, "gone", False)
             raise DeviceError(f"{component.name} did not {step}: {error}", gone=gone) from error
         self._states[component.name] = state

@@ -139,7 +139,7 @@ class Sensor(Component):
         self._configured = True
 
 
-class Dca1000Source:
+class Dca1000Source(Radar):
     """A sensor with a capture board, as a source of frames.
 
     The capture board is set up and records before the sensor starts: the first byte of a recording is then the first of a frame, and stays
@@ -168,35 +168,23 @@ class Dca1000Source:
         check_settings(settings, ti, size)
         self._board = CaptureBoard(settings, size)
         parts: list[Component] = [self._board] + ([Sensor(settings)] if settings.serial_port else [])
-        self._radar = Radar(parts)
+        super().__init__(parts)
         self._silence = max(settings.silence, 3 * ti.frame_interval)
         self._stamps = Stamps(self.info.waveform)
         self._resumed = 0.0
         self._heard = False
         self._mirrored = False
 
-    def power_up(self) -> None:
-        """Set up the capture board, then the sensor."""
-        self._radar.power_up()
-
     def resume(self) -> None:
         """Record, then start the sensor."""
-        self._radar.resume()
+        super().resume()
         self._resumed = time.monotonic()
         self._stamps = Stamps(self.info.waveform)
         self._heard = False
 
-    def suspend(self) -> None:
-        """Stop the sensor, then the recording."""
-        self._radar.suspend()
-
-    def power_down(self) -> None:
-        """Let go of sensor and capture board."""
-        self._radar.power_down()
-
     def report(self) -> dict[str, Any]:
         """Give what both know; ``advice`` where something should be changed."""
-        values = self._radar.report()
+        values = super().report()
         if self._mirrored:
             other = ORDERS[1 - ORDERS.index(self._settings.order)]
             values["advice"] = f"the echoes lie at negative ranges: I and Q seem to be swapped; set order to {other}"
@@ -259,8 +247,3 @@ class Dca1000Source:
             f"cable between both boards plugged in, do both have power, does a firewall drop UDP port {self._settings.data_port}?",
             gone=True,
         )
-
-
-def open_dca1000(settings: Dca1000Config) -> Dca1000Source:
-    """Make the source of a configuration; nothing is touched before its `power_up`."""
-    return Dca1000Source(settings)

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import re
-import termios
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from typing import Final
 
 import serial
-from serial.tools import list_ports
-from serial.tools.list_ports_common import ListPortInfo
 
 from radar_core import DeviceError
 from radar_driver.components import Device, Report
+from radar_driver.serial_ports import GONE, open_port, ti_ports
 
 BAUD: Final = 115200
 _PROMPT: Final = re.compile(rb"(\w*):/>\s*$")
 _FIRMWARE: Final = "mmwDemo"
-_GONE: Final = (OSError, termios.error)  # what pyserial raises, its own errors among them
 _GREETINGS: Final = 3
 _SLICE: Final = 0.02  # s
 _LONGEST: Final = 1 << 14  # bytes of an answer
 _REFUSED: Final = re.compile(r"^(error|.*not recognized)", re.IGNORECASE)
-_CHIPS: Final = {(0x0451, 0xBEF3): "XDS110", (0x0451, 0xBEF4): "XDS110", (0x10C4, 0xEA70): "CP2105"}
-_NAMES: Final = {"XDS110": "application", "CP2105": "enhanced"}
 
 
 class SerialCli(Device):
@@ -60,10 +52,7 @@ class SerialCli(Device):
             When the port is not there, not allowed or held by somebody else; when nobody answers, or another firmware does.
         """
         port = _only_port() if self._port == "auto" else self._port
-        try:
-            self._link = serial.Serial(port, BAUD, timeout=_SLICE, write_timeout=self._timeout, exclusive=True)
-        except _GONE as error:
-            raise DeviceError(_why_not(port, error), gone=True) from None
+        self._link = open_port(port, BAUD, timeout=_SLICE, write_timeout=self._timeout)
         self._used = port
         try:
             self._greet()
@@ -75,7 +64,7 @@ class SerialCli(Device):
         """Let go of the port."""
         link, self._link = self._link, None
         if link is not None:
-            with suppress(*_GONE):  # it is unplugged
+            with suppress(*GONE):  # it is unplugged
                 link.close()
 
     def report(self) -> Report:
@@ -155,53 +144,16 @@ class SerialCli(Device):
             while found is None and time.monotonic() < end:
                 heard = (heard + link.read(max(1, link.in_waiting)))[-_LONGEST:]
                 found = _PROMPT.search(heard)
-        except _GONE as error:
+        except GONE as error:
             raise DeviceError(f"the sensor's serial port {self._used} is gone ({error}): plug its USB cable in again", gone=True) from None
         text = heard[: found.start()] if found else heard
         said = [word.strip() for word in text.decode("ascii", "replace").splitlines()]
         return [word for word in said if word and word != line], found.group(1).decode() if found else None
 
 
-def cli_ports() -> list[ListPortInfo]:
-    """List the serial ports that are a TI sensor's command line: one for each board that is plugged in."""
-    boards: dict[tuple[str, str], list[ListPortInfo]] = {}
-    for port in list_ports.comports():
-        chip = _CHIPS.get((port.vid, port.pid))
-        if chip is not None:
-            boards.setdefault((chip, (port.location or port.device).partition(":")[0]), []).append(port)
-    return [_of_commands(chip, ports) for (chip, _), ports in sorted(boards.items())]
-
-
-def _of_commands(chip: str, ports: Sequence[ListPortInfo]) -> ListPortInfo:
-    """Choose the port of the command line among those of one board: by its name, else the first interface."""
-    ports = sorted(ports, key=lambda port: (port.location or "", port.device))
-    named = [port for port in ports if _NAMES[chip] in f"{port.interface or ''} {port.description or ''}".lower()]
-    return (named or ports)[0]
-
-
 def _only_port() -> str:
-    ports = [str(port.device) for port in cli_ports()]
+    ports = [board.command for board in ti_ports() if board.command]
     if len(ports) == 1:
         return ports[0]
     found = f"there are several: {', '.join(ports)}; set serial_port to one of them" if ports else "plug the sensor's USB cable in"
     raise DeviceError(f"serial_port is auto, but {found}", gone=True)
-
-
-def access_problem(port: str) -> str:
-    """Say why a port cannot be opened by this user, and what to do; empty: it can."""
-    if os.access(port, os.R_OK | os.W_OK):
-        return ""
-    return f"this user may not open {port}: sudo usermod -aG dialout $USER, then log in anew"
-
-
-def _why_not(port: str, error: Exception) -> str:
-    if not os.path.exists(port):
-        return (
-            f"there is no serial port {port}: plug the sensor's USB cable in and switch it on; "
-            "python -m serial.tools.list_ports lists what is there"
-        )
-    if problem := access_problem(port):
-        return problem
-    if "exclusively lock" in str(error) or getattr(error, "errno", None) == errno.EBUSY:
-        return f"another program holds {port}: end it (another driver, a terminal, TI's visualizer); this finds it: fuser -v {port}"
-    return f"{port} cannot be opened as a serial port ({error}); check serial_port"

@@ -16,15 +16,16 @@ from radar_core.config import config, knob
 from radar_core.geometry import spherical_to_cartesian
 from radar_driver.clouds import cloud_source_info
 from radar_driver.components import Component, Radar, Report
+from radar_driver.dca1000.serial_cli import SerialCli
+from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
 from radar_driver.sources import Reading
-from radar_driver.ti_demo.cli import SendConfig, send_config
-from radar_driver.ti_demo.config_file import describe, static_removed
 from radar_driver.ti_demo.items import Points
 from radar_driver.ti_demo.points import cloud_from_ti
 from radar_driver.ti_demo.tlv import Packet, Parser
 from radar_driver.ti_demo.uart import Uart
 
 _WAITING: Final = 64  # packets that wait to be read: several may come in one go
+_ANSWER: Final = 3.0  # s: sensorStart calibrates the front end, which takes about a second
 _BITS: Final = 10  # on the line for a byte: start, 8, stop
 
 
@@ -54,6 +55,10 @@ class TiDemoConfig:
             raise ConfigError("TiDemoConfig.cli_port is given but no config; name the .cfg to send, or leave cli_port empty")
 
 
+SendConfig = Callable[[str, Path], None]
+"""Sends a .cfg to the command port of that path; a `DeviceError` says which line the radar refused."""
+
+
 class _Port(Component):
     """The data port."""
 
@@ -80,32 +85,41 @@ class _Sensor(Component):
 
     name = "sensor"
 
-    def __init__(self, settings: TiDemoConfig, send: SendConfig) -> None:
-        self._settings, self._send = settings, send
-
-    def power_up(self) -> None:
-        """Nothing: it has its power from USB."""
-
-    def power_down(self) -> None:
-        """Nothing, likewise."""
+    def __init__(self, config: TiDemoConfig, send: SendConfig) -> None:
+        self._config, self._send = config, send
 
     def resume(self) -> None:
-        if self._settings.cli_port:
-            self._send(self._settings.cli_port, Path(self._settings.config))
+        if self._config.cli_port:
+            self._send(self._config.cli_port, Path(self._config.config))
 
     def report(self) -> Report:
-        return {"started": "by us" if self._settings.cli_port else "runs already"}
+        return {"started": "by us" if self._config.cli_port else "runs already"}
 
 
-class TiDemo:
+def send_config(port: str, path: Path) -> None:
+    """Send every command of a .cfg to a command port, each after the answer to the one before.
+
+    Raises
+    ------
+    DeviceError
+        When the port cannot be opened, or a line is refused or not answered.
+    """
+    line = SerialCli(port, _ANSWER, firmware="")  # every demo has a prompt of its own
+    line.open()
+    try:
+        for number, command in cli_lines(path):
+            line.send(command, f"{path}:{number}")
+    finally:
+        line.close()
+
+
+class TiDemo(Radar):
     """Reads packets of a demo and makes clouds of them; a `radar_driver.sources.Source`.
 
     Parameters
     ----------
-    settings : TiDemoConfig
+    config : TiDemoConfig
         Ports and place.
-    find_port : callable
-        Gives the path of the only data port that is plugged in, for an empty ``port``.
     send : callable
         Sends the .cfg to the command port.
 
@@ -120,45 +134,40 @@ class TiDemo:
         When the .cfg makes no sense, naming file and line.
     """
 
-    def __init__(self, settings: TiDemoConfig, find_port: Callable[[], str], send: SendConfig = send_config) -> None:
-        self._settings, self._find_port, self._send = settings, find_port, send
-        fov = (settings.fov_azimuth, settings.fov_elevation)
-        info = replace(cloud_source_info(settings.frame_interval, fov, settings.mount), frame_id=settings.frame_id)
-        self.info: RadarInfo = describe(Path(settings.config), info) if settings.config else info
-        self._half = self.info.waveform.acquisition_ns // 2 if settings.config else 0
-        self._quality = Quality.STATIC_REMOVED if settings.config and static_removed(Path(settings.config)) else Quality.GOOD
+    def __init__(self, config: TiDemoConfig, send: SendConfig = send_config) -> None:
+        self._config = config
+        self._uart = Uart(config.port, config.baud)
+        super().__init__((_Port(self._uart), _Sensor(config, send)))
+        fov = (config.fov_azimuth, config.fov_elevation)
+        self.info: RadarInfo = replace(cloud_source_info(config.frame_interval, fov, config.mount), frame_id=config.frame_id)
+        self._half, self._quality = 0, Quality.GOOD
+        if config.config:
+            self._read_config(Path(config.config))
         self._parser = Parser()
         self._ready: deque[PointCloud] = deque(maxlen=_WAITING)
         self._counts: Counter[str] = Counter()
         self._about: dict[str, Any] = {}
-        self._uart = Uart(settings.port, settings.baud)
-        self._radar = Radar(())
         self._heard = 0.0
         self._stamp = 0
         self._bytes = 0
         self._refused = 0
         self._number: int | None = None
 
-    def power_up(self) -> None:
-        """Open the data port."""
-        self._uart = Uart(self._settings.port or self._find_port(), self._settings.baud)
-        self._radar = Radar((_Port(self._uart), _Sensor(self._settings, self._send)))
-        self._radar.power_up()
+    def _read_config(self, path: Path) -> None:
+        """Take waveform and antennas from a .cfg (n_sample is 0, because no frames come), and whether still points are left out."""
+        said, view = radar_info(read_ti_config(path)), self.info.array
+        array = replace(said.array, fov_azimuth=view.fov_azimuth, fov_elevation=view.fov_elevation)
+        self.info = replace(self.info, waveform=replace(said.waveform, n_sample=0), array=array)
+        self._half = self.info.waveform.acquisition_ns // 2
+        clutter = [words for words in (line.split() for _, line in cli_lines(path)) if words[0] == "clutterRemoval"]
+        self._quality = Quality.STATIC_REMOVED if clutter and clutter[-1][-1] == "1" else Quality.GOOD
 
     def resume(self) -> None:
         """Throw away what is old, start the sensor if that is ours to do, and listen."""
-        self._radar.resume()
+        super().resume()
         self._parser.reset()
         self._ready.clear()
         self._listen()
-
-    def suspend(self) -> None:
-        """Stop listening; the sensor goes on by itself."""
-        self._radar.suspend()
-
-    def power_down(self) -> None:
-        """Close the port."""
-        self._radar.power_down()
 
     def _listen(self) -> None:
         self._heard, self._bytes, self._refused = time.monotonic(), self._parser.received, self._parser.counts["refused"]
@@ -178,16 +187,16 @@ class TiDemo:
                 self._take(packet, arrived)
         if self._ready:
             return Reading(self._ready.popleft())
-        if time.monotonic() - self._heard > self._settings.silence:
+        if time.monotonic() - self._heard > self._config.silence:
             problem = self._silent()
             self._listen()
-            raise DeviceError(problem, gone=bool(self._settings.cli_port))
+            raise DeviceError(problem, gone=bool(self._config.cli_port))
         return None
 
     def _silent(self) -> str:
         """Say what came instead of packets."""
         came, refused = self._parser.received - self._bytes, self._parser.counts["refused"] - self._refused
-        port, long = self._uart.port, f"{self._settings.silence:g} s"
+        port, long = self._uart.port, f"{self._config.silence:g} s"
         if refused:
             return f"{port}: {refused} packets in {long}, none of which makes sense: {self._parser.reason}"
         if came:
@@ -195,7 +204,7 @@ class TiDemo:
                 f"{port}: {came} bytes in {long} but no packet in them: is it the data port (Auxiliary Data Port), not the command port, "
                 f"and does the demo send with {self._uart.baud} Bd (knob baud)?"
             )
-        again = "it is started anew" if self._settings.cli_port else "start it with its .cfg, or give cli_port and config, or press reset"
+        again = "it is started anew" if self._config.cli_port else "start it with its .cfg, or give cli_port and config, or press reset"
         return f"{port}: silent for {long}; the sensor does not run, or hangs: {again}"
 
     def _take(self, packet: Packet, arrived_ns: int) -> None:
@@ -210,8 +219,8 @@ class TiDemo:
             self._counts["lost"] += packet.number - self._number - 1
         self._number = packet.number
         behind = self._parser.received - packet.end + packet.length
-        wait = self._settings.latency if np.isnan(packet.processing) else packet.processing
-        stamp = arrived_ns - round((behind * _BITS / self._settings.baud + wait) * 1e9) - self._half
+        wait = self._config.latency if np.isnan(packet.processing) else packet.processing
+        stamp = arrived_ns - round((behind * _BITS / self._config.baud + wait) * 1e9) - self._half
         self._stamp = max(stamp, self._stamp + 1)  # bytes that come in bursts must not turn time back
         self._ready.append(self._cloud(packet, self._stamp))
         self._counts["points"] += 0 if packet.points is None else len(packet.points)
@@ -239,7 +248,7 @@ class TiDemo:
         """Say which demo it is, and what was lost."""
         parser = self._parser.counts
         return {
-            **self._radar.report(),
+            **super().report(),
             **self._about,
             "packets": parser["packets"],
             **{name: self._counts[name] for name in ("points", "points_refused", "lost")},

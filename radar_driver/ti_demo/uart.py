@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import termios
 from contextlib import suppress
 from typing import Final
 
@@ -11,6 +9,7 @@ import serial
 
 from radar_core import DeviceError
 from radar_driver.components import Device, Report
+from radar_driver.serial_ports import GONE, open_port, ti_ports
 
 _CHUNK: Final = 1 << 16  # bytes: as much as the longest packet
 
@@ -21,7 +20,7 @@ class Uart(Device):
     Parameters
     ----------
     port : str
-        Path, e.g. ``/dev/ttyACM1``.
+        Path, e.g. ``/dev/ttyACM1``; empty: the only data port of a TI board that is plugged in.
     baud : int
         Bits per second.
     """
@@ -29,7 +28,7 @@ class Uart(Device):
     name = "data port"
 
     def __init__(self, port: str, baud: int) -> None:
-        self.port, self.baud = port, baud
+        self._wanted, self.port, self.baud = port, port, baud
         self._serial: serial.Serial | None = None
 
     def open(self) -> None:
@@ -41,16 +40,14 @@ class Uart(Device):
             When it is not there, may not be opened, or another program holds it; with what to do.
         """
         self.close()
-        try:
-            self._serial = serial.Serial(self.port, self.baud, timeout=0, exclusive=True)
-        except (OSError, ValueError, termios.error) as error:
-            raise DeviceError(explain(self.port, error), gone=True) from None
+        self.port = self._wanted or _only_port()
+        self._serial = open_port(self.port, self.baud, timeout=0)
 
     def close(self) -> None:
         """Close the port."""
         held, self._serial = self._serial, None
         if held is not None:
-            with suppress(OSError, termios.error):  # the port has gone; its descriptor is closed all the same
+            with suppress(*GONE):  # the port has gone; its descriptor is closed all the same
                 held.close()
 
     def read(self, timeout: float) -> bytes:
@@ -73,7 +70,7 @@ class Uart(Device):
                 self._serial.timeout = timeout
             first: bytes = self._serial.read(1)
             return first + self._serial.read(min(self._serial.in_waiting, _CHUNK)) if first else first
-        except (OSError, TypeError, termios.error) as error:  # TypeError: pyserial, when another thread closed it
+        except (*GONE, TypeError) as error:  # TypeError: pyserial, when another thread closed it
             raise DeviceError(
                 f"{self.port} has gone ({error}): plug the board in again, or, if it is still there, close the other program that reads it",
                 gone=True,
@@ -85,7 +82,7 @@ class Uart(Device):
             raise DeviceError(f"{self.port} is not open", gone=True)
         try:
             self._serial.reset_input_buffer()
-        except (OSError, termios.error) as error:
+        except GONE as error:
             raise DeviceError(f"{self.port} has gone ({error}): plug the board in again", gone=True) from None
 
     def report(self) -> Report:
@@ -93,13 +90,14 @@ class Uart(Device):
         return {"port": self.port, "baud": self.baud}
 
 
-def explain(port: str, error: Exception) -> str:
-    """Say why a serial port cannot be opened, and what to do."""
-    number = getattr(error, "errno", None)
-    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
-        return f"there is no {port}: plug the board in; handwave devices lists the ports that there are"
-    if number in (errno.EACCES, errno.EPERM):
-        return f"{port} may not be opened by you: sudo usermod -aG dialout $USER, then log in again"
-    if number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK):
-        return f"another program holds {port}: close it (fuser -v {port} names it)"
-    return f"{port} cannot be used as a serial port: {error}"
+def _only_port() -> str:
+    """Path of the only data port that is plugged in."""
+    ports = [board.data for board in ti_ports() if board.data]
+    if len(ports) == 1:
+        return ports[0]
+    if not ports:
+        raise DeviceError(
+            "no TI board is plugged in: connect its USB socket and let it run its demo; or name the serial port (knob port)",
+            gone=True,
+        )
+    raise DeviceError(f"several TI boards are plugged in; choose one with the knob port: {', '.join(ports)}", gone=True)

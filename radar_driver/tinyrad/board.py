@@ -129,12 +129,6 @@ class FrontEnd(Component):
         self.transmitter = Chip("ADF5901", link, wire.Chip.TRANSMITTER, registers.transmitter(config.power))
         self._config = config
 
-    def power_up(self) -> None:
-        """Nothing: its power comes with the board's."""
-
-    def power_down(self) -> None:
-        """Nothing."""
-
     def resume(self) -> None:
         """Set up both chips."""
         self.receiver.open()
@@ -152,9 +146,6 @@ class Converter(Component):
 
     def __init__(self, link: UsbLink) -> None:
         self._link, self._locked = link, False
-
-    def power_up(self) -> None:
-        """Nothing: its power comes with the board's."""
 
     def power_down(self) -> None:
         """Its clock stops with the board."""
@@ -185,12 +176,6 @@ class Synthesiser(Component):
         words = registers.synthesiser(config.start_frequency, config.bandwidth, config.ramp)
         self.chip = Chip("ADF4159", link, wire.Chip.SYNTHESISER, (words,))
 
-    def power_up(self) -> None:
-        """Nothing: its power comes with the board's."""
-
-    def power_down(self) -> None:
-        """Nothing."""
-
     def resume(self) -> None:
         """Set it up."""
         self.chip.open()
@@ -203,12 +188,6 @@ class Sequencer(Component):
 
     def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
         self._link, self._config = link, config
-
-    def power_up(self) -> None:
-        """Nothing: it is part of the firmware."""
-
-    def power_down(self) -> None:
-        """Nothing."""
 
     def resume(self) -> None:
         """Say what a frame is, and start."""

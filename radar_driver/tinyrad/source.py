@@ -18,8 +18,8 @@ from radar_driver.tinyrad.stream import Stream
 _MOST_STALLS: Final = 5  # in a row without a frame between them
 
 
-class TinyRadSource:
-    """An EV-TINYRAD24G that sends by itself, see `radar_driver.sources.Source`.
+class TinyRadSource(Radar):
+    """An EV-TINYRAD24G that sends by itself; a `radar_driver.sources.Source`.
 
     Parameters
     ----------
@@ -39,15 +39,8 @@ class TinyRadSource:
         self.info = config.info()
         self._link = UsbLink(config.port, timeout=config.timeout, backend=backend)
         self._controller = Controller(self._link, config)
-        self._radar = Radar(
-            (
-                self._controller,
-                FrontEnd(self._link, config),
-                Converter(self._link),
-                Synthesiser(self._link, config),
-                Sequencer(self._link, config),
-            )
-        )
+        parts = (FrontEnd(self._link, config), Converter(self._link), Synthesiser(self._link, config), Sequencer(self._link, config))
+        super().__init__((self._controller, *parts))
         patience = config.frame_interval + config.timeout
         self._stream = Stream(self._link, config.values, transfer=config.transfer, patience=patience)
         self._frames = FrameConverter(config)
@@ -56,7 +49,7 @@ class TinyRadSource:
 
     def power_up(self) -> None:
         """Open the board and see what it is; it does not radiate yet."""
-        self._radar.power_up()
+        super().power_up()
         self._measured = time.monotonic()
         self.info, calibration = self._config.info(), self._controller.calibration
         if calibration is not None and self._config.calibrate:
@@ -64,20 +57,12 @@ class TinyRadSource:
 
     def resume(self) -> None:
         """Set up chirps and frames, and start."""
-        self._radar.resume()
+        super().resume()
         self._stream.restart()
         self._frames.restart()
 
-    def suspend(self) -> None:
-        """Reset the radar, which is the only way to stop it."""
-        self._radar.suspend()
-
-    def power_down(self) -> None:
-        """Stop and close it."""
-        self._radar.power_down()
-
     def read(self, timeout: float) -> Reading | None:
-        """Wait for the next frame; see `radar_driver.sources.Source`."""
+        """Wait for the next frame."""
         try:
             self._look_at_temperature()
             block = self._stream.fetch(timeout)
@@ -101,4 +86,4 @@ class TinyRadSource:
 
     def report(self) -> dict[str, Any]:
         """States of all parts, what the board says of itself, and counts."""
-        return {**self._radar.report(), **self._stream.counts, **self._frames.counts}
+        return {**super().report(), **self._stream.counts, **self._frames.counts}

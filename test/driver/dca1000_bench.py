@@ -4,7 +4,7 @@ import pytest
 from dca1000_emulator import BOARD, HOST, CaptureCard, SensorCli, cfg
 from leftovers import held, left_since
 
-from radar_driver.dca1000.board import open_dca1000
+from radar_driver.dca1000.board import Dca1000Source
 from radar_driver.dca1000.settings import Dca1000Config
 
 
@@ -34,7 +34,7 @@ class Bench:
 
     def source(self, **other):
         """Make the driver's source."""
-        return open_dca1000(self.settings(**other))
+        return Dca1000Source(self.settings(**other))
 
     def close(self):
         """Switch everything off."""

@@ -208,13 +208,13 @@ def test_serial_ports_that_cannot_be_had(bench, tmp_path):
     one = bench(FRAMES)
     said = fail(one, serial_port=str(tmp_path / "ttyNone"))
     assert "there is no serial port" in said
-    assert "plug the sensor's USB cable in" in said
+    assert "plug the board in" in said
     with serial.Serial(str(one.tty), exclusive=True):
         said = fail(one)
     assert "another program holds" in said
     assert "fuser -v" in said
     (tmp_path / "file").write_text("")
-    assert "cannot be opened as a serial port" in fail(one, serial_port=str(tmp_path / "file"))
+    assert "cannot be used as a serial port" in fail(one, serial_port=str(tmp_path / "file"))
 
 
 def test_silence_is_told_and_frames_come_again_with_the_board(bench):

@@ -11,8 +11,9 @@ from serial.tools.list_ports_common import ListPortInfo
 from radar_core import ConfigError, DataError, DeviceError
 from radar_driver.boards import board
 from radar_driver.dca1000.receiver import Receiver
-from radar_driver.dca1000.serial_cli import SerialCli, cli_ports
+from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.sockets import bind
+from radar_driver.serial_ports import ti_ports
 
 FRAMES = [encode(np.ones((2, 16, 4, 64), complex))]
 
@@ -103,7 +104,7 @@ def test_the_port_of_the_command_line_is_chosen(monkeypatch):
         usb_port("/dev/ttyS0", None, None, None),
     ]
     monkeypatch.setattr(list_ports, "comports", lambda: ports)
-    assert {port.device for port in cli_ports()} == {"/dev/ttyACM0", "/dev/ttyUSB1"}
+    assert {board.command for board in ti_ports()} == {"/dev/ttyACM0", "/dev/ttyUSB1"}
     found = board("dca1000").find()
     assert {one.options["serial_port"] for one in found} == {"/dev/ttyACM0", "/dev/ttyUSB1"}
     with pytest.raises(DeviceError, match=r"there are several: .*set serial_port to one of them"):

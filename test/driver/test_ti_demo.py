@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import ti_demo_emulator as ti
 from leftovers import held, left_since
+from serial.tools import list_ports
 
 from radar_core import ConfigError, DataError, DeviceError, PointCloud, Pose, Quality
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
-from radar_driver.boards import boards
-from radar_driver.boards.ti_demo import find_ports
+from radar_driver.boards import boards, ti_demo
 from radar_driver.live import Reader
 from radar_driver.ti_demo.source import TiDemo, TiDemoConfig
 from radar_driver.ti_demo.uart import Uart
@@ -63,7 +63,7 @@ def source(board):
 
     def open_(send=None, **knobs):
         settings = TiDemoConfig(port=str(board.link), **knobs)
-        made.append(TiDemo(settings, lambda: "", **({"send": send} if send else {})))
+        made.append(TiDemo(settings, **({"send": send} if send else {})))
         made[-1].power_up()
         made[-1].resume()
         return made[-1]
@@ -141,7 +141,7 @@ def test_a_cfg_that_makes_no_sense_is_refused(tmp_path):
     path = tmp_path / "bad.cfg"
     path.write_text(CFG.replace("adcCfg 2 1", "adcCfg 2 0"))
     with pytest.raises(DataError, match=r"bad\.cfg:5: adcCfg asks for real samples"):
-        TiDemo(TiDemoConfig(port="/nowhere", config=str(path)), lambda: "")
+        TiDemo(TiDemoConfig(port="/nowhere", config=str(path)))
     with pytest.raises(ConfigError, match="cli_port is given but no config"):
         TiDemoConfig(cli_port="/dev/ttyACM0")
 
@@ -200,13 +200,13 @@ def test_nothing_useful_is_an_error_that_says_what_came(board, source, say, mess
 @pytest.mark.parametrize(
     ("port", "message"),
     [
-        ("{}/ttyACM9", "there is no .*ttyACM9: plug the board in; handwave devices"),
+        ("{}/ttyACM9", "there is no serial port .*ttyACM9: plug the board in; handwave devices"),
         ("/dev/null", "/dev/null cannot be used as a serial port"),
     ],
 )
 def test_a_port_that_is_none(tmp_path, port, message):
     """What to do is said."""
-    device = TiDemo(TiDemoConfig(port=port.format(tmp_path)), lambda: "")
+    device = TiDemo(TiDemoConfig(port=port.format(tmp_path)))
     with pytest.raises(DeviceError, match=message):
         device.power_up()
 
@@ -214,7 +214,7 @@ def test_a_port_that_is_none(tmp_path, port, message):
 def test_a_second_opener_is_told(board, source):
     """Two programs on one line would get half of the bytes each; the first one is not disturbed."""
     first = source()
-    second = TiDemo(TiDemoConfig(port=str(board.link)), lambda: "")
+    second = TiDemo(TiDemoConfig(port=str(board.link)))
     with pytest.raises(DeviceError, match=r"another program holds .*: close it \(fuser -v"):
         second.power_up()
     board.send_all(packet(1))
@@ -236,7 +236,7 @@ uart.read(60)
     victim.kill()
     victim.communicate()
     board.send(packet(1))
-    device = TiDemo(TiDemoConfig(port=str(board.link)), lambda: "")
+    device = TiDemo(TiDemoConfig(port=str(board.link)))
     device.power_up()
     device.resume()
     board.send_all(packet(2))
@@ -247,7 +247,7 @@ uart.read(60)
 def test_a_port_without_permission(monkeypatch):
     """Root may open everything, so the error is the system's own, made by hand."""
     refused = PermissionError(13, "Permission denied", "/dev/ttyACM1")
-    monkeypatch.setattr("radar_driver.ti_demo.uart.serial.Serial", lambda *_, **__: (_ for _ in ()).throw(refused))
+    monkeypatch.setattr("serial.Serial", lambda *_, **__: (_ for _ in ()).throw(refused))
     with pytest.raises(DeviceError, match=r"sudo usermod -aG dialout \$USER, then log in again"):
         Uart("/dev/ttyACM1", 921600).open()
 
@@ -308,7 +308,7 @@ def test_nothing_survives(board, source, tmp_path):
     source().power_down()
     before = held()
     for life in range(20):
-        device = TiDemo(TiDemoConfig(port=str(board.link)), lambda: "")
+        device = TiDemo(TiDemoConfig(port=str(board.link)))
         device.power_up()
         one = Reader(device, lambda: None)
         one.start()
@@ -359,11 +359,11 @@ def test_the_cfg_goes_to_the_command_port(board, source, tmp_path):
 )
 def test_a_line_that_is_refused_is_named(board, tmp_path, behaviour, message, monkeypatch):
     """File, line, answer and advice; the data port is closed again."""
-    monkeypatch.setattr("radar_driver.ti_demo.cli._ANSWER", 0.3)
+    monkeypatch.setattr("radar_driver.ti_demo.source._ANSWER", 0.3)
     path = tmp_path / "demo.cfg"
     path.write_text(CFG)
     cli = ti.CommandLine(tmp_path / "ttyACM0", **behaviour)
-    device = TiDemo(TiDemoConfig(port=str(board.link), cli_port=str(cli.link), config=str(path)), lambda: "")
+    device = TiDemo(TiDemoConfig(port=str(board.link), cli_port=str(cli.link), config=str(path)))
     try:
         before = held()
         device.power_up()
@@ -380,7 +380,7 @@ def ports(*rows):
     return [SimpleNamespace(**dict(zip(names, (*row, row[-1]), strict=True))) for row in rows]
 
 
-def test_boards_are_told_by_their_usb_bridge():
+def test_boards_are_told_by_their_usb_bridge(monkeypatch):
     """Data and command port by name, else by place; foreign ports are not ours; a port that may not be opened is told."""
     xds = [
         ("/dev/ttyACM1", 0x0451, 0xBEF3, "R1", "1-2:1.3", "XDS110 Class Auxiliary Data Port"),
@@ -391,6 +391,11 @@ def test_boards_are_told_by_their_usb_bridge():
         ("/dev/ttyUSB1", 0x10C4, 0xEA70, "00A", "1-3:1.1", "Standard Com Port"),
     ]
     other = [("/dev/ttyS0", None, None, None, None, None), ("/dev/ttyUSB7", 0x0403, 0x6001, "X", "1-4", "FT232")]
+
+    def find_ports(found):
+        monkeypatch.setattr(list_ports, "comports", lambda: found)
+        return ti_demo.find()
+
     found = find_ports(ports(*xds, *other, *cp))
     assert [f.options["port"] for f in found] == ["/dev/ttyACM1", "/dev/ttyUSB1"]
     assert "commands at /dev/ttyACM0" in found[0].address

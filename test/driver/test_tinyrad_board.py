@@ -123,7 +123,7 @@ def test_the_calibration_describes_the_channels(rig):
 def test_states_are_those_of_the_parts(rig):
     """Off, suspended, running, and back."""
     one = rig()
-    radar = one.source._radar
+    radar = one.source
     assert radar.state is PowerState.OFF
     one.start()
     assert radar.state is PowerState.RUNNING

@@ -44,7 +44,7 @@ def run(*arguments):
 @pytest.fixture
 def none_plugged(monkeypatch):
     """No serial port, whatever this machine has."""
-    monkeypatch.setattr("radar_driver.boards.ti_demo.list_ports.comports", list)
+    monkeypatch.setattr("serial.tools.list_ports.comports", list)
 
 
 @pytest.fixture

@@ -84,7 +84,7 @@ class Line:
 
 
 def readings(*chunks):
-    source = TiDemo(TiDemoConfig(port="line"), lambda: "")
+    source = TiDemo(TiDemoConfig(port="line"))
     source._uart = Line(*chunks)
     source._listen()
     return source, [r.data for r in (source.read(0.0) for _ in range(200)) if r is not None]
