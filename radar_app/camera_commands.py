@@ -134,7 +134,7 @@ def _radar(bag: Path, topic: str) -> Trajectory:
 def _camera(bag: Path, names: tuple[str, ...], d: int) -> Trajectory:
     """Read the mean of some joints, where all of those that the camera looks for were seen."""
     from radar_ros.bags import read
-    from radar_ros.messages.tracks import joints_from_msg
+    from radar_ros.messages.camera import joints_from_msg
     from radar_ros.offline import parse
 
     found = []

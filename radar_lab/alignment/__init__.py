@@ -2,7 +2,8 @@
 
 from radar_lab.alignment.rigid import Rigid, RigidConfig, align_points
 from radar_lab.alignment.solver import NotObservableError
-from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig, align_trajectories
+from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig
+from radar_lab.alignment.trajectory_fit import align_trajectories
 
 __all__ = [
     "NotObservableError",

@@ -6,13 +6,12 @@ fitted then settles in the middle between samples, where errors seem smallest. T
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from radar_lab.alignment.trajectory import Trajectory
+from radar_lab.alignment.trajectory import Trajectory
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

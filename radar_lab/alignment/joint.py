@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,7 @@ from radar_lab.alignment import rigid
 from radar_lab.alignment.interpolation import nearest, sight_lines, since, slopes
 from radar_lab.alignment.rigid import noise_information, parameter_names, rigid_jacobian
 from radar_lab.alignment.solver import Linear, Solution, solve
-
-if TYPE_CHECKING:
-    from radar_lab.alignment.trajectory import Trajectory, TrajectoryConfig
+from radar_lab.alignment.trajectory import Trajectory, TrajectoryConfig
 
 Float64Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from radar_core import PointCloud, Pose, RadarInfo
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.mounting import MountCalibration
-from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig, align_trajectories
+from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig
+from radar_lab.alignment.trajectory_fit import align_trajectories
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.tracker import PeopleTracker
 from radar_tracking.tracks import TrackStatus

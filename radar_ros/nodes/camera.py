@@ -16,9 +16,9 @@ from radar_lab.camera.frame import RgbdFrame
 from radar_lab.camera.pinhole import CameraModel
 from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
 from radar_ros import qos
+from radar_ros.messages.camera import camera_from_msg, joints_to_msg
 from radar_ros.messages.convert import from_time
 from radar_ros.messages.images import colour_from_msg, depth_from_msg
-from radar_ros.messages.tracks import camera_from_msg, joints_to_msg
 from radar_ros.nodes.worker import Worker
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run

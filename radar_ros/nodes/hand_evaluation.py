@@ -21,7 +21,8 @@ from radar_lab.camera.report import budget, collect
 from radar_lab.camera.residual import HandResiduals, ReferenceSample, Residual, ResidualConfig, TrackSample
 from radar_lab.camera.truth import reference_of
 from radar_ros import qos
-from radar_ros.messages.tracks import hand_from_msg, joints_from_msg, residual_to_msg
+from radar_ros.messages.camera import joints_from_msg, residual_to_msg
+from radar_ros.messages.tracks import hand_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run

@@ -16,7 +16,8 @@ from radar_lab.camera.extrinsics import calibrate
 from radar_lab.camera.pinhole import CameraMount
 from radar_lab.camera.truth import JointTruth
 from radar_ros.bags import TYPES, BagWriter
-from radar_ros.messages.tracks import hand_to_msg, joints_to_msg, tracks_to_msg
+from radar_ros.messages.camera import joints_to_msg
+from radar_ros.messages.tracks import hand_to_msg, tracks_to_msg
 from radar_tracking import HandTrack, Track, Tracks, TrackStatus
 
 TRUE = CameraMount(x=0.12, y=-0.35, z=1.42, yaw=0.09, tilt=-0.11, roll=0.02)

@@ -27,9 +27,10 @@ import radar_ros.nodes.hand_evaluation
 from radar_app.graph import graph
 from radar_core import NO_GESTURE, ConfigError, DataError
 from radar_ros import bags, qos
+from radar_ros.messages.camera import camera_from_msg, joints_from_msg, joints_to_msg
 from radar_ros.messages.convert import from_time, header, pack
 from radar_ros.messages.images import colour_from_msg, depth_from_msg, image_to_msg
-from radar_ros.messages.tracks import camera_from_msg, hand_to_msg, joints_from_msg, joints_to_msg
+from radar_ros.messages.tracks import hand_to_msg
 from radar_ros.messages.truth import truth_to_msg
 from radar_ros.nodes.camera import COLOUR, DEPTH, INFO
 from radar_ros.nodes.worker import Worker
