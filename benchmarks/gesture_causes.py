@@ -85,7 +85,7 @@ def judge(run: Run, criterion: CriterionConfig | None = None) -> Judged:
     ]
     used = set(match.values())
     surplus = [Surplus(found, why.doing(found)) for j, found in enumerate(run.found) if j not in used]
-    tracks = run.matching.summary()
+    tracks = run.matching
     return Judged(outcomes, surplus, run.scene.duration / 3600.0, tracks.track_frames, tracks.ghost_track_frames)
 
 

@@ -158,22 +158,21 @@ class Scorer:
 
     def score(self, moments: Sequence[Moment]) -> Score:
         """Sum up; ``moments`` are those that were processed, in their order."""
-        summary = self._matching.summary()
-        mot = summary.mot
+        matching, mot = self._matching, self._matching.mot
         stamps = np.array([m.truth.stamp_ns for m in moments], np.float64) * 1e-9
         start, back = fresh_misses(self._steps, moments, stamps)
         return Score(
             scenes=1,
             clouds=mot.moments,
-            seconds=60 * summary.minutes,
+            seconds=60 * matching.minutes,
             truths=mot.truths,
             matches=mot.matches,
             misses=mot.misses,
-            false=summary.ghost_track_frames,
+            false=matching.ghost_track_frames,
             switches=mot.switches,
-            gospa=summary.gospa.mean * mot.moments,
+            gospa=matching.gospa.mean * mot.moments,
             error=mot.motp * mot.matches if mot.matches else 0.0,
-            ghosts=summary.ghost_tracks,
+            ghosts=matching.ghost_tracks,
             wrong=self._wrong,
             owned=self._owned,
             misses_start=start,

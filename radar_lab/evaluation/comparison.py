@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, DataError
 from radar_core.config import config, knob
 from radar_lab.datasets.samples import SampleSet
+from radar_lab.training.validation import Validation
 
 Float64Array = NDArray[np.float64]
 _LARGEST: Final[int] = 5000  # samples of which Shapiro's p-value is known
@@ -29,26 +30,6 @@ class ComparisonConfig:
     regularisation: float = knob(1e-2, low=0.0, high=100.0, doc="L2 penalty on its weights")
     max_iterations: int = knob(600, low=1, high=100_000, doc="most passes over the training samples")
     seed: int = knob(1, low=0, high=(1 << 32) - 1, doc="of its start weights and the order of samples")
-
-
-@dataclass(frozen=True, eq=False)
-class Transfer:
-    """A classifier trained on one data set and tested on another (tables 5.1 and 5.2).
-
-    Attributes
-    ----------
-    accuracy : float
-        Share of the test samples that are named right.
-    precision, recall : ndarray of float64, shape (n_labels,)
-        Of each compared gesture; NaN: nothing was named so.
-    confusion : ndarray of int64, shape (n_labels, n_labels)
-        True by recognised gesture.
-    """
-
-    accuracy: float
-    precision: Float64Array
-    recall: Float64Array
-    confusion: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +54,9 @@ class Comparison:
         p-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3).
     left_out : tuple of int
         The most different features: those of the largest mean H.
-    transfer : Transfer or None
-        Trained on A, tested on B, with all features; None: there are too few gestures or samples.
-    reduced : Transfer or None
+    transfer : Validation or None
+        Trained on A, tested on B, with all features (tables 5.1 and 5.2); None: there are too few gestures or samples.
+    reduced : Validation or None
         The same without ``left_out``.
     significance : float
         p-values below this count as different.
@@ -91,20 +72,20 @@ class Comparison:
     statistic: Float64Array
     wilcoxon: Float64Array
     left_out: tuple[int, ...]
-    transfer: Transfer | None
-    reduced: Transfer | None
+    transfer: Validation | None
+    reduced: Validation | None
     significance: float
     notes: tuple[str, ...]
 
 
-def compare(a: SampleSet, b: SampleSet, settings: ComparisonConfig | None = None) -> Comparison:
+def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) -> Comparison:
     """Compare two data sets feature by feature, gesture by gesture, and by what a classifier learns from one about the other.
 
     Parameters
     ----------
     a, b : SampleSet
         With the same features. The classifier is trained on ``a`` and tested on ``b``.
-    settings : ComparisonConfig or None
+    config : ComparisonConfig or None
         Knobs; None: the defaults.
 
     Raises
@@ -112,7 +93,7 @@ def compare(a: SampleSet, b: SampleSet, settings: ComparisonConfig | None = None
     DataError
         When the features differ, or no gesture is in both.
     """
-    settings = settings or ComparisonConfig()
+    config = config or ComparisonConfig()
     if a.names != b.names:
         raise DataError(f"the data sets have different features ({', '.join(a.names)}; {', '.join(b.names)}); make both with the same ones")
     labels = tuple(sorted({*a.label.tolist()} & {*b.label.tolist()}))
@@ -125,7 +106,7 @@ def compare(a: SampleSet, b: SampleSet, settings: ComparisonConfig | None = None
     tests = np.array([[_kruskal(x, y, f"{a.names[i]} of {GESTURES[label]}", notes) for i, (x, y) in enumerate(zip(p.T, q.T, strict=True))]
                       for label, (p, q) in zip(labels, pairs, strict=True)])  # fmt: skip
     tests = tests.reshape(len(labels), len(a.names), 2)
-    left_out = most_different(tests[..., 0], min(settings.left_out, len(a.names) - 1))
+    left_out = most_different(tests[..., 0], min(config.left_out, len(a.names) - 1))
     rest = np.setdiff1d(np.arange(len(a.names)), left_out)
     return Comparison(
         names=a.names,
@@ -136,9 +117,9 @@ def compare(a: SampleSet, b: SampleSet, settings: ComparisonConfig | None = None
         statistic=tests[..., 0],
         wilcoxon=np.array([_wilcoxon(np.median(p, axis=0), np.median(q, axis=0)) for p, q in pairs]),
         left_out=left_out,
-        transfer=_transfer(a, b, labels, np.arange(len(a.names)), settings, notes),
-        reduced=_transfer(a, b, labels, rest, settings, []) if left_out else None,
-        significance=settings.significance,
+        transfer=_transfer(a, b, labels, np.arange(len(a.names)), config, notes),
+        reduced=_transfer(a, b, labels, rest, config, []) if left_out else None,
+        significance=config.significance,
         notes=tuple(notes),
     )
 
@@ -189,46 +170,38 @@ def _wilcoxon(x: Float64Array, y: Float64Array) -> float:
 
 
 def _transfer(
-    a: SampleSet, b: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64], settings: ComparisonConfig, notes: list[str]
-) -> Transfer | None:
+    a: SampleSet, b: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64], config: ComparisonConfig, notes: list[str]
+) -> Validation | None:
     """Train on the common gestures of A, test on those of B."""
     if len(labels) < 2:
         notes.append(f"classifier: only {GESTURES[labels[0]]} is in both data sets; it takes two gestures to tell apart")
         return None
-    (train_x, train_y), (test_x, test_y) = (_part(one, labels, columns) for one in (a, b))
-    guess = _classifier(train_x, train_y, settings)(test_x)
-    confusion = np.zeros((len(labels), len(labels)), np.int64)
-    np.add.at(confusion, (np.searchsorted(labels, test_y), np.searchsorted(labels, guess)), 1)
-    right = np.diag(confusion).astype(np.float64)
-    named, there = confusion.sum(axis=0), confusion.sum(axis=1)
-    precision = np.divide(right, named, out=np.full(len(labels), np.nan), where=named > 0)
-    return Transfer(float(right.sum() / there.sum()), precision, right / there, confusion)
+    known, own = np.isin(a.label, labels), np.isin(b.label, labels)
+    model = _classifier(a.features[known][:, columns], a.label[known], config)
+    number = np.searchsorted(labels, b.label[own])
+    names = tuple(GESTURES[label] for label in labels)
+    return Validation("all", names, model(b.features[own][:, columns]), number, b.person[own], 1)
 
 
-def _part(one: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64]) -> tuple[Float64Array, NDArray[np.int64]]:
-    chosen = np.isin(one.label, labels)
-    return one.features[chosen][:, columns], one.label[chosen]
-
-
-def _classifier(x: Float64Array, label: NDArray[np.int64], settings: ComparisonConfig) -> Callable[[Float64Array], NDArray[np.int64]]:
-    """Fit the thesis's perceptron; L2 in place of dropout."""
+def _classifier(x: Float64Array, label: NDArray[np.int64], config: ComparisonConfig) -> Callable[[Float64Array], Float64Array]:
+    """Fit the thesis's perceptron, L2 in place of dropout; gives probabilities, shape (n, n_labels)."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.neural_network import MLPClassifier
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
     network = MLPClassifier(
-        (settings.hidden,),
-        alpha=settings.regularisation,
-        max_iter=settings.max_iterations,
-        random_state=settings.seed,
+        (config.hidden,),
+        alpha=config.regularisation,
+        max_iter=config.max_iterations,
+        random_state=config.seed,
         learning_rate_init=3e-3,
     )
     model = make_pipeline(StandardScaler(), network)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice
         model.fit(x, label)
-    return lambda rows: np.asarray(model.predict(rows), np.int64)
+    return lambda rows: np.asarray(model.predict_proba(rows), np.float64)
 
 
 def as_text(result: Comparison) -> str:
@@ -265,12 +238,8 @@ def _accuracies(result: Comparison) -> str:
         return "No classifier: see below."
     text = f"Trained on A, tested on B: {result.transfer.accuracy:.1%} of {result.counts[1].sum()} samples right"
     if result.reduced is not None:
-        text += f"; without {_listed(result.names[i] for i in result.left_out)} {result.reduced.accuracy:.1%}"
+        text += f"; without {' and '.join(result.names[i] for i in result.left_out)} {result.reduced.accuracy:.1%}"
     return text
-
-
-def _listed(words: Iterable[str]) -> str:
-    return " and ".join(words)
 
 
 def _p(value: float) -> str:

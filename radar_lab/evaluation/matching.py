@@ -109,40 +109,6 @@ class Matched:
     gospa: Gospa
 
 
-@dataclass(frozen=True)
-class MatchingSummary:
-    """A run.
-
-    Attributes
-    ----------
-    mot : ClearMotSummary
-        CLEAR-MOT.
-    gospa : GospaSummary
-        GOSPA.
-    track_frames, ghost_track_frames : int
-        Confirmed tracks summed over the moments, and those of them without a person within the gate.
-    ghost_tracks : int
-        Identities that were on nobody ever. It leaves out a ghost that hits a person later, so prefer ``ghost_track_frames``.
-    minutes : float
-        Length of the run [min].
-    gate : float
-        Of the matching [m].
-    """
-
-    mot: ClearMotSummary
-    gospa: GospaSummary
-    track_frames: int
-    ghost_track_frames: int
-    ghost_tracks: int
-    minutes: float
-    gate: float
-
-    @property
-    def ghost_track_frames_per_minute(self) -> float:
-        """Ghosts per minute, frame by frame; NaN for a run without length."""
-        return self.ghost_track_frames / self.minutes if self.minutes else math.nan
-
-
 class Matching:
     """Pair tracks with people moment by moment, by CLEAR-MOT on the ground, and count ghosts.
 
@@ -153,6 +119,11 @@ class Matching:
     ----------
     config : MatchingConfig or None
         None: all defaults; ``gate`` is the radius of the matching.
+
+    Attributes
+    ----------
+    moments, track_frames, ghost_track_frames : int
+        Moments so far; confirmed tracks summed over them; those of them that were ghosts.
     """
 
     def __init__(self, config: MatchingConfig | None = None) -> None:
@@ -160,7 +131,7 @@ class Matching:
         self._mot, self._gospa = ClearMot(ClearMotConfig(radius=self.config.gate)), GospaMetric(self.config.gospa)
         self._runs: dict[int, list[tuple[int, int, int]]] = {}  # of each track: person, first and last moment [ns]
         self._alone: set[int] = set()
-        self._track_frames = 0
+        self.moments = self.track_frames = self.ghost_track_frames = 0
         self._span_ns: tuple[int, int] | None = None
 
     def process(self, tracks: Tracks, truth: Truth, visible: NDArray[np.bool_]) -> Matched:
@@ -187,7 +158,9 @@ class Matching:
         for person, track in zip(step.truth_id.tolist(), step.estimate_id.tolist(), strict=True):
             self._prolong(track, person, before, truth.stamp_ns)
         self._alone.update(step.false.tolist())
-        self._track_frames += len(found)
+        self.moments += 1
+        self.track_frames += len(found)
+        self.ghost_track_frames += len(step.false)
         self._span_ns = (first, truth.stamp_ns)
         return Matched(real, found, step, self._gospa.process(real, found))
 
@@ -212,17 +185,23 @@ class Matching:
         runs = self._runs.get(track)
         return runs[-1][0] if runs else None
 
-    def summary(self) -> MatchingSummary:
-        """Sum up all moments so far."""
-        mot = self._mot.summary()
+    @property
+    def mot(self) -> ClearMotSummary:
+        """CLEAR-MOT of all moments so far; its false positives are the ghosts."""
+        return self._mot.summary()
+
+    @property
+    def gospa(self) -> GospaSummary:
+        """GOSPA of all moments so far."""
+        return self._gospa.summary()
+
+    @property
+    def ghost_tracks(self) -> int:
+        """Identities that were on nobody ever; prefer track-frames: a ghost that hits a person later is not among these."""
+        return len(self._alone - self._runs.keys())
+
+    @property
+    def minutes(self) -> float:
+        """Length of the run, the last moment included [min]."""
         first, last = self._span_ns or (0, 0)
-        step = (last - first) / (mot.moments - 1) if mot.moments > 1 else 0.0
-        return MatchingSummary(
-            mot=mot,
-            gospa=self._gospa.summary(),
-            track_frames=self._track_frames,
-            ghost_track_frames=mot.false_positives,
-            ghost_tracks=len(self._alone - self._runs.keys()),
-            minutes=(last - first + step) / 60e9,
-            gate=self.config.gate,
-        )
+        return (last - first) * self.moments / max(self.moments - 1, 1) / 60e9

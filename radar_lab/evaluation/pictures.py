@@ -14,20 +14,19 @@ from radar_gestures.recognizer import GestureConfig
 from radar_lab.datasets.readings import maps_of, read
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.evaluation.comparison import Comparison
+from radar_lab.evaluation.reports import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SCATTERS: Final[tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = (
     (("swipe_left", "swipe_right", "rotate"), ("time_of_max_speed", "time_of_min_speed", "max_elevation")),
     (("pull", "push", "push_pull", "wave"), ("zero_crossings", "max_speed", "min_speed")),
 )
 """Gestures and features of figures 5.13 (2, 3 and 8) and 5.14 (1, 4 and 5)."""
-_DOTS: Final[int] = 100  # per inch
 
 
-def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, settings: GestureConfig | None = None) -> None:
+def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, config: GestureConfig | None = None) -> None:
     """Draw the feature maps and signals of one sample, with the event marked (figures 4.4 to 4.9).
 
     Parameters
@@ -36,7 +35,7 @@ def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, setti
         As `read_samples` gives it.
     path : str or Path
         File to write, .png.
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of events and features; None: the defaults.
 
     Raises
@@ -44,10 +43,10 @@ def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, setti
     DataError
         When the picture cannot be written.
     """
-    settings = settings or GestureConfig()
-    maps, reading = maps_of(sample, settings.features.gate), read(sample, settings)
+    config = config or GestureConfig()
+    maps, reading = maps_of(sample, config.features.gate), read(sample, config)
     zero = int(sample["stroke_ns"][0])
-    figure = _figure(15.0, 6.5)
+    figure = new_figure(15.0, 6.5)
     top, bottom = figure.subplots(2, 3)
     found = "found" if reading.event is not None else "missed"
     figure.suptitle(f"{int(sample['number'])}: {str(sample['gesture']).replace('_', ' ')}, subject {int(sample['subject'])}, {found}")
@@ -69,7 +68,7 @@ def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, setti
     for axes in (*top, *bottom):
         _mark(axes, times, (0.0, (reading.stroke_ns[1] - zero) * 1e-9), None if event is None else [(t - zero) * 1e-9 for t in event])
     bottom[0].legend(loc="upper right", fontsize="small")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def _map(axes: Axes, times: NDArray[np.floating[Any]], speed: NDArray[np.float32], values: NDArray[np.floating[Any]], title: str) -> None:
@@ -145,7 +144,7 @@ def draw_kruskal(result: Comparison, path: str | Path) -> None:
     from matplotlib.colors import ListedColormap
 
     n_labels, n_features = result.kruskal.shape
-    figure = _figure(2.2 + 0.85 * n_features, 2.2 + 0.45 * n_labels)
+    figure = new_figure(2.2 + 0.85 * n_features, 2.2 + 0.45 * n_labels)
     axes = figure.subplots()
     kind = np.where(np.isnan(result.kruskal), 2, (result.kruskal >= result.significance).astype(np.int64))
     axes.imshow(kind, cmap=ListedColormap(["#8fd08f", "#e89090", "#d0d0d0"]), vmin=0, vmax=2, aspect="auto")
@@ -154,7 +153,7 @@ def draw_kruskal(result: Comparison, path: str | Path) -> None:
     axes.set_xticks(np.arange(n_features), [_words(name) for name in result.names], rotation=60, ha="right", fontsize=8)
     axes.set_yticks(np.arange(n_labels), [_words(GESTURES[label]) for label in result.labels], fontsize=8)
     axes.set_title(f"Kruskal-Wallis: p-values; green: below {result.significance:g}, the distributions differ", fontsize=9)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_scatter(
@@ -169,19 +168,15 @@ def draw_scatter(
 
     Parameters
     ----------
-    a, b : SampleSet
-        The data sets.
+    a, b, path, titles
+        See `draw_boxes`.
     gestures : sequence of str
         Which to show; those that a data set does not have are left out.
     features : sequence of str
         Three names.
-    path : str or Path
-        File to write, .png.
-    titles : tuple of str
-        Above the plots.
     """
     columns = [a.names.index(name) for name in features]
-    figure = _figure(12.0, 5.5)
+    figure = new_figure(12.0, 5.5)
     both = [figure.add_subplot(1, 2, k + 1, projection="3d") for k in range(2)]
     for axes, one, title in zip(both, (a, b), titles, strict=True):
         for k, gesture in enumerate(gestures):
@@ -196,7 +191,7 @@ def draw_scatter(
             pad = 0.05 * (high - low) or 1.0
             for axes in both:
                 getattr(axes, f"set_{axis}lim")(low - pad, high + pad)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles: tuple[str, str] = ("A", "B")) -> None:
@@ -218,7 +213,7 @@ def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles:
     parts = [one.features[one.label == label] for one in (a, b)]
     together = np.concatenate(parts)
     mean, scale = (together.mean(axis=0), together.std(axis=0)) if len(together) else (0.0, np.ones(a.n_features))
-    figure = _figure(2.0 + 0.8 * a.n_features, 6.5)
+    figure = new_figure(2.0 + 0.8 * a.n_features, 6.5)
     rows = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, part, title in zip(rows, parts, titles, strict=True):
         if len(part):
@@ -227,25 +222,8 @@ def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles:
         axes.grid(axis="y", alpha=0.3)
     rows[1].set_xticks(np.arange(1, a.n_features + 1), [_words(name) for name in a.names], rotation=60, ha="right", fontsize=8)
     figure.suptitle(f"{_words(GESTURES[label])}: features in standard deviations of both together")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _figure(width: float, height: float) -> Figure:
-    """Make an empty figure that no window system is needed for [inch]."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: str | Path) -> None:
-    try:
-        figure.savefig(path, dpi=_DOTS, metadata={"Software": None})
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from None

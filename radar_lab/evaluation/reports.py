@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -38,12 +39,12 @@ def draw_confusion(validations: Mapping[str, Validation], path: str | Path) -> N
     """
     if not validations:
         raise DataError("no confusion matrix to draw")
-    figure = _figure(6.2 * len(validations), 5.8)
+    figure = new_figure(6.2 * len(validations), 5.8)
     for number, (title, validation) in enumerate(validations.items()):
         axes = figure.add_subplot(1, len(validations), number + 1)
         _matrix(axes, validation.confusion, validation.labels)
         axes.set_title(f"{title}: {validation.accuracy:.1%} of {len(validation.label)} samples", fontsize=10)
-    _save(figure, path)
+    _save(figure, Path(path))
 
 
 def draw_reliability(validations: Mapping[str, Validation], path: str | Path) -> None:
@@ -56,7 +57,7 @@ def draw_reliability(validations: Mapping[str, Validation], path: str | Path) ->
     """
     if not validations:
         raise DataError("no calibration to draw")
-    figure = _figure(5.0, 4.6)
+    figure = new_figure(5.0, 4.6)
     axes = figure.add_subplot()
     axes.plot([0, 1], [0, 1], color="0.7", linewidth=1)
     for title, validation in validations.items():
@@ -65,7 +66,7 @@ def draw_reliability(validations: Mapping[str, Validation], path: str | Path) ->
         axes.plot(confidence, right, marker="o", markersize=4, label=f"{title} (error {error:.1%})")
     axes.set(xlabel="stated probability", ylabel="share of right answers", xlim=(0, 1.02), ylim=(0, 1.02))
     axes.legend(fontsize=9)
-    _save(figure, path)
+    _save(figure, Path(path))
 
 
 def draw_rows(rows: Mapping[str, float], path: str | Path, *, quantity: str, goal: float | None = None) -> None:
@@ -84,7 +85,7 @@ def draw_rows(rows: Mapping[str, float], path: str | Path, *, quantity: str, goa
     """
     if not rows:
         raise DataError(f"no {quantity} to draw")
-    figure = _figure(6.5, 0.9 + 0.38 * len(rows))
+    figure = new_figure(6.5, 0.9 + 0.38 * len(rows))
     axes = figure.add_subplot()
     bars = axes.barh(list(rows), list(rows.values()), color="#4477aa")
     axes.bar_label(bars, [f"{value:.1%}" for value in rows.values()], padding=3, fontsize=9)
@@ -92,7 +93,7 @@ def draw_rows(rows: Mapping[str, float], path: str | Path, *, quantity: str, goa
         axes.axvline(goal, color="#cc6677", linewidth=1)
     axes.invert_yaxis()
     axes.set(xlim=(0, 1.12), xlabel=quantity)
-    _save(figure, path)
+    _save(figure, Path(path))
 
 
 def _matrix(axes: Axes, counts: NDArray[np.int64], labels: Sequence[str]) -> None:
@@ -107,7 +108,8 @@ def _matrix(axes: Axes, counts: NDArray[np.int64], labels: Sequence[str]) -> Non
     axes.set(xlabel="recognised", ylabel="performed")
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """Make an empty figure that no window system is needed for [inch]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -116,11 +118,22 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _save(figure: Figure, path: str | Path) -> None:
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as .png, .svg or .pdf; without version or date, so that the same numbers give the same picture.
+
+    Raises
+    ------
+    DataError
+        When it cannot be written.
+    """
     path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # No version or date: the same numbers give the same picture.
         figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: the picture cannot be written ({error}); name another file, that ends in .png, .svg or .pdf") from None
+        raise DataError(f"{path}: cannot be written ({error}); name a file in another folder, that ends in .png, .svg or .pdf") from None
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with contextlib.suppress(OSError):  # what cannot be made is said by the next line
+        path.parent.mkdir(parents=True, exist_ok=True)
+    save_figure(figure, path)

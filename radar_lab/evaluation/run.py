@@ -12,7 +12,7 @@ from radar_core import GESTURES, RadarInfo
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError
 from radar_gestures.recognizer import Gesture
-from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, MatchingSummary, Visibility
+from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, Visibility
 from radar_lab.evaluation.scoring import (
     GestureScore,
     RecognisedGesture,
@@ -23,7 +23,7 @@ from radar_lab.evaluation.scoring import (
 )
 from radar_sim.truth import Truth
 from radar_tracking import HandTrack, Tracks
-from radar_tracking.metrics import Gospa, PersonScore, nees
+from radar_tracking.metrics import Gospa, GospaSummary, PersonScore, nees
 
 
 @config
@@ -132,19 +132,18 @@ class Evaluator:
             ever), ``gestures`` (hits, wrong, misses, false_gestures, false_gestures_per_minute, ghost_gestures, total, outcomes;
             ``false_alarms``: see `score_of_owned`), ``hand`` (rms_m, tracked_fraction of the time a hand drew), ``moments``.
         """
-        tracks = self._matching.summary()
-        mot = tracks.mot
+        tracks, mot = self._matching, self._matching.mot
         return {
             "moments": mot.moments,
             "people": {str(number): _person(person) for number, person in mot.people.items()},
             "mota": _known(mot.mota),
-            "gospa": _gospa(tracks),
+            "gospa": _gospa(tracks.gospa),
             "nees": self._nees.report(),
             "minutes": tracks.minutes,
-            "gate_m": tracks.gate,
+            "gate_m": self.config.gate,
             "track_frames": tracks.track_frames,
             "ghost_track_frames": tracks.ghost_track_frames,
-            "ghost_track_frames_per_minute": _known(tracks.ghost_track_frames_per_minute),
+            "ghost_track_frames_per_minute": tracks.ghost_track_frames / tracks.minutes if tracks.minutes else None,
             "ghost_tracks": tracks.ghost_tracks,
             "gestures": self._gesture_report(tracks.minutes),
             "hand": {
@@ -203,8 +202,7 @@ def _known(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _gospa(tracks: MatchingSummary) -> dict[str, Any]:
-    gospa = tracks.gospa
+def _gospa(gospa: GospaSummary) -> dict[str, Any]:
     return {
         "mean_m": _known(gospa.mean),
         "power_mean_m": _known(gospa.distance),

@@ -4,43 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError, Pose
 from radar_core.config import config, knob
+from radar_sim.truth import Truth
 
 Float64Array = NDArray[np.float64]
-
-
-class HandTruth(Protocol):
-    """What this module reads of the simulator's truth: arrays of shape (p,), hands of shape (p, 3)."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Middle of the acquisition [ns]."""
-
-    @property
-    def person_id(self) -> NDArray[np.uint32]:
-        """Identities, shape (p,)."""
-
-    @property
-    def hand_position(self) -> Float64Array:
-        """Acting hands in ``room``, shape (p, 3) [m]."""
-
-    @property
-    def hand_velocity(self) -> Float64Array:
-        """Their motion, shape (p, 3) [m/s]."""
-
-    @property
-    def gesture(self) -> NDArray[np.uint8]:
-        """Labels, shape (p,); 255: none."""
-
-    @property
-    def gesture_index(self) -> NDArray[np.uint32]:
-        """Running number of each person's gesture, shape (p,)."""
 
 
 @config
@@ -147,21 +119,21 @@ class TrueEvents:
 
     Parameters
     ----------
-    settings : CriterionConfig
+    config : CriterionConfig
         The criterion.
     mount : Pose
         Where the radar stands: speeds are radial as seen from there.
     """
 
-    def __init__(self, settings: CriterionConfig, mount: Pose) -> None:
-        self._settings, self._sensor = settings, np.asarray(mount.origin, np.float64)
+    def __init__(self, config: CriterionConfig, mount: Pose) -> None:
+        self.config, self._sensor = config, np.asarray(mount.origin, np.float64)
 
-    def process(self, truths: Iterable[HandTruth]) -> tuple[TrueEvent, ...]:
+    def process(self, truths: Iterable[Truth]) -> tuple[TrueEvent, ...]:
         """Take the truth of a stretch of time and return its gestures, ordered by start, then person.
 
         Parameters
         ----------
-        truths : iterable of HandTruth
+        truths : iterable of Truth
             One for each frame, in order of time. Only frames in which a gesture is performed count, so a gesture that reaches beyond the
             stretch is judged by its part in it.
 
@@ -170,14 +142,14 @@ class TrueEvents:
         DataError
             When a hand that gestures has a place or speed that is not finite, or time does not go forward within a gesture.
         """
-        rows: dict[tuple[int, int], list[tuple[HandTruth, int]]] = {}
+        rows: dict[tuple[int, int], list[tuple[Truth, int]]] = {}
         for truth in truths:
             for row in np.flatnonzero(truth.gesture != NO_GESTURE).tolist():
                 rows.setdefault((int(truth.person_id[row]), int(truth.gesture_index[row])), []).append((truth, row))
         events = [self._event(person, own) for (person, _), own in rows.items()]
         return tuple(sorted(events, key=lambda event: (event.start_ns, event.person_id)))
 
-    def _event(self, person: int, own: Sequence[tuple[HandTruth, int]]) -> TrueEvent:
+    def _event(self, person: int, own: Sequence[tuple[Truth, int]]) -> TrueEvent:
         stamps = np.array([truth.stamp_ns for truth, _ in own], np.int64)
         position = np.array([truth.hand_position[row] for truth, row in own], np.float64)
         velocity = np.array([truth.hand_velocity[row] for truth, row in own], np.float64)
@@ -187,7 +159,7 @@ class TrueEvents:
         if (np.diff(stamps) <= 0).any():
             raise DataError(f"{where}: stamps do not ascend; give the truth of one run, in order of time")
         speed = radial_speed(position, velocity, self._sensor)
-        times = fast_times(stamps, speed, self._settings.threshold)
+        times = fast_times(stamps, speed, self.config.threshold)
         lengths = [(end - start) * 1e-9 for start, end in times]
         longest = max(lengths, default=0.0)
         truth, row = own[0]
@@ -201,5 +173,5 @@ class TrueEvents:
             fast=longest,
             fast_total=sum(lengths),
             peak=float(np.abs(speed).max()),
-            meets=bool(times) and longest >= self._settings.duration,
+            meets=bool(times) and longest >= self.config.duration,
         )

@@ -396,7 +396,7 @@ def test_whose_a_gesture_is_can_be_asked_by_the_first_definition(filled):
     store, scene = filled
     by = {association: follow(store, scene, load_model(), association=association) for association in ("matching", "nearest")}
     assert [f.person_id for f in by["matching"].found] == [f.person_id for f in by["nearest"].found] == [scene.people[0].id]
-    assert by["matching"].matching.summary().ghost_track_frames == 0
+    assert by["matching"].matching.ghost_track_frames == 0
 
 
 # Whole benchmarks, on next to nothing

@@ -30,7 +30,7 @@ def sample(tmp_path_factory):
 def drawn(monkeypatch, draw):
     """What a function draws, before it becomes a file."""
     kept = []
-    monkeypatch.setattr(pictures, "_save", lambda figure, path: kept.append(figure))
+    monkeypatch.setattr(pictures, "save_figure", lambda figure, path: kept.append(figure))
     draw()
     return kept[0]
 
