@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from handwave.msg import HandResidual as HandResidualMsg
@@ -27,7 +27,7 @@ from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run
 
-_REFERENCES = ("camera", "truth")
+Reference = Literal["camera", "truth"]
 
 
 class HandEvaluationNode(StageNode):
@@ -36,7 +36,7 @@ class HandEvaluationNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("hand_evaluation", **kwargs)
         self._declare()
-        self._residuals = HandResiduals(self._settings)
+        self._residuals = HandResiduals(self._config)
         self._found: deque[Residual] = deque(maxlen=self._keep)
         self._hand: np.ndarray | None = None
         self._out = self.create_publisher(HandResidualMsg, "hand/residual", qos.RESULT)
@@ -51,10 +51,11 @@ class HandEvaluationNode(StageNode):
             import matplotlib.figure  # noqa: F401  (at the end there is no time for it)
 
     def _declare(self) -> None:
-        self._settings = declare_config(self, ResidualConfig)
-        self._reference = str(declare(self, "reference", "camera", "what the hand is compared with: camera (camera/joints) or truth"))
-        if self._reference not in _REFERENCES:
-            raise ConfigError(f"parameter reference is {self._reference!r}; choose {' or '.join(_REFERENCES)}")
+        self._config = declare_config(self, ResidualConfig)
+        text = "what the hand is compared with: camera (camera/joints) or truth"
+        self._reference: Reference = declare(self, "reference", "camera", text, choices=get_args(Reference))
+        if self._reference not in get_args(Reference):
+            raise ConfigError(f"parameter reference is {self._reference!r}; choose {' or '.join(get_args(Reference))}")
         self._joint = str(declare(self, "joint", "right_hand", "camera: the joint that is the hand"))
         self._person = int(declare(self, "person", -1, "truth: id of the person; -1: whose acting hand is nearest to the track", low=-1))
         self._hands = [str(topic) for topic in declare(self, "hands", ["hand"], "topics of the hand tracks that are compared")]
@@ -111,7 +112,7 @@ class HandEvaluationNode(StageNode):
     def _back(self, sample: ReferenceSample | TrackSample) -> bool:
         """Whether a recording starts again: stamps go back by more than tracks may be behind the reference, or the other way round."""
         newest = max(getattr(self, "_newest_ns", 0), 0)
-        back = newest - sample.stamp_ns > 1e9 * max(self._settings.wait, 1.0)
+        back = newest - sample.stamp_ns > 1e9 * max(self._config.wait, 1.0)
         self._newest_ns = sample.stamp_ns if back else max(newest, sample.stamp_ns)
         if back:
             self.get_logger().warning("stamps went back in time (a recording starts again?): what waits is forgotten")
@@ -123,7 +124,7 @@ class HandEvaluationNode(StageNode):
 
     def report(self) -> dict[str, Any]:
         """Error budget of every track, see `radar_lab.camera.report.budget`, and of what there was too little to tell."""
-        tracks = {name: budget(series, self._settings) for name, series in collect(self._found).items()}
+        tracks = {name: budget(series, self._config) for name, series in collect(self._found).items()}
         return {"reference": self._reference, "joint": self._joint, "tracks": tracks, "unmatched": self._residuals.unmatched}
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
