@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from radar_core import DataError
 from radar_core.checks import require_shape
-from radar_core.linalg import SingularError, solve_spd, symmetrise
+from radar_core.linalg import SingularError
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -101,19 +101,6 @@ def mahalanobis(
             f"the covariance of track {singular} plus that of a measurement is not positive definite; distances would be rounding errors"
         )
     return np.asarray(distance)
-
-
-def mahalanobis_reference(
-    mean: Float64Array, covariance: Float64Array, points: Float64Array, point_covariance: Float64Array | None = None
-) -> Float64Array:
-    """`mahalanobis` in numpy: slower, and the definition of what it gives."""
-    each = _check(mean, covariance, points, point_covariance)
-    if len(mean) == 0 or len(points) == 0:
-        return np.zeros((len(mean), len(points)))
-    difference = (points[None] - mean[:, None])[..., None]
-    both = symmetrise(covariance[:, None] + each[None])
-    both = np.broadcast_to(both, (*difference.shape[:2], *both.shape[2:]))
-    return np.asarray(np.sqrt((difference * solve_spd(both, difference)).sum(axis=(-2, -1))))
 
 
 def _check(mean: Float64Array, covariance: Float64Array, points: Float64Array, point_covariance: Float64Array | None) -> Float64Array:

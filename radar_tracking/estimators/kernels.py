@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_core.linalg import SingularError, symmetrise
+from radar_core.linalg import SingularError
 
 Float64Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -66,11 +66,6 @@ def predict(covariance: Float64Array, F: Float64Array, Q: Float64Array) -> Float
     return result
 
 
-def predict_reference(covariance: Float64Array, F: Float64Array, Q: Float64Array) -> Float64Array:
-    """`predict` in numpy."""
-    return symmetrise(F @ covariance @ np.swapaxes(F, -1, -2) + Q)
-
-
 def correct(
     mean: Float64Array, covariance: Float64Array, residual: Float64Array, H: Float64Array, R: Float64Array, used: Mask
 ) -> Correction:
@@ -104,23 +99,6 @@ def correct(
     mean, covariance, nis, log_det, spread, status = _correct(_own(mean), _own(covariance), _own(residual), _own(H), _own(R), _owned(used))
     refuse(status)
     return Correction(mean, covariance, nis, log_det, spread)
-
-
-def correct_reference(
-    mean: Float64Array, covariance: Float64Array, residual: Float64Array, H: Float64Array, R: Float64Array, used: Mask
-) -> Correction:
-    """`correct` in numpy, for measurements that can be solved."""
-    both = used[:, :, None] & used[:, None, :]
-    H = np.where(used[:, :, None], H, 0.0)
-    R = np.where(both, R, 0.0)
-    residual = np.where(used, residual, 0.0)
-    Ht = np.swapaxes(H, -1, -2)
-    S = symmetrise(H @ covariance @ Ht + R) + np.where(used, 0.0, 1.0)[:, :, None] * np.eye(used.shape[1])
-    K = np.swapaxes(np.linalg.solve(S, H @ covariance), -1, -2)
-    keep = np.eye(mean.shape[1]) - K @ H
-    joseph = keep @ covariance @ np.swapaxes(keep, -1, -2) + K @ R @ np.swapaxes(K, -1, -2)
-    nis = (residual * np.linalg.solve(S, residual[..., None])[..., 0]).sum(axis=-1)
-    return Correction(mean + (K @ residual[..., None])[..., 0], symmetrise(joseph), nis, np.linalg.slogdet(S)[1], S)
 
 
 def surprise(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:

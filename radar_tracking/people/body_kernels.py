@@ -42,44 +42,6 @@ class Centres(NamedTuple):
     rate_variance: Float64Array
 
 
-def centre_reference(
-    position: Float64Array,
-    cross: Float64Array,
-    speed: Float64Array,
-    sensor: IndexArray,
-    origins: Float64Array,
-    group: IndexArray,
-    weight: Float64Array,
-    n: int,
-) -> tuple[Any, ...]:
-    """`centre` in numpy."""
-    share = weight / np.bincount(group, weight, n)[group]
-    effective = np.bincount(group, share * share, n)
-    noise = np.bincount(group, share * cross**2, n)
-    moments = [_moments_reference(group, share, position[:, axis], n) for axis in range(3)]
-    place = np.stack([mean for mean, _ in moments], axis=-1)
-    variance = np.stack([(noise + square) * effective for _, square in moments], axis=-1)
-    sight = position[:, :2] - origins[sensor, :2]
-    sight /= np.maximum(np.hypot(sight[:, 0], sight[:, 1]), _SHORT)[:, None]
-    away = np.stack([np.bincount(group, share * sight[:, axis], n) for axis in range(2)], axis=-1)
-    seen = np.bincount(group * len(origins) + sensor, share, n * len(origins)).reshape(n, -1)
-    best = seen.argmax(axis=1)
-    same = sensor == best[group]
-    group, share = group[same], share[same]
-    rate, square = _moments_reference(group, share, speed[same], n)
-    fewer = np.bincount(group, share**2, n) / np.bincount(group, share, n) ** 2
-    return place, variance, away, best, rate, square * fewer
-
-
-def _moments_reference(group: IndexArray, share: Float64Array, value: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
-    known = np.isfinite(value)
-    group, share, value = group[known], share[known], value[known]
-    total = np.bincount(group, share, n)
-    with np.errstate(invalid="ignore", divide="ignore"):  # groups without a value give 0 / 0
-        mean = np.bincount(group, share * value, n) / total
-        return mean, np.bincount(group, share * (value - mean[group]) ** 2, n) / total
-
-
 @_jit
 def centre(position: Any, cross: Any, speed: Any, sensor: Any, origins: Any, group: Any, weight: Any, n: int) -> Any:
     """Average the points of each group; arguments are the columns of `Points`, the group of each point, its weight, and how many groups.

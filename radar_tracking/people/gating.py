@@ -1,4 +1,4 @@
-"""How tracks see points: distances, the gate, and how much each point looks like a torso, for every track and point at once."""
+"""Gating: distances of points from tracks, the gate, and how much each point looks like a torso, for all pairs at once."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.assignment import mahalanobis
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.points import Points
-from radar_tracking.people.track_table import Roster
+from radar_tracking.people.track_table import TrackTable
 
 Float64Array = NDArray[np.float64]
 _SHOULDER = 0.1  # m: heights are sure to this
 _FAR_BELOW = 1.0  # m: ten times as sure
 _LEAST = 1e-3  # weight of a point that is no torso for sure
-_BEHIND = 0.1  # m: what is farther behind the torso than that counts less and less, too
+_BEHIND = 0.1  # m: points farther behind the torso than that count less and less, too
 _SHORT = 1e-9  # m: a track at the very place of the sensor has no line of sight
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Gating:
     """Tracks against points; every matrix has shape (n_tracks, n_points).
 
     Attributes
@@ -29,9 +28,9 @@ class Sight:
     centre : ndarray of float64, shape (n_tracks, 2)
         Predicted centres on the floor plane [m].
     covariance : ndarray of float64, shape (n_tracks, 2, 2)
-        Of the same, with the bodies' dispersion [m^2].
+        Of the centres, plus the bodies' dispersion [m^2].
     plane : ndarray of float64
-        Distance on the floor plane from what is seen of the track to the point [m].
+        Distance on the floor plane from the track's visible surface to the point [m].
     distance : ndarray of float64
         What the gate measures: `plane`, or standard deviations; infinite outside the gate.
     near : ndarray of float64
@@ -39,11 +38,11 @@ class Sight:
     torso : ndarray of float64
         How much it counts as torso by its range and range rate, 0..1: arms reach towards the radar and move faster than the body.
     beyond : ndarray of float64
-        Distance of the point from its sensor beyond that of the track's centre [m].
+        Distance of the point from its sensor minus that of the track's centre [m].
     behind : ndarray of bool
         Whether the point lies too far behind the torso to be of the same body.
-    slip : ndarray of float64
-        Range rate of the point beyond what the track's velocity says [m/s]; NaN: not measured.
+    doppler_residual : ndarray of float64
+        Range rate of the point minus that of the track's velocity [m/s]; NaN: not measured.
     """
 
     centre: Float64Array
@@ -54,15 +53,15 @@ class Sight:
     torso: Float64Array
     beyond: Float64Array
     behind: NDArray[np.bool_]
-    slip: Float64Array
+    doppler_residual: Float64Array
 
 
-def look(roster: Roster, kinematics: tuple[Float64Array, Float64Array], points: Points, config: AssociationConfig) -> Sight:
+def gate_points(table: TrackTable, kinematics: tuple[Float64Array, Float64Array], points: Points, config: AssociationConfig) -> Gating:
     """Compare all tracks with all points.
 
     Parameters
     ----------
-    roster : Roster
+    table : TrackTable
         The tracks.
     kinematics : tuple of ndarray, shapes (n_tracks, 6), (n_tracks, 6, 6)
         Predicted position and velocity, and their covariance.
@@ -75,26 +74,28 @@ def look(roster: Roster, kinematics: tuple[Float64Array, Float64Array], points: 
     centre = mean[:, :2]
     away = centre[:, None, :] - points.origins[None, :, :2]  # (track, sensor, xy)
     far = np.maximum(np.hypot(away[..., 0], away[..., 1]), _SHORT)
-    sight = away / far[..., None]
-    rate = (sight * mean[:, None, 3:5]).sum(-1)
-    seen = centre[:, None, :] + roster["surface"][:, None, None] * sight
+    line = away / far[..., None]
+    rate = (line * mean[:, None, 3:5]).sum(-1)
+    seen = centre[:, None, :] + table.surface[:, None, None] * line
     if len(points.origins) > 1:  # of each point's own sensor
         far, rate, seen = far[:, points.sensor], rate[:, points.sensor], seen[:, points.sensor]
     step_x, step_y = points.position[:, 0] - seen[..., 0], points.position[:, 1] - seen[..., 1]
     square = step_x * step_x + step_y * step_y
     plane = np.sqrt(square)
     inside = plane <= config.gate
-    body = covariance[:, :2, :2] + roster["dispersion"]
+    body = covariance[:, :2, :2] + table.dispersion
     distance = plane
     if config.method == "mahalanobis":
+        from radar_tracking.assignment import mahalanobis
+
         distance = mahalanobis(centre, body, points.plane)
         inside &= distance <= config.gate_sigmas
     distance = np.where(inside, distance, np.inf)
     near = np.exp(np.maximum(-0.5 * square / config.body_radius**2, -12.5))
-    beyond, slip = points.distance - far, points.speed - rate
-    reference = torso_reference(roster["surface"], beyond, inside, points, config)
-    weight = torso(roster, beyond - reference, slip, config) * below(points, config)
-    return Sight(centre, body, plane, distance, near, weight, beyond, beyond > reference + config.body_depth, slip)
+    beyond, residual = points.distance - far, points.speed - rate
+    reference = torso_reference(table.surface, beyond, inside, points, config)
+    weight = torso_weight(table, beyond - reference, residual, config) * below(points, config)
+    return Gating(centre, body, plane, distance, near, weight, beyond, beyond > reference + config.body_depth, residual)
 
 
 def below(points: Points, config: AssociationConfig) -> Float64Array:
@@ -109,10 +110,10 @@ def below(points: Points, config: AssociationConfig) -> Float64Array:
 def torso_reference(
     surface: Float64Array, beyond: Float64Array, inside: NDArray[np.bool_], points: Points, config: AssociationConfig
 ) -> Float64Array:
-    """Where each track's torso is, from its centre along the line of sight, shape (n_tracks, 1) [m].
+    """Offset of each track's torso from its centre along the line of sight, shape (n_tracks, 1) [m].
 
-    It is where it was, or at the farthest point that may be torso: a little behind, or up to an arm's length behind if it echoes more
-    strongly than anything else of the track (for its range). What is far behind and weak is a reflection, or somebody else.
+    The torso is where it was, or at the farthest point that may be torso: a little behind, or up to an arm's length behind if that echo is
+    nearly as strong as the track's strongest one (for its range). Points far behind and weak are a reflection, or somebody else.
     """
     beyond_surface = beyond - surface[:, None]
     square = points.distance * points.distance
@@ -124,10 +125,10 @@ def torso_reference(
     return np.asarray(np.maximum(surface[:, None], farthest))
 
 
-def torso(roster: Roster, before: Float64Array, slip: Float64Array, config: AssociationConfig) -> Float64Array:
-    """How much each point counts as torso, shape (n_tracks, n_points), 0..1; ``before`` [m] is negative before the torso. See `Sight`."""
+def torso_weight(table: TrackTable, before: Float64Array, residual: Float64Array, config: AssociationConfig) -> Float64Array:
+    """How much each point counts as torso, shape (n_tracks, n_points), 0..1; ``before`` [m] is negative before the torso."""
     behind = np.clip(before - config.torso_depth, 0.0, 5 * _BEHIND) / _BEHIND
     depth = np.clip(before, -5 * config.arm_depth, 0.0) / config.arm_depth - behind
-    excess = (slip - roster["slip"][:, None]) / config.arm_speed
+    excess = (residual - table.doppler_residual[:, None]) / config.arm_speed
     square = np.where(np.isnan(excess), 0.0, np.minimum(excess * excess, 100.0))
     return np.asarray(np.exp(depth) / (1.0 + square))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_tracking.people.config import LifeConfig
-from radar_tracking.people.track_table import Roster
+from radar_tracking.people.track_table import TrackTable
 from radar_tracking.tracks import Deleted, Reason
 
 Float64Array = NDArray[np.float64]
@@ -34,12 +34,12 @@ class TrackManagement:
         """Forget who was close to whom."""
         self._close_ns: dict[tuple[int, int], int] = {}
 
-    def process(self, roster: Roster, centre: Float64Array, inside: NDArray[np.bool_], stamp_ns: int) -> tuple[Deleted, ...]:
+    def process(self, table: TrackTable, centre: Float64Array, inside: NDArray[np.bool_], stamp_ns: int) -> tuple[Deleted, ...]:
         """Confirm and delete after a cloud.
 
         Parameters
         ----------
-        roster : Roster
+        table : TrackTable
             The tracks; changed in place.
         centre : ndarray of float64, shape (n_tracks, 2)
             Where they are [m].
@@ -53,57 +53,55 @@ class TrackManagement:
         tuple of Deleted
             Those who are gone, in the order of their ids.
         """
-        self._confirm(roster, stamp_ns)
-        reasons = self._overdue(roster, inside, stamp_ns)
-        for row in self._doubles(roster, centre, reasons, stamp_ns):
+        self._confirm(table, stamp_ns)
+        reasons = self._overdue(table, inside, stamp_ns)
+        for row in self._doubles(table, centre, reasons, stamp_ns):
             reasons[row] = Reason.DUPLICATE
         gone = np.array([reason is not None for reason in reasons], np.bool_)
         if not gone.any():
             return ()
         deleted = tuple(
-            Deleted(int(roster["id"][row]), reason, bool(roster["confirmed"][row]))
-            for row, reason in enumerate(reasons)
-            if reason is not None
+            Deleted(int(table.id[row]), reason, bool(table.confirmed[row])) for row, reason in enumerate(reasons) if reason is not None
         )
-        roster.keep(~gone)
+        table.keep(~gone)
         return deleted
 
-    def _confirm(self, roster: Roster, stamp_ns: int) -> None:
+    def _confirm(self, table: TrackTable, stamp_ns: int) -> None:
         config = self.config
-        wait = np.full(len(roster), whole_ns(config.confirm_after))
+        wait = np.full(len(table), whole_ns(config.confirm_after))
         if config.reflection_after > config.confirm_after:
-            wait[roster["echo"] > 0.5] = whole_ns(config.reflection_after)
-        long = stamp_ns - roster["born_ns"] >= wait
-        plausible = (roster["points_sum"] >= config.confirm_points * roster["clouds"]) & (roster["activity"] >= config.confirm_activity)
-        matched = (roster["seen_ns"] == stamp_ns) & (roster["matches"] >= config.confirm_matches)
-        roster["confirmed"][:] |= long & plausible & matched
+            wait[table.reflection_score > 0.5] = whole_ns(config.reflection_after)
+        long = stamp_ns - table.born_ns >= wait
+        plausible = (table.points_sum >= config.confirm_points * table.clouds) & (table.activity >= config.confirm_activity)
+        matched = (table.seen_ns == stamp_ns) & (table.matches >= config.confirm_matches)
+        table.confirmed[:] |= long & plausible & matched
 
-    def _overdue(self, roster: Roster, inside: NDArray[np.bool_], stamp_ns: int) -> list[Reason | None]:
+    def _overdue(self, table: TrackTable, inside: NDArray[np.bool_], stamp_ns: int) -> list[Reason | None]:
         """Why each track ends: unseen for too long for what it is; None: it does not."""
         config = self.config
-        confirmed, still, unseen = roster["confirmed"], roster["still"], stamp_ns - roster["seen_ns"]
-        patience = np.full(len(roster), whole_ns(config.tentative_after))
+        confirmed, still, unseen = table.confirmed, table.still, stamp_ns - table.seen_ns
+        patience = np.full(len(table), whole_ns(config.tentative_after))
         patience[confirmed] = whole_ns(config.delete_after)
         patience[confirmed & still] = whole_ns(max(config.delete_after, config.delete_static_after))
         patience[confirmed & ~inside] = whole_ns(min(config.left_after, config.delete_after))
         late = unseen > patience
-        reasons: list[Reason | None] = [None] * len(roster)
+        reasons: list[Reason | None] = [None] * len(table)
         for row in np.flatnonzero(late):
             if not confirmed[row]:
                 reasons[row] = Reason.NOT_CONFIRMED
             else:
                 reasons[row] = Reason.UNSEEN if inside[row] else Reason.LEFT
-        idle = confirmed & ~roster["walked"] & (stamp_ns - roster["stirred_ns"] > whole_ns(config.delete_idle_after))
+        idle = confirmed & ~table.walked & (stamp_ns - table.stirred_ns > whole_ns(config.delete_idle_after))
         for row in np.flatnonzero(idle & ~late):
             reasons[row] = Reason.IDLE
         return reasons
 
-    def _doubles(self, roster: Roster, centre: Float64Array, reasons: list[Reason | None], stamp_ns: int) -> list[int]:
+    def _doubles(self, table: TrackTable, centre: Float64Array, reasons: list[Reason | None], stamp_ns: int) -> list[int]:
         """Rows of younger tracks that have been on top of older ones for long; tentative ones at once."""
-        if len(roster) < 2:
+        if len(table) < 2:
             self._close_ns = {}
             return []
-        config, ids, confirmed = self.config, roster["id"], roster["confirmed"]
+        config, ids, confirmed = self.config, table.id, table.confirmed
         step = centre[:, None] - centre[None]
         near = np.hypot(step[..., 0], step[..., 1]) < config.merge_distance
         alive = np.array([reason is None for reason in reasons])

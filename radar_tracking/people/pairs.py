@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.points import Points
 from radar_tracking.people.statistics import Matched, match
-from radar_tracking.people.track_table import Roster
+from radar_tracking.people.track_table import TrackTable
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -44,13 +44,13 @@ class Pairs:
         self._config = config
 
     def process(
-        self, roster: Roster, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
+        self, table: TrackTable, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
     ) -> tuple[Matched, list[IndexArray]]:
         """Take in whose the points of a cloud seem to be.
 
         Parameters
         ----------
-        roster : Roster
+        table : TrackTable
             The tracks; ``pair`` is changed.
         points : Points
             Of the cloud.
@@ -79,13 +79,13 @@ class Pairs:
             np.sqrt(np.where(np.isfinite(points.power[own]), points.power[own], 1.0)) * np.maximum(points.distance[own], _SHORT) ** 2
         )
         bound = np.stack([two_heaps(group, axis, amplitude, len(rows), self._config.pair_distance) for axis in value])
-        two = np.isfinite(bound) & roster["confirmed"][rows]
-        keep = np.exp((roster["seen_ns"][rows] - stamp_ns) * 1e-9 / self._config.pair_time)[:, None]
-        roster["pair"][rows] = keep * roster["pair"][rows] + (1.0 - keep) * two.T
-        unseen = roster["confirmed"].copy()
+        two = np.isfinite(bound) & table.confirmed[rows]
+        keep = np.exp((table.seen_ns[rows] - stamp_ns) * 1e-9 / self._config.pair_time)[:, None]
+        table.pair[rows] = keep * table.pair[rows] + (1.0 - keep) * two.T
+        unseen = table.confirmed.copy()
         unseen[rows] = False
         for k in np.flatnonzero(two.any(axis=0)):
-            share = roster["pair"][rows[k]]
+            share = table.pair[rows[k]]
             axis = int(np.where(two[:, k], share, -1.0).argmax())
             heaps = [own[(group == k) & side] for side in (value[axis] > bound[axis, k], value[axis] <= bound[axis, k])]
             place = np.stack([points.plane[heap].mean(axis=0) for heap in heaps])
@@ -99,8 +99,8 @@ class Pairs:
                 which = int(np.argmax(np.hypot(*(place - centre[rows[k]]).T)))  # the track goes on with the nearer one
                 second.append(heaps[which])
                 main[heaps[which]] = -1
-                roster["pair"][rows[k]] = 0.0
-        return (matched if main is None else match(main, len(roster))), second
+                table.pair[rows[k]] = 0.0
+        return (matched if main is None else match(main, len(table))), second
 
     def _with_beside(self, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray) -> tuple[IndexArray, IndexArray]:
         """Points that measure tracks, and then those beside them, with the place of each one's track in ``matched.rows``."""
@@ -117,10 +117,10 @@ class Pairs:
 
 def _offsets(points: Points, own: IndexArray, centre: Float64Array) -> Float64Array:
     """How far points lie from a centre across and along the line of sight, shape (2, n_own) [m]."""
-    sight = (centre - points.origins[points.sensor[own], :2]).T
-    sight = sight / np.maximum(np.hypot(*sight), _SHORT)
+    line = (centre - points.origins[points.sensor[own], :2]).T
+    line = line / np.maximum(np.hypot(*line), _SHORT)
     step = (points.plane[own] - centre).T
-    return np.stack([sight[0] * step[1] - sight[1] * step[0], sight[0] * step[0] + sight[1] * step[1]])
+    return np.stack([line[0] * step[1] - line[1] * step[0], line[0] * step[0] + line[1] * step[1]])
 
 
 def _takes(place: Float64Array, seen: Float64Array, centre: Float64Array, unseen: BoolArray) -> tuple[int, int]:
@@ -162,30 +162,6 @@ def two_heaps(group: IndexArray, value: Float64Array, weight: Float64Array, n: i
     """
     found: Float64Array = _two_heaps(np.argsort(value, kind="stable"), group, value, weight, n, distance)
     return found
-
-
-def two_heaps_reference(group: IndexArray, value: Float64Array, weight: Float64Array, n: int, distance: float) -> Float64Array:
-    """`two_heaps` in numpy."""
-    bound = np.full(n, np.nan)
-    for k in range(n):
-        order = np.flatnonzero(group == k)
-        order = order[np.argsort(value[order], kind="stable")]
-        if len(order) < _FEWEST:
-            continue
-        v, w = value[order], weight[order]
-        low, first, second = (np.cumsum(part)[:-1] for part in (w, w * v, w * v * v))
-        high, total = np.maximum(w.sum() - low, np.finfo(float).tiny), w.sum()
-        left, right = first / low, ((w * v).sum() - first) / high
-        apart = right - left
-        best = int((low * high * apart * apart).argmax())  # multiplied in the kernel's order: rounding decides between equal splits
-        gap = apart[best]
-        spread = [
-            max(second[best] / low[best] - left[best] ** 2, 0.0),
-            max(((w * v * v).sum() - second[best]) / high[best] - right[best] ** 2, 0.0),
-        ]
-        if gap >= distance and min(low[best], high[best]) >= _LEAST_SHARE * total and max(spread) < (_COMPACT * gap) ** 2:
-            bound[k] = 0.5 * (v[best] + v[best + 1])
-    return bound
 
 
 @numba.njit(cache=True, nogil=True)

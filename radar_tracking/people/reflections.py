@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radar_tracking.estimators.convert import wrap
 from radar_tracking.people.config import LifeConfig
-from radar_tracking.people.track_table import Roster
+from radar_tracking.people.track_table import TrackTable
 
 Float64Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _SHORT: Final = 1e-6  # m: shorter walls are none
 
 
 class Reflections:
-    """Notes of every track how much, lately, it looked like another one's reflection (``echo`` in the roster).
+    """Scores how much each track has lately looked like another one's reflection (``reflection_score`` in the track table).
 
     One leg of a reflection's way is straight, the other by the wall: it is as far as half of both, in the direction of the person or of the
     mirror image, and between the two where the array cannot tell them apart. Where the walls are not known, whatever is farther than its
@@ -44,13 +44,13 @@ class Reflections:
         """Forget the last cloud."""
         self._stamp_ns = 0
 
-    def process(self, roster: Roster, centre: Float64Array, origins: Float64Array, stamp_ns: int) -> None:
+    def process(self, table: TrackTable, centre: Float64Array, origins: Float64Array, stamp_ns: int) -> None:
         """Take in a cloud.
 
         Parameters
         ----------
-        roster : Roster
-            The tracks; ``echo`` is changed.
+        table : TrackTable
+            The tracks; ``reflection_score`` is changed.
         centre : ndarray of float64, shape (n_tracks, 2)
             Where they are [m].
         origins : ndarray of float64, shape (n_sensors, 2)
@@ -60,24 +60,24 @@ class Reflections:
         """
         share = 1.0 - math.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.reflection_time)
         self._stamp_ns = stamp_ns
-        cause = np.flatnonzero(stamp_ns - roster["seen_ns"] <= _KNOWN_NS)
-        looks = self._mirrored(centre, cause, origins) if len(self._walls) else self._farther(roster, cause)
-        echo = (looks & self._weaker(roster, cause)).any(axis=1)
-        seen = roster["seen_ns"] == stamp_ns
+        cause = np.flatnonzero(stamp_ns - table.seen_ns <= _KNOWN_NS)
+        looks = self._mirrored(centre, cause, origins) if len(self._walls) else self._farther(table, cause)
+        alike = (looks & self._weaker(table, cause)).any(axis=1)
+        seen = table.seen_ns == stamp_ns
         before = np.where(
-            roster["matches"] > 1, roster["echo"], looks.any(axis=1)
+            table.matches > 1, table.reflection_score, looks.any(axis=1)
         )  # reflections flash: at first their strength says nothing
-        roster["echo"][seen] = (before * (1 - share) + share * echo)[seen]
+        table.reflection_score[seen] = (before * (1 - share) + share * alike)[seen]
 
-    def _weaker(self, roster: Roster, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _weaker(self, table: TrackTable, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether a track is weaker than a cause, for their ranges, shape (n_tracks, n_causes)."""
-        mine, theirs = roster.records[:, None], roster.records[None, cause]
+        mine, theirs = table.records[:, None], table.records[None, cause]
         loud = [part["power"] + 40.0 * np.log10(np.maximum(part["range"], 0.1)) for part in (mine, theirs)]
         return np.asarray(loud[0] < loud[1] - self._config.reflection_weaker)
 
-    def _farther(self, roster: Roster, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _farther(self, table: TrackTable, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether a track is farther than a cause, shape (n_tracks, n_causes)."""
-        distance = roster["range"]
+        distance = table.range
         return np.asarray(distance[:, None] > distance[None, cause] + self._config.reflection_farther)
 
     def _mirrored(self, centre: Float64Array, cause: NDArray[np.int64], origins: Float64Array) -> NDArray[np.bool_]:

@@ -1,76 +1,109 @@
-"""The live tracks between clouds: one record and one belief each."""
+"""The track table: one row of typed columns and one belief for each live track."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radar_tracking.estimators.base import Belief, join
 
-Float64Array = NDArray[np.float64]
-
-RECORD: Final = np.dtype(
-    [
-        ("id", np.int64),
-        ("born_ns", np.int64),
-        ("seen_ns", np.int64),  # of the last update
-        ("confirmed", np.bool_),
-        ("still", np.bool_),  # stood still when last seen
-        ("n_points", np.int64),  # of this cloud
-        ("points_sum", np.int64),
-        ("clouds", np.int64),  # since birth
-        ("matches", np.int64),  # clouds that updated it
-        ("birthplace", np.float64, 2),  # on the floor plane [m]
-        ("walked", np.bool_),  # has been far from there
-        ("stirred_ns", np.int64),  # when it last moved
-        ("activity", np.float64),  # share of the clouds, lately, in which a moving point updated it
-        ("surface", np.float64),  # where its torso was seen lately, from its centre along the line of sight [m]
-        ("slip", np.float64),  # range rate of its torso beyond what its velocity says, lately [m/s]
-        ("spread", np.float64, 3),  # mean square of its points about its centre, lately [m^2]; NaN: not known
-        ("dispersion", np.float64, (2, 2)),  # of its main cluster on the floor plane [m^2]
-        ("range", np.float64),  # of its torso's points from their sensor, lately [m]
-        ("rate", np.float64),  # range rate of them, lately [m/s]
-        ("power", np.float64),  # summed signal-to-noise ratio of its points, lately [dB]
-        ("echo", np.float64),  # share of the clouds, lately, in which it looked like a reflection of a confirmed track
-        ("pair", np.float64, 2),  # share of the clouds, lately, in which it looked like two people, across and along the line of sight
-        ("nis", np.float64),  # of this cloud's update; NaN: none
-        ("dof", np.int64),
-    ]
-)
-"""What is noted of a track beside its belief."""
+T = TypeVar("T", bound=np.generic)
 
 
-class Roster:
-    """Records and beliefs of the live tracks, rows in the order of their ids.
+class Column(Generic[T]):
+    """One column of a `TrackTable`: reading gives a view of shape (n_tracks, *shape), assignment writes into it.
+
+    Parameters
+    ----------
+    dtype : type
+        Of one number.
+    *shape : int
+        Of one row's entry; none: a number.
+    """
+
+    def __init__(self, dtype: type[T], *shape: int) -> None:
+        self.dtype = dtype
+        self.shape = shape
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, table: None, owner: type) -> Column[T]: ...
+    @overload
+    def __get__(self, table: TrackTable, owner: type) -> NDArray[T]: ...
+    def __get__(self, table: TrackTable | None, owner: type) -> Column[T] | NDArray[T]:
+        return self if table is None else table.records[self._name]
+
+    def __set__(self, table: TrackTable, value: ArrayLike) -> None:
+        table.records[self._name] = value
+
+
+class TrackTable:
+    """Columns and beliefs of the live tracks; rows are in the order of their ids.
+
+    Parameters
+    ----------
+    n_tracks : int
+        Rows to begin with, all zero.
 
     Attributes
     ----------
     records : ndarray of `RECORD`, shape (n_tracks,)
-        Notes.
+        All columns as one structured array, for compiled loops.
     belief : Belief or None
         Of the same tracks; None: no track yet.
     """
 
-    def __init__(self) -> None:
-        self.records: NDArray[np.void] = np.empty(0, RECORD)
+    id = Column(np.int64)
+    born_ns = Column(np.int64)
+    seen_ns = Column(np.int64)  # last update
+    confirmed = Column(np.bool_)
+    still = Column(np.bool_)  # stood still at the last update
+    n_points = Column(np.int64)  # of this cloud
+    points_sum = Column(np.int64)
+    clouds = Column(np.int64)  # since birth
+    matches = Column(np.int64)  # clouds that updated the track
+    birthplace = Column(np.float64, 2)  # on the floor plane [m]
+    walked = Column(np.bool_)  # has been far from its birthplace
+    stirred_ns = Column(np.int64)  # last movement
+    activity = Column(np.float64)  # recent share of the clouds in which a moving point updated the track
+    surface = Column(np.float64)  # recent offset of the torso from the centre along the line of sight [m]
+    doppler_residual = Column(np.float64)  # recent range rate of the torso minus that of the track's velocity [m/s]
+    spread = Column(np.float64, 3)  # recent mean square of the points about the centre [m^2]; NaN: not known
+    dispersion = Column(np.float64, 2, 2)  # of the main cluster on the floor plane [m^2]
+    range = Column(np.float64)  # recent distance of the torso's points from their sensor [m]
+    rate = Column(np.float64)  # recent range rate of the same points [m/s]
+    power = Column(np.float64)  # recent summed signal-to-noise ratio of the points [dB]
+    reflection_score = Column(np.float64)  # recent share of the clouds in which the track looked like another one's reflection
+    pair = Column(np.float64, 2)  # recent share of the clouds in which it looked like two people, across and along the line of sight
+    nis = Column(np.float64)  # normalised innovation squared of this cloud's update; NaN: no update
+    dof = Column(np.int64)  # degrees of freedom of the same
+
+    def __init__(self, n_tracks: int = 0) -> None:
+        self.records: NDArray[np.void] = np.zeros(n_tracks, RECORD)
         self.belief: Belief | None = None
 
     def __len__(self) -> int:
         return len(self.records)
 
-    def __getitem__(self, name: str) -> Any:
-        """Column of the records, to read and to write."""
-        return self.records[name]
-
-    def add(self, records: NDArray[np.void], belief: Belief) -> None:
-        """Put new tracks at the end."""
-        self.records = np.concatenate([self.records, records])
-        self.belief = belief if self.belief is None else join([self.belief, belief])
+    def add(self, row: TrackTable) -> None:
+        """Append the tracks of another table, which has a belief."""
+        assert row.belief is not None
+        self.records = np.concatenate([self.records, row.records])
+        self.belief = row.belief if self.belief is None else join([self.belief, row.belief])
 
     def keep(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the tracks that a mask leaves out."""
+        """Remove the tracks that a mask leaves out."""
         self.records = self.records[mask]
         if self.belief is not None:
             self.belief = self.belief.select(mask)
+
+
+_COLUMNS: list[tuple[Any, ...]] = [
+    (name, column.dtype, column.shape) for name, column in vars(TrackTable).items() if isinstance(column, Column)
+]
+RECORD = np.dtype(_COLUMNS)
+"""One row of a `TrackTable`."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
+from oracles import tracking as oracle
 
 from radar_core import AntennaArray, RadarInfo, Waveform
 from radar_core.geometry import cartesian_to_spherical
@@ -20,7 +21,7 @@ from radar_sim.propagation.reference import Reference
 from radar_sim.scatterers import THING, Echoes, Motion
 from radar_tracking.estimators import from_polar
 from radar_tracking.estimators.arcs import arc, bend, lag, turn_moments
-from radar_tracking.estimators.kernels import correct, correct_reference, surprise
+from radar_tracking.estimators.kernels import correct, surprise
 from radar_tracking.estimators.multiple import _Chain, mixture, reweigh
 from radar_tracking.metrics import chi_square_band
 
@@ -103,7 +104,7 @@ def test_kalman_updates(seed, spread, sure):
     mean, residual = rng.normal(size=4) * scale, rng.normal(size=2) * scale[:2]
     expected = kalman(mean, P, residual, H, R)
     args = (mean[None], P[None], residual[None], H[None], R[None], np.ones((1, 2), bool))
-    for found in (correct(*args), correct_reference(*args)):
+    for found in (correct(*args), oracle.correct(*args)):
         size = np.sqrt(np.diagonal(expected[1]))
         assert np.abs((found.covariance[0] - expected[1]) / np.outer(size, size)).max() < 100 * EPS / sure
         assert np.abs((found.mean[0] - expected[0]) / scale).max() < 1e-12

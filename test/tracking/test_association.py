@@ -8,35 +8,36 @@ from radar_core import PointCloud
 from radar_core.config import load
 from radar_tracking import TrackerConfig
 from radar_tracking.clustering import dbscan
-from radar_tracking.people.association import Owners, associate, make_association
-from radar_tracking.people.gating import Sight, look
+from radar_tracking.people.association import associate, make_association
+from radar_tracking.people.gating import Gating, gate_points
+from radar_tracking.people.owners import Owners
 from radar_tracking.people.points import Admission, Points
-from radar_tracking.people.track_table import RECORD, Roster
+from radar_tracking.people.track_table import TrackTable
 
 DEVIATION = 0.15  # m: of bodies, along each axis
 KNOBS = {"gate": 1.0, "reach": 0.9, "clustering": {"eps": 0.4, "min_points": 2}}
 TRACKERS = ("group_clustering", "group", "cluster_first")
 
 
-def seen(cloud: PointCloud, centres: np.ndarray, config: TrackerConfig) -> tuple[Points, Sight]:
-    """Points and what tracks that stand at ``centres`` (n, 2) see of them."""
+def seen(cloud: PointCloud, centres: np.ndarray, config: TrackerConfig) -> tuple[Points, Gating]:
+    """Points and the gating of tracks that stand at ``centres`` (n, 2)."""
     points = Admission(config, np.zeros(3)).process(cloud)
-    roster, n = Roster(), len(centres)
-    roster.records = np.zeros(n, RECORD)
-    roster["dispersion"][:] = np.eye(2) * DEVIATION**2
+    n = len(centres)
+    table = TrackTable(n)
+    table.dispersion = np.eye(2) * DEVIATION**2
     mean = np.hstack([np.asarray(centres, float), np.ones((n, 1)), np.zeros((n, 3))])
-    return points, look(roster, (mean, np.tile(np.eye(6) * 0.01, (n, 1, 1))), points, config.association)
+    return points, gate_points(table, (mean, np.tile(np.eye(6) * 0.01, (n, 1, 1))), points, config.association)
 
 
-def share(plane: np.ndarray, centres: np.ndarray, confirmed: list[bool] | None = None, **knobs: object) -> tuple[Owners, Points, Sight]:
+def share(plane: np.ndarray, centres: np.ndarray, confirmed: list[bool] | None = None, **knobs: object) -> tuple[Owners, Points, Gating]:
     """Give points (n, 2) to tracks, all confirmed unless told otherwise."""
     knobs["association"] = KNOBS | knobs.get("association", {})
     config = load(TrackerConfig, knobs)
     n = len(plane)
     cloud = make_cloud(np.column_stack([plane, np.ones(n)]), radial_speed=np.zeros(n, np.float32))
-    points, sight = seen(cloud, centres, config)
+    points, gating = seen(cloud, centres, config)
     sure = np.ones(len(centres), bool) if confirmed is None else np.array(confirmed)
-    return associate(make_association(config), points, sight, sure, config.life.birth_together), points, sight
+    return associate(make_association(config), points, gating, sure, config.life.birth_together), points, gating
 
 
 def body(x: float, y: float, n: int = 12, radius: float = 0.12) -> np.ndarray:
@@ -130,12 +131,12 @@ def test_what_always_holds(tracker):
     """Points of tracks lie within the gate of what is seen of them (limbs within reach), nobody has a point twice; the order of the
     points does not matter."""
     for plane, centres in crowds(40):
-        found, _, sight = share(plane, centres, tracker=tracker)
+        found, _, gating = share(plane, centres, tracker=tracker)
         own = np.flatnonzero(found.main >= 0)
         if tracker != "cluster_first":  # there the gate is for centroids of clusters
-            assert (sight.plane[found.main[own], own] <= 1.0).all()
+            assert (gating.plane[found.main[own], own] <= 1.0).all()
         limb = np.flatnonzero(found.limb >= 0)
-        assert (sight.plane[found.limb[limb], limb] <= 0.9).all()
+        assert (gating.plane[found.limb[limb], limb] <= 0.9).all()
         assert not np.intersect1d(own, limb).size
         order = np.random.default_rng(1).permutation(len(plane))
         again = share(plane[order], centres, tracker=tracker)[0]
@@ -225,13 +226,13 @@ def test_an_arm_counts_less_than_the_torso():
     config = TrackerConfig()
     plane = np.array([[3.0, 0.0], [2.5, 0.0], [3.0, 0.1]])
     cloud = make_cloud(np.column_stack([plane, np.ones(3)]), radial_speed=np.array([0, 0, 1], np.float32))
-    _, sight = seen(cloud, np.array([[3.0, 0.0]]), config)
-    torso, nearer, faster = sight.torso[0]
+    _, gating = seen(cloud, np.array([[3.0, 0.0]]), config)
+    torso, nearer, faster = gating.torso[0]
     assert torso == pytest.approx(1.0, abs=0.02)
     assert nearer == pytest.approx(np.exp(-0.5 / config.association.arm_depth), rel=0.05)
     assert faster == pytest.approx(1 / (1 + (1 / config.association.arm_speed) ** 2), rel=0.05)
-    assert sight.slip[0] == pytest.approx([0, 0, 1])
-    np.testing.assert_allclose(sight.beyond[0], np.hypot(*plane.T) - 3.0, atol=1e-6)
+    assert gating.doppler_residual[0] == pytest.approx([0, 0, 1])
+    np.testing.assert_allclose(gating.beyond[0], np.hypot(*plane.T) - 3.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("apart", "own"), [(0.9, True), (0.5, False)])

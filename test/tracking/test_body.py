@@ -5,12 +5,13 @@ import pytest
 from blobs import Shell, make_cloud, standing, walking
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import tracking as oracle
 
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.config import load
 from radar_tracking import FilterConfig, PeopleTracker, TrackerConfig
 from radar_tracking.people.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, measure
-from radar_tracking.people.body_kernels import centre, centre_reference
+from radar_tracking.people.body_kernels import centre
 from radar_tracking.people.points import Admission, Points
 
 AROUND = [Pose(x=3 * np.cos(a), y=3 * np.sin(a), yaw=(a + np.pi) % (2 * np.pi) - np.pi * 2) for a in np.arange(8) * np.pi / 4]
@@ -133,7 +134,7 @@ def test_the_compiled_means_equal_their_reference(seed, n, n_sensors, missing):
     speed[rng.random(m) < missing] = np.nan
     sensor, origins = rng.integers(0, n_sensors, m), rng.normal(0, 3, (n_sensors, 3))
     arguments = (position, rng.random(m), speed, sensor, origins, group, rng.uniform(1e-6, 1.0, m), n)
-    for found, expected in zip(centre(*arguments), centre_reference(*arguments), strict=True):
+    for found, expected in zip(centre(*arguments), oracle.centre(*arguments), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 

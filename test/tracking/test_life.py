@@ -10,7 +10,7 @@ from radar_core import PointCloud
 from radar_core.config import load
 from radar_tracking import LifeConfig, PeopleTracker, TrackerConfig
 from radar_tracking.people.life import TrackManagement
-from radar_tracking.people.track_table import RECORD, Roster
+from radar_tracking.people.track_table import TrackTable
 from radar_tracking.tracks import Deleted, Reason
 
 RATE = 50  # clouds per second
@@ -30,21 +30,20 @@ KNOBS = LifeConfig(
 )
 
 
-def roster_of(n: int, **columns: object) -> Roster:
+def table_of(n: int, **columns: object) -> TrackTable:
     """Tracks that were updated just now, each with its own column values."""
-    roster = Roster()
-    roster.records = np.zeros(n, RECORD)
+    table = TrackTable(n)
     columns = {"id": np.arange(1, n + 1), "confirmed": True, "walked": True, "seen_ns": 10 * SECOND, "stirred_ns": 10 * SECOND, **columns}
     for name, value in columns.items():
-        roster[name][:] = value
-    return roster
+        setattr(table, name, value)
+    return table
 
 
-def judge(roster: Roster, stamp_ns: int, centre: np.ndarray | None = None, inside: bool = True, **knobs: float) -> tuple[Deleted, ...]:
+def judge(table: TrackTable, stamp_ns: int, centre: np.ndarray | None = None, inside: bool = True, **knobs: float) -> tuple[Deleted, ...]:
     """What track management says; tracks stand a metre apart unless told otherwise."""
-    n = len(roster)
+    n = len(table)
     centre = np.column_stack([np.arange(n, dtype=float), np.zeros(n)]) if centre is None else np.asarray(centre)
-    return TrackManagement(dataclasses.replace(KNOBS, **knobs)).process(roster, centre, np.full(n, inside), stamp_ns)
+    return TrackManagement(dataclasses.replace(KNOBS, **knobs)).process(table, centre, np.full(n, inside), stamp_ns)
 
 
 PATIENCE = {
@@ -60,57 +59,57 @@ PATIENCE = {
 @pytest.mark.parametrize(("columns", "inside", "patience", "reason"), PATIENCE.values(), ids=PATIENCE)
 def test_patience(columns, inside, patience, reason):
     """Unseen for exactly as long as allowed: lives; a nanosecond longer: gone, with the reason, and whether it was a person."""
-    roster = roster_of(1, **columns)
+    table = table_of(1, **columns)
     last = 10 * SECOND + round(patience * SECOND)
-    assert judge(roster, last, inside=inside) == ()
-    assert judge(roster, last + 1, inside=inside) == (Deleted(1, reason, columns.get("confirmed", True)),)
-    assert len(roster) == 0
+    assert judge(table, last, inside=inside) == ()
+    assert judge(table, last + 1, inside=inside) == (Deleted(1, reason, columns.get("confirmed", True)),)
+    assert len(table) == 0
 
 
 def test_idle():
     """Never walked and not stirred for 10 s although seen: furniture. Who walked may sit as long as they like."""
     stamp = 10 * SECOND
     for walked, stirred, expected in [(False, 0, (Deleted(1, Reason.IDLE, True),)), (False, 1, ()), (True, 0, ())]:
-        roster = roster_of(1, walked=walked, stirred_ns=stirred, seen_ns=stamp + 1)
-        assert judge(roster, stamp + 1) == expected
+        table = table_of(1, walked=walked, stirred_ns=stirred, seen_ns=stamp + 1)
+        assert judge(table, stamp + 1) == expected
 
 
 def test_confirmation_takes_time_matches_points_and_motion():
     """0.2 s, three matches, two points per cloud, motion in 30 % of the clouds, and a match now: whichever misses, it stays tentative."""
     enough = {"born_ns": 0, "seen_ns": SECOND // 5, "matches": 3, "points_sum": 20, "clouds": 10, "activity": 0.3, "confirmed": False}
     for name, value in {"": 0, "born_ns": 1, "seen_ns": 0, "matches": 2, "points_sum": 19, "activity": 0.29}.items():
-        roster = roster_of(1, **(enough | ({name: value} if name else {})))
-        judge(roster, SECOND // 5, tentative_after=1.0)
-        assert roster["confirmed"][0] == (name == ""), name
+        table = table_of(1, **(enough | ({name: value} if name else {})))
+        judge(table, SECOND // 5, tentative_after=1.0)
+        assert table.confirmed[0] == (name == ""), name
 
 
 def test_doubles():
     """Two confirmed tracks closer than 0.3 m for more than 1 s: the younger goes; apart for a moment, the second counts anew."""
     management, close, apart = TrackManagement(KNOBS), np.array([[0, 0], [0.2, 0]]), np.array([[0, 0], [0.4, 0]])
 
-    def step(roster: Roster, centre: np.ndarray, t: float) -> tuple[Deleted, ...]:
-        roster["seen_ns"][:] = round(t * SECOND)
-        return management.process(roster, centre, np.ones(2, bool), round(t * SECOND))
+    def step(table: TrackTable, centre: np.ndarray, t: float) -> tuple[Deleted, ...]:
+        table.seen_ns = round(t * SECOND)
+        return management.process(table, centre, np.ones(2, bool), round(t * SECOND))
 
-    roster = roster_of(2)
-    assert step(roster, close, 10.0) == step(roster, close, 11.0) == ()
-    assert step(roster, apart, 11.01) == step(roster, close, 11.02) == step(roster, close, 12.02) == ()
-    assert step(roster, close, 12.03) == (Deleted(2, Reason.DUPLICATE, True),)
-    assert roster["id"].tolist() == [1]
+    table = table_of(2)
+    assert step(table, close, 10.0) == step(table, close, 11.0) == ()
+    assert step(table, apart, 11.01) == step(table, close, 11.02) == step(table, close, 12.02) == ()
+    assert step(table, close, 12.03) == (Deleted(2, Reason.DUPLICATE, True),)
+    assert table.id.tolist() == [1]
 
 
 def test_a_tentative_double_goes_at_once():
     """Whether it is the younger or the older of the two."""
     close = np.array([[0, 0], [0.2, 0]])
     for confirmed, gone in [([True, False], 2), ([False, True], 1), ([False, False], 2)]:
-        roster = roster_of(2, confirmed=np.array(confirmed))
-        assert judge(roster, 10 * SECOND, close) == (Deleted(gone, Reason.DUPLICATE, False),)
+        table = table_of(2, confirmed=np.array(confirmed))
+        assert judge(table, 10 * SECOND, close) == (Deleted(gone, Reason.DUPLICATE, False),)
 
 
 def test_the_dead_are_no_doubles():
     """A track that dies now takes nobody with it."""
-    roster = roster_of(2, confirmed=np.array([True, False]), seen_ns=np.array([0, 10 * SECOND]))
-    assert judge(roster, 10 * SECOND, np.zeros((2, 2))) == (Deleted(1, Reason.UNSEEN, True),)
+    table = table_of(2, confirmed=np.array([True, False]), seen_ns=np.array([0, 10 * SECOND]))
+    assert judge(table, 10 * SECOND, np.zeros((2, 2))) == (Deleted(1, Reason.UNSEEN, True),)
 
 
 def reasons_of(tracker: PeopleTracker, clouds: list[PointCloud]) -> list[tuple[int, Reason, bool]]:

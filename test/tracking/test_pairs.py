@@ -5,10 +5,11 @@ import pytest
 from blobs import Blobs, Person, standing
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import tracking as oracle
 
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig, TrackStatus
-from radar_tracking.people.pairs import two_heaps, two_heaps_reference
+from radar_tracking.people.pairs import two_heaps
 
 
 @settings(max_examples=150, deadline=None)
@@ -21,7 +22,7 @@ def test_the_compiled_search_is_that_of_numpy(seed, n, m, apart, ties):
     value = np.round(value * 8) / 8 if ties else value
     weight = 2.0 ** rng.integers(-2, 2, m) if ties else rng.uniform(0.1, 2.0, m)
     found = two_heaps(group, value, weight, n, 0.4)
-    expected = two_heaps_reference(group, value, weight, n, 0.4)
+    expected = oracle.two_heaps(group, value, weight, n, 0.4)
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 

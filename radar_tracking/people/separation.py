@@ -1,4 +1,4 @@
-"""Two bodies do not fit into one place: tracks that meet are kept apart, so that they cannot pass through each other and swap."""
+"""Separation of tracks: two bodies do not fit into one place, so tracks that meet cannot pass through each other and swap."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 from radar_tracking.estimators.base import Belief
 
 Float64Array = NDArray[np.float64]
-_SAME = 1e-6  # m: tracks at the very same place have no direction in which to part
+_SAME = 1e-6  # m: tracks at the very same place have no direction of separation
 
 
-def part(belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: NDArray[np.bool_], width: float, dimensions: int) -> Belief:
+def separate_tracks(
+    belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: NDArray[np.bool_], width: float, dimensions: int
+) -> Belief:
     """Push tracks apart that are nearer to each other than people can be, and stop their approach.
 
-    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts: without this, the
-    coasting one would run through the other. Of a pair, the track that is less sure of its place moves more.
+    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts; without separation
+    the coasting one would run through the other. Of a pair, the track with the larger position variance moves more.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from blobs import Blobs, Person
 
 from radar_tracking import PeopleTracker, TrackStatus
 from radar_tracking.estimators.base import Belief
-from radar_tracking.people.solid import part
+from radar_tracking.people.separation import separate_tracks
 
 
 def two(distance: float, closing: float = 0.0, spread: tuple[float, float] = (0.01, 0.01)) -> tuple[Belief, tuple[np.ndarray, np.ndarray]]:
@@ -20,7 +20,7 @@ def two(distance: float, closing: float = 0.0, spread: tuple[float, float] = (0.
 def test_who_is_too_near_is_pushed_apart():
     """To the least distance, by equal parts where both are as sure; the middle stays, and so does the order."""
     belief, kinematics = two(0.1, closing=0.6)
-    parted = part(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0]
+    parted = separate_tracks(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0]
     np.testing.assert_allclose(parted[:, 1], (-0.2, 0.2), atol=1e-12)
     np.testing.assert_allclose(parted[:, 4], 0.0, atol=1e-12)  # they no longer approach each other
     np.testing.assert_allclose(parted[:, 0], 3.0)
@@ -29,7 +29,7 @@ def test_who_is_too_near_is_pushed_apart():
 def test_the_surer_one_stays():
     """A tenth of the variance: a tenth of the push, to 1 in 11."""
     belief, kinematics = two(0.1, spread=(0.1, 0.01))
-    moved = part(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0, 1] - belief.mean[:, 0, 1]
+    moved = separate_tracks(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0, 1] - belief.mean[:, 0, 1]
     np.testing.assert_allclose(moved, (-0.3 * 10 / 11, 0.3 / 11), atol=1e-12)
 
 
@@ -40,13 +40,13 @@ def test_nobody_else_moves(why):
     if why == "alone":
         belief, kinematics = belief.select(np.array([0])), (kinematics[0][:1], kinematics[1][:1])
     solid = np.array([True, why != "tentative"])[: len(belief)]
-    assert part(belief, kinematics, solid, 0.0 if why == "off" else 0.4, 3) is belief
+    assert separate_tracks(belief, kinematics, solid, 0.0 if why == "off" else 0.4, 3) is belief
 
 
 def test_those_who_part_keep_parting():
     """Two who walk away from each other are not held."""
     belief, kinematics = two(0.2, closing=-1.0)
-    np.testing.assert_allclose(part(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0, 4], (-0.5, 0.5))
+    np.testing.assert_allclose(separate_tracks(belief, kinematics, np.ones(2, bool), 0.4, 3).mean[:, 0, 4], (-0.5, 0.5))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -1,19 +1,20 @@
-"""What is noted of tracks: the compiled loops equal their references in numpy, and an example by hand."""
+"""Track statistics: the compiled loops equal their oracles in numpy, and an example by hand."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import tracking as oracle
 
-from radar_tracking.people.statistics import Torsos, match, note_extent, note_extent_reference, note_torso, note_torso_reference
+from radar_tracking.people.statistics import TorsoPoints, match, update_extents, update_torsos
 from radar_tracking.people.track_table import RECORD
 
 SEEDS = st.integers(0, 2**32 - 1)
-NUMBERS = ("surface", "slip", "range", "rate", "power", "activity")
+NUMBERS = ("surface", "doppler_residual", "range", "rate", "power", "activity")
 
 
 def records_of(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Tracks about which something is noted; of some the extent is not known."""
+    """Tracks with random statistics; the extent of some is not known."""
     records = np.zeros(n, RECORD)
     for name in (*NUMBERS, "spread", "dispersion"):
         records[name] = rng.normal(0.0, 0.2, records[name].shape)
@@ -27,7 +28,7 @@ def some_missing(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
 
 
 def equal(found: np.ndarray, expected: np.ndarray) -> None:
-    """Whether two rosters' records are the same but for rounding."""
+    """Whether two track tables are the same but for rounding."""
     for name in RECORD.names:
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-14, err_msg=name)
 
@@ -49,12 +50,12 @@ def test_torsos(seed, n_tracks, n_points):
     n = len(matched.own)
     speed = some_missing(rng, rng.normal(0.0, 0.2, n))
     power = some_missing(rng, 10 ** rng.uniform(0, 3, n))
-    seen = Torsos(rng.uniform(1e-3, 1.0, n), rng.normal(0, 0.2, n), speed - rng.normal(), speed, rng.uniform(0.3, 9.0, n), power)
+    seen = TorsoPoints(rng.uniform(1e-3, 1.0, n), rng.normal(0, 0.2, n), speed - rng.normal(), speed, rng.uniform(0.3, 9.0, n), power)
     keep, keep_activity = rng.random((2, len(matched.rows)))
     first = records_of(rng, n_tracks)
     second = first.copy()
-    note_torso(first, matched, seen, keep, keep_activity, 0.1, (-0.4, 0.05))
-    note_torso_reference(second, matched, seen, keep, keep_activity, 0.1, (-0.4, 0.05))
+    for update, records in ((update_torsos, first), (oracle.update_torsos, second)):
+        update(records, matched.rows, matched.group, seen, keep, keep_activity, 0.1, -0.4, 0.05)
     equal(first, second)
 
 
@@ -67,15 +68,15 @@ def test_extents(seed, n_tracks, n_points):
     step[:, 2] = some_missing(rng, step[:, 2])
     first = records_of(rng, n_tracks)
     second, keep = first.copy(), rng.random(n_tracks)
-    note_extent(first, row, step, keep)
-    note_extent_reference(second, row, step, keep)
+    update_extents(first, row, step, keep)
+    oracle.update_extents(second, row, step, keep)
     equal(first, second)
 
 
 def test_an_extent_by_hand():
-    """Two points, 0.1 m on either side along (1, 1): half of the mean square is noted, and all of it where nothing was known."""
+    """Two points, 0.1 m on either side along (1, 1): half of the mean square is taken over, and all of it where nothing was known."""
     records = np.zeros(1, RECORD)
     records["spread"] = 0.0, np.nan, np.nan
-    note_extent(records, np.zeros(2, np.int64), np.array([[0.1, 0.1, np.nan], [-0.1, -0.1, np.nan]]), np.array([0.5]))
+    update_extents(records, np.zeros(2, np.int64), np.array([[0.1, 0.1, np.nan], [-0.1, -0.1, np.nan]]), np.array([0.5]))
     assert records["spread"][0] == pytest.approx([0.005, 0.01, np.nan], nan_ok=True)
     np.testing.assert_allclose(records["dispersion"][0], 0.005)
