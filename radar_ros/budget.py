@@ -15,8 +15,8 @@ from radar_core import ConfigError
 from radar_core.config import config, flat, knob, override
 from radar_core.governor import Governor, Step, StepConfig
 from radar_core.ladder import Ladder, Level, load_ladders
+from radar_core.machine import machine
 from radar_ros import qos
-from radar_ros.machine import machine
 from radar_ros.messages.convert import header
 from radar_ros.params import declare_config, on_change
 

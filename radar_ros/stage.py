@@ -25,9 +25,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
+from radar_core.gaps import Gaps
 from radar_ros import qos
-from radar_ros.gaps import Gaps
-from radar_ros.messages.convert import StageStatus, info_from_msg, status_to_msg
+from radar_ros.messages.convert import header, info_from_msg
 from radar_ros.params import declare, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
@@ -111,19 +111,31 @@ class StageMixin:
 
     def finish(self: Any, stamp_ns: int, sequence: int, started_ns: int) -> None:
         """Tell everyone that the stage is done with a message."""
-        now = time.monotonic_ns()
-        compute = (now - started_ns) * 1e-9
+        compute = (time.monotonic_ns() - started_ns) * 1e-9
         self.processed += 1
         self._period.compute += compute
         self._period.compute_max = max(self._period.compute_max, compute)
-        status = StageStatus(stamp_ns, self.stage, sequence, self.processed, self.dropped, compute, now)
-        self._status.publish(status_to_msg(status))
+        self.publish_status(stamp_ns, sequence, compute)
+
+    def publish_status(self: Any, stamp_ns: int, sequence: int, compute: float) -> None:
+        """Publish what the stage has done so far; stamp 0 says only that it is ready."""
+        self._status.publish(
+            StageStatusMsg(
+                header=header(stamp_ns, ""),
+                stage=self.stage,
+                sequence=sequence,
+                processed=self.processed,
+                dropped=self.dropped,
+                compute_s=compute,
+                monotonic_ns=time.monotonic_ns(),
+            )
+        )
 
     def ready(self: Any) -> None:
         """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
         inputs = [s.topic_name for s in self.subscriptions if s.topic_name not in self.commands | {"/clock"}]
         if all(self.count_publishers(topic) for topic in inputs):
-            self._status.publish(status_to_msg(StageStatus(0, self.stage, 0, self.processed, self.dropped, 0.0, time.monotonic_ns())))
+            self.publish_status(0, 0, 0.0)
 
     def due(self: Any, sequence: int, every: int) -> bool:
         """Whether a message is to be taken when one in so many is (see `Gaps.due`); ask before `count_gap`."""

@@ -1,13 +1,12 @@
 """Between the library's dataclasses and ROS messages, without loss and without Python loops over points.
 
-Here are the types of `radar_core`; each stage has a ``messages.py`` for its own results, so that plumbing never imports stages.
+Here are the types of `radar_core`; the results of each stage have a module of their own, so that the plumbing imports no stage.
 """
 
 from __future__ import annotations
 
 import array
 import math
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +16,6 @@ from handwave.msg import CloudSource as CloudSourceMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
-from handwave.msg import StageStatus as StageStatusMsg
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -265,52 +263,45 @@ def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
 
 def _source_from_msg(msg: Any) -> CloudSource:
     mount = Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad)
-    return CloudSource(msg.header.frame_id, mount, from_time(msg.header.stamp), msg.sequence, Quality(msg.quality), stride(msg))
+    return CloudSource(
+        frame_id=msg.header.frame_id,
+        mount=mount,
+        stamp_ns=from_time(msg.header.stamp),
+        sequence=msg.sequence,
+        quality=Quality(msg.quality),
+        every=stride(msg),
+    )
 
 
 def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:
     """Make a PointCloud2 for rviz and everything else that knows nothing of radar."""
-    points = np.stack([getattr(cloud, name) for name in CLOUD2_FIELDS], axis=-1)
+    points = np.empty(len(cloud), [(name, "<f4") for name in CLOUD2_FIELDS])
+    for name in CLOUD2_FIELDS:
+        points[name] = getattr(cloud, name)
+    return points_to_cloud2(cloud, points)
+
+
+def points_to_cloud2(cloud: PointCloud, points: NDArray[Any]) -> PointCloud2:
+    """Make a PointCloud2 of the cloud's points with any fields.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        For stamp and frame.
+    points : structured ndarray, shape (n_points,)
+        Fields of four bytes, one after the other: floats, and whole numbers with a sign. Unsigned ones are declared as floats, as PCL and
+        rviz have the bytes of a colour.
+    """
+    kinds = {"f": PointField.FLOAT32, "i": PointField.INT32, "u": PointField.FLOAT32}
+    fields = [(name, place[1], kinds[place[0].kind]) for name, place in (points.dtype.fields or {}).items()]
     return PointCloud2(
         header=header(cloud.stamp_ns, cloud.frame_id),
         height=1,
-        width=len(cloud),
-        fields=[PointField(name=n, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, n in enumerate(CLOUD2_FIELDS)],
+        width=len(points),
+        fields=[PointField(name=name, offset=offset, datatype=kind, count=1) for name, offset, kind in fields],
         is_bigendian=False,
-        point_step=4 * len(CLOUD2_FIELDS),
-        row_step=4 * len(CLOUD2_FIELDS) * len(cloud),
+        point_step=points.dtype.itemsize,
+        row_step=points.dtype.itemsize * len(points),
         data=array.array("B", points.tobytes()),
-        is_dense=not bool(np.isnan(points[:, :3]).any()),
+        is_dense=not bool(np.isnan(cloud.position).any()),
     )
-
-
-@dataclass(frozen=True)
-class StageStatus:
-    """That a stage has finished with a message; the fields of ``msg/StageStatus.msg``."""
-
-    stamp_ns: int
-    stage: str
-    sequence: int
-    processed: int
-    dropped: int
-    compute: float
-    monotonic_ns: int
-
-
-def status_to_msg(status: StageStatus) -> StageStatusMsg:
-    """Put a stage's status into a message."""
-    return StageStatusMsg(
-        header=header(status.stamp_ns, ""),
-        stage=status.stage,
-        sequence=status.sequence,
-        processed=status.processed,
-        dropped=status.dropped,
-        compute_s=status.compute,
-        monotonic_ns=status.monotonic_ns,
-    )
-
-
-def status_from_msg(msg: Any) -> StageStatus:
-    """Take a stage's status out of a message."""
-    stamp = from_time(msg.header.stamp)
-    return StageStatus(stamp, msg.stage, msg.sequence, msg.processed, msg.dropped, msg.compute_s, msg.monotonic_ns)

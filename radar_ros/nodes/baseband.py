@@ -4,63 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-import numpy as np
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
-from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from radar_core import HandwaveError, PointCloud, Quality, RadarInfo
+from radar_core import HandwaveError, RadarInfo
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, load_context
+from radar_dsp.tally import FLAWS, Tally
 from radar_ros import qos
 from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
 from radar_ros.params import declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, run
-
-_FLAWS = {
-    Quality.SATURATED: ("saturated_frames", "saturated: less gain, or less of a reflector near the radar; points may be false"),
-    Quality.MISSING_CHIRPS: ("frames_with_missing_chirps", "with missing chirps: look at the link to the device; points are noisier"),
-    Quality.NO_SIGNAL: ("frames_without_signal", "all zero: does the device transmit?"),
-    Quality.CAPPED: ("capped_frames", "with more than max_detections; the weakest were left out"),
-}
-
-
-class Tally:
-    """What the clouds since the last report say about the radar."""
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Begin a new period."""
-        self._clouds = 0
-        self._points = 0
-        self._flawed: Counter[Quality] = Counter()
-        self._noise: deque[NDArray[np.float32]] = deque(maxlen=1000)  # the end of a period never comes when simulated time stands still
-
-    def add(self, cloud: PointCloud) -> None:
-        """Count one cloud."""
-        self._clouds += 1
-        self._points += len(cloud)
-        self._flawed.update(flaw for flaw in _FLAWS if flaw in cloud.quality)
-        self._noise.append(cloud.noise[np.isfinite(cloud.noise)])
-
-    def report(self) -> tuple[dict[str, Any], list[str]]:
-        """Values for the diagnostics, and what to warn of; the noise floor is the median over the points [dB], unknown without any."""
-        noise = np.concatenate(self._noise) if self._noise else np.empty(0, np.float32)
-        values: dict[str, Any] = {
-            "noise_floor_db": f"{float(np.median(noise)):.1f}" if len(noise) else "unknown",
-            "points_per_frame": f"{self._points / self._clouds:.1f}" if self._clouds else "unknown",
-        }
-        values |= {key: self._flawed[flaw] for flaw, (key, _) in _FLAWS.items()}
-        return values, [f"{self._flawed[flaw]} of {self._clouds} frames {text}" for flaw, (_, text) in _FLAWS.items() if self._flawed[flaw]]
 
 
 class BasebandNode(StageNode):
@@ -146,7 +107,7 @@ class BasebandNode(StageNode):
         if self._points2.get_subscription_count():
             self._points2.publish(cloud_to_cloud2(cloud))
         self._tally.add(cloud)
-        for flaw, (_, text) in _FLAWS.items():
+        for flaw, (_, text) in FLAWS.items():
             if flaw in cloud.quality:
                 self.caution(f"frame {cloud.sequence}: {text}")
 
@@ -160,14 +121,8 @@ class BasebandNode(StageNode):
         return {**values, **more}, warnings + worse
 
 
-def make_node(**kwargs: Any) -> BasebandNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return BasebandNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = BasebandNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from handwave.msg import JointTruth as JointTruthMsg
@@ -22,7 +22,8 @@ from radar_ros.messages.images import colour_from_msg, depth_from_msg
 from radar_ros.nodes.worker import Worker
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run
-from radar_ros.sync import ApproximateTimeSynchronizer, Subscriber
+from radar_ros.sync import Subscriber
+from radar_ros.sync_near import ApproximateTimeSynchronizer
 
 COLOUR, DEPTH, INFO = "camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info"
 _QUEUE = 10  # images that wait for their partner
@@ -128,14 +129,8 @@ class CameraNode(StageNode):
         self._estimator.close()
 
 
-def make_node(**kwargs: Any) -> CameraNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return CameraNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = CameraNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

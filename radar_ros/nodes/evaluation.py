@@ -24,7 +24,8 @@ from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import InfoKeeper, StageNode, run
-from radar_ros.sync import ApproximateTimeSynchronizer, Subscriber
+from radar_ros.sync import Subscriber
+from radar_ros.sync_near import ApproximateTimeSynchronizer
 from radar_tracking import Tracks
 from radar_tracking.metrics import Gospa
 

@@ -14,12 +14,12 @@ from handwave.msg import RadarInfo as RadarInfoMsg
 from sensor_msgs.msg import PointCloud2
 
 from radar_core import DataError, HandwaveError, PointCloud, Pose, RadarInfo, merge
+from radar_core.gaps import Gaps
 from radar_ros import qos
-from radar_ros.gaps import Gaps
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, cloud_to_msg, from_time, info_from_msg, info_to_msg
 from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
-from radar_ros.sync import ApproximateTimeSynchronizer
+from radar_ros.sync_near import ApproximateTimeSynchronizer
 from radar_tracking.fusion.clocks import ClockMonitor, ClockOffset
 from radar_tracking.fusion.clouds import FusionConfig, Roster, fused_info
 
@@ -263,14 +263,8 @@ class FusionNode(StageNode):
         )
 
 
-def make_node(**kwargs: Any) -> FusionNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return FusionNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = FusionNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

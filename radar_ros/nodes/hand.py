@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from handwave.msg import Gesture as GestureMsg
@@ -122,14 +122,8 @@ class HandNode(StageNode):
         return {f"{name}_percent": f"{100 * told[rank] / clouds:.1f}" if clouds else "unknown" for rank, name in enumerate(_AXES)}, []
 
 
-def make_node(**kwargs: Any) -> HandNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return HandNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = HandNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -164,14 +165,8 @@ class HandEvaluationNode(StageNode):
             (self.get_logger().info if good else self.get_logger().error)(text)
 
 
-def make_node(**kwargs: Any) -> HandEvaluationNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return HandEvaluationNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = HandEvaluationNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

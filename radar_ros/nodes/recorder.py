@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -96,14 +96,8 @@ class RecorderNode(StageNode):
         self._to_disk(self._writer.close)
 
 
-def make_node(**kwargs: Any) -> RecorderNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return RecorderNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = RecorderNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

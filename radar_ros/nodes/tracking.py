@@ -2,109 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-import numpy as np
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
-from numpy.typing import NDArray
 from std_msgs.msg import UInt32
 
-from radar_core import HandwaveError, PointCloud, RadarInfo
-from radar_core.config import config, knob
-from radar_core.linalg import SingularError, balanced
+from radar_core import HandwaveError, RadarInfo
 from radar_ros import qos
 from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_from_msg, stride
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.params import declare_config
 from radar_ros.stage import InfoKeeper, StageNode, run
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
-from radar_tracking.metrics import Consistency, ConsistencyConfig, ConsistencyMonitor
-from radar_tracking.people.zones import Zones, ZonesConfig
-from radar_tracking.tracks import Reason
-
-_WARM_UP = 50  # clouds at 50 Hz: enough for two people to be found, followed and confirmed, and to come so near that their points merge
-_ALONE = 10  # of these show one person: arrays of one row are contiguous where others are not, which is another type for numba
-_APART = 30  # before this one the two are 0.9 m apart
-
-
-@config
-class TrackConsistencyConfig(ConsistencyConfig):
-    """When the filter of people counts as inconsistent.
-
-    The errors of one body's echoes hang together for tenths of a second, so that a filter which is right about its position expects far
-    more change from one cloud to the next than it sees: with the default settings the NIS per degree of freedom of simulated people lies
-    between 0.03 and 0.35. Only what lies far below says that the noise is set too high.
-    """
-
-    low: float = knob(0.01, low=0.0, high=1.0, doc="means of NIS per degree of freedom down to this are accepted")
-
-
-class Tally:
-    """What the tracks say about the tracker, for the diagnostics.
-
-    Parameters
-    ----------
-    zones : ZonesConfig
-        Whose people are counted.
-    consistency : ConsistencyConfig
-        When the filter counts as inconsistent.
-    """
-
-    def __init__(self, zones: ZonesConfig, consistency: ConsistencyConfig) -> None:
-        self._zones = Zones(zones)
-        self._monitor = ConsistencyMonitor(consistency)
-        self._status: Counter[TrackStatus] = Counter()
-        self._deleted: Counter[Reason] = Counter()
-        self._people: dict[str, int] = dict.fromkeys(zones.counted, 0)
-        self._consistency: Consistency | None = None
-        self._covariances: list[NDArray[np.float64]] = []
-
-    def add(self, tracks: Tracks) -> None:
-        """Take in the tracks after one cloud.
-
-        Raises
-        ------
-        DataError
-            When the NIS of a track is no number.
-        """
-        self._status = Counter(track.status for track in tracks.tracks)
-        self._deleted.update(track.reason for track in tracks.deleted)
-        self._people = self._zones.process(tracks)
-        self._covariances = [track.covariance for track in tracks.tracks]
-        updated = [track for track in tracks.tracks if track.status is TrackStatus.CONFIRMED and track.dof > 0]
-        nis, dof = np.array([track.nis for track in updated]), np.array([track.dof for track in updated], np.int64)
-        self._consistency = self._monitor.process(tracks.stamp_ns, nis, dof)
-
-    def report(self) -> tuple[dict[str, Any], list[str]]:
-        """Values for the diagnostics, and what to warn of: tracks and people of the last cloud, deletions since the start."""
-        values: dict[str, Any] = {f"tracks_{status.name.lower()}": self._status[status] for status in TrackStatus}
-        values |= {f"deleted_{reason.name.lower()}": self._deleted[reason] for reason in Reason}
-        values |= {f"zone.{name}": count for name, count in self._people.items()}
-        values["covariance_condition"] = _worst_condition(self._covariances)
-        found = self._consistency
-        if found is None or not found.samples:
-            return {**values, "nis_ratio": "unknown", "nis_accepted": "unknown", "consistency": "unknown"}, []
-        values |= {
-            "nis_ratio": f"{found.ratio:.3g}",
-            "nis_accepted": f"{found.low:.3g} to {found.high:.3g}",
-            "consistency": found.state,
-        }
-        return values, [found.warning] if found.warning else []
-
-
-def _worst_condition(covariances: Sequence[NDArray[np.float64]]) -> str:
-    """Say how nearly one state of a track follows from its others; units are scaled away."""
-    try:
-        return f"{max(float(np.linalg.cond(balanced(P)[0])) for P in covariances):.3g}" if covariances else "unknown"
-    except SingularError:
-        return "singular"
+from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking.people.tally import Tally, TrackConsistencyConfig
+from radar_tracking.people.warm_up import warm_up
 
 
 class TrackingNode(StageNode):
@@ -178,42 +95,8 @@ class TrackingNode(StageNode):
         return {**values, **more}, warnings + worse
 
 
-def warm_up(settings: TrackerConfig) -> None:
-    """Compile what the settings need, by following two made-up people; a node that subscribes only then loses no cloud meanwhile.
-
-    Parameters
-    ----------
-    settings : TrackerConfig
-        Those of the tracker that is to be fast; zones and bounds make no difference.
-    """
-    everywhere = TrackerConfig(tracker=settings.tracker, association=settings.association, filter=settings.filter)
-    tracker = PeopleTracker(everywhere)
-    rng = np.random.default_rng(1)
-    with contextlib.suppress(HandwaveError):  # what is wrong with the settings is said when they are used
-        for k in range(_WARM_UP):
-            tracker.process(_made_up(rng, k))
-
-
-def _made_up(rng: np.random.Generator, sequence: int) -> PointCloud:
-    """Make a cloud of a body that walks, and later of a second one that joins it."""
-    aside = 0.45 - 0.0175 * max(sequence - _APART, 0)
-    bodies = [[2.0, aside, 1.0], [2.0, -aside, 1.0]][: 1 if sequence < _ALONE else 2]
-    centre = np.repeat(bodies, 30, axis=0)
-    centre[:, 0] += 0.02 * sequence
-    x, y, z = (centre + rng.normal(0.0, 0.05, centre.shape)).astype(np.float32).T
-    speed = rng.normal(1.0, 0.2, len(centre)).astype(np.float32)
-    cloud = PointCloud(20_000_000 * sequence, sequence, "room", x=x, y=y, z=z)
-    return replace(cloud, radial_speed=speed, snr=np.full(len(centre), 20.0, np.float32))
-
-
-def make_node(**kwargs: Any) -> TrackingNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return TrackingNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = TrackingNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

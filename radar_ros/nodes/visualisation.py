@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import array
 import colorsys
 import math
 import time
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,13 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from numpy.typing import NDArray
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from radar_core import ConfigError, DataError, HandwaveError, PointCloud
 from radar_ros import qos
-from radar_ros.messages.convert import cloud_from_msg, from_time, header, unpack
+from radar_ros.messages.convert import cloud_from_msg, from_time, points_to_cloud2, unpack
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
@@ -34,11 +33,6 @@ _WIDTHS = (0.25, 1.0)  # m: people are not thinner, and arms held out not a wide
 _NOBODY = 0x909090
 _ZONES = {"boundaries": (0.9, 0.9, 0.9), "entries": (0.3, 0.8, 0.4)}  # colours of the outlines
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("snr", "<f4"), ("radial_speed", "<f4"), ("track_id", "<i4"), ("rgb", "<u4")])
-# rgb as PCL and rviz have it: the bytes of 0x00RRGGBB, declared as a float
-_FIELDS = [
-    PointField(name=name, offset=4 * i, datatype=PointField.INT32 if name == "track_id" else PointField.FLOAT32, count=1)
-    for i, name in enumerate(_POINT.names or ())
-]
 
 
 class VisualisationNode(StageNode):
@@ -185,18 +179,7 @@ def labelled_cloud2(cloud: PointCloud, track_id: NDArray[np.int32]) -> PointClou
     points["track_id"] = track_id
     ids, place = np.unique(track_id, return_inverse=True)
     points["rgb"] = np.array([_packed(number) for number in ids.tolist()], np.uint32)[place]
-    size = _POINT.itemsize
-    return PointCloud2(
-        header=header(cloud.stamp_ns, cloud.frame_id),
-        height=1,
-        width=len(cloud),
-        fields=_FIELDS,
-        is_bigendian=False,
-        point_step=size,
-        row_step=size * len(cloud),
-        data=array.array("B", points.tobytes()),
-        is_dense=not bool(np.isnan(cloud.position).any()),
-    )
+    return points_to_cloud2(cloud, points)
 
 
 def _packed(number: int) -> int:
@@ -222,14 +205,8 @@ def _colour(number: int, alpha: float) -> ColorRGBA:
     return ColorRGBA(r=r, g=g, b=b, a=alpha)
 
 
-def make_node(**kwargs: Any) -> VisualisationNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return VisualisationNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
+make_node = VisualisationNode
+main = partial(run, make_node)
 
 
 if __name__ == "__main__":

@@ -232,12 +232,6 @@ def test_truth(stamp, n, seed):
     same(truth_from_msg(through(truth_to_msg(truth))), truth)
 
 
-def test_stage_status():
-    """The small message that drops and latencies are made from."""
-    status = convert.StageStatus(10**18 + 1, "tracking", 5, 6, 7, 0.25, 1 << 60)
-    same(convert.status_from_msg(through(convert.status_to_msg(status))), status)
-
-
 def test_frame_whose_size_contradicts_itself():
     """A broken driver is named, with both numbers."""
     msg = convert.frame_to_msg(RadarFrame(cube=np.zeros((1, 2, 3, 4), np.complex64), stamp_ns=0, sequence=8, frame_id="radar"))

@@ -23,9 +23,9 @@ from radar_core.geometry import cartesian_to_spherical
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, info_to_msg
 from radar_ros.messages.tracks import tracks_from_msg, tracks_to_msg
-from radar_ros.nodes.tracking import Tally, TrackConsistencyConfig
 from radar_tracking import PeopleTracker, Track, Tracks, TrackStatus
 from radar_tracking.metrics import ConsistencyConfig
+from radar_tracking.people.tally import Tally, TrackConsistencyConfig
 from radar_tracking.people.zones import ZonesConfig
 from radar_tracking.tracks import Deleted, Reason
 

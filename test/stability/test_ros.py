@@ -11,8 +11,9 @@ from std_msgs.msg import Header
 
 from radar_core import PointCloud, RadarFrame
 from radar_core.cloud import ARRAY_FIELDS
-from radar_ros.filters import ApproximateTimeSynchronizer, Cache, SimpleFilter, TimeSynchronizer
-from radar_ros.gaps import Gaps
+from radar_core.gaps import Gaps
+from radar_ros.filters import SimpleFilter, TimeSynchronizer
+from radar_ros.filters_near import ApproximateTimeSynchronizer, Cache
 from radar_ros.messages import convert
 from radar_ros.stage import StageMixin
 

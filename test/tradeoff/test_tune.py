@@ -12,8 +12,8 @@ from benchmarks.tradeoff.tune import LEVELS, Candidate, Tuned, candidates, ladde
 from radar_app.cli import app
 from radar_core.config import load, nest
 from radar_core.ladder import load_ladders
+from radar_core.machine import machine
 from radar_dsp import BasebandConfig
-from radar_ros.machine import machine
 from radar_tracking import TrackerConfig
 
 

@@ -1,0 +1,89 @@
+"""What the tracks say about the tracker, for whoever watches it: how many, why they ended, and whether the filter knows how wrong it is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.config import config, knob
+from radar_core.linalg import SingularError, balanced
+from radar_tracking.metrics import Consistency, ConsistencyConfig, ConsistencyMonitor
+from radar_tracking.people.zones import Zones, ZonesConfig
+from radar_tracking.tracks import Reason, Tracks, TrackStatus
+
+
+@config
+class TrackConsistencyConfig(ConsistencyConfig):
+    """When the filter of people counts as inconsistent.
+
+    The errors of one body's echoes hang together for tenths of a second, so that a filter which is right about its position expects far
+    more change from one cloud to the next than it sees: with the default settings the NIS per degree of freedom of simulated people lies
+    between 0.03 and 0.35. Only what lies far below says that the noise is set too high.
+    """
+
+    low: float = knob(0.01, low=0.0, high=1.0, doc="means of NIS per degree of freedom down to this are accepted")
+
+
+class Tally:
+    """What the tracks say about the tracker, for the diagnostics.
+
+    Parameters
+    ----------
+    zones : ZonesConfig
+        Whose people are counted.
+    consistency : ConsistencyConfig
+        When the filter counts as inconsistent.
+    """
+
+    def __init__(self, zones: ZonesConfig, consistency: ConsistencyConfig) -> None:
+        self._zones = Zones(zones)
+        self._monitor = ConsistencyMonitor(consistency)
+        self._status: Counter[TrackStatus] = Counter()
+        self._deleted: Counter[Reason] = Counter()
+        self._people: dict[str, int] = dict.fromkeys(zones.counted, 0)
+        self._consistency: Consistency | None = None
+        self._covariances: list[NDArray[np.float64]] = []
+
+    def add(self, tracks: Tracks) -> None:
+        """Take in the tracks after one cloud.
+
+        Raises
+        ------
+        DataError
+            When the NIS of a track is no number.
+        """
+        self._status = Counter(track.status for track in tracks.tracks)
+        self._deleted.update(track.reason for track in tracks.deleted)
+        self._people = self._zones.process(tracks)
+        self._covariances = [track.covariance for track in tracks.tracks]
+        updated = [track for track in tracks.tracks if track.status is TrackStatus.CONFIRMED and track.dof > 0]
+        nis, dof = np.array([track.nis for track in updated]), np.array([track.dof for track in updated], np.int64)
+        self._consistency = self._monitor.process(tracks.stamp_ns, nis, dof)
+
+    def report(self) -> tuple[dict[str, Any], list[str]]:
+        """Values for the diagnostics, and what to warn of: tracks and people of the last cloud, deletions since the start."""
+        values: dict[str, Any] = {f"tracks_{status.name.lower()}": self._status[status] for status in TrackStatus}
+        values |= {f"deleted_{reason.name.lower()}": self._deleted[reason] for reason in Reason}
+        values |= {f"zone.{name}": count for name, count in self._people.items()}
+        values["covariance_condition"] = _worst_condition(self._covariances)
+        found = self._consistency
+        if found is None or not found.samples:
+            return {**values, "nis_ratio": "unknown", "nis_accepted": "unknown", "consistency": "unknown"}, []
+        values |= {
+            "nis_ratio": f"{found.ratio:.3g}",
+            "nis_accepted": f"{found.low:.3g} to {found.high:.3g}",
+            "consistency": found.state,
+        }
+        return values, [found.warning] if found.warning else []
+
+
+def _worst_condition(covariances: Sequence[NDArray[np.float64]]) -> str:
+    """Say how nearly one state of a track follows from its others; units are scaled away."""
+    try:
+        return f"{max(float(np.linalg.cond(balanced(P)[0])) for P in covariances):.3g}" if covariances else "unknown"
+    except SingularError:
+        return "singular"
