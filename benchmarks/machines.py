@@ -1,0 +1,190 @@
+"""The same on other machines: other kernels of OpenBLAS, numpy without its dispatch to the processor, numba for any processor.
+
+Each environment is a process of its own; what the first one that runs gives is what the others are held against.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+KERNELS: Final[dict[str, tuple[str, ...]]] = {
+    "Haswell": ("Haswell",),
+    "SkylakeX": ("SkylakeX",),
+    "Zen": ("Zen", "Haswell"),
+    "Prescott": ("Prescott", "Katmai"),
+}
+"""Core types, and what OpenBLAS calls their kernels where it was built with fewer: it then takes those of an older processor."""
+QUICK: Final = ("test/core/test_canonical.py", "test/sim/test_audit.py", "test/sim/test_occlusion.py", "test/sim/test_bodies.py")
+SUITE: Final = ("test/core", "test/sim", "test/dsp", "test/tracking", "test/gestures")
+
+
+@dataclass(frozen=True)
+class Environment:
+    """One machine, as far as variables make it: its name, the variables, and what OpenBLAS may then report (empty: anything)."""
+
+    name: str
+    variables: Mapping[str, str]
+    kernels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an environment gave; ``skipped`` says why there is nothing."""
+
+    environment: Environment
+    seconds: float
+    skipped: str = ""
+    about: Mapping[str, Any] | None = None
+    arrays: Mapping[str, np.ndarray[Any, Any]] | None = None
+    tests: int = 0
+    failed: tuple[str, ...] = ()
+
+
+def environments(cache: Path) -> list[Environment]:
+    """List the environments; numba's code for any processor goes to a cache of its own."""
+    found = [Environment(f"OPENBLAS_CORETYPE={name}", {"OPENBLAS_CORETYPE": name}, kernels) for name, kernels in KERNELS.items()]
+    found.append(Environment("NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(cache)}))
+    features: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[call-overload, index]
+    return [*found, Environment("numpy without dispatch", {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}), Environment("as it is", {})]
+
+
+def run_in(environment: Environment, folder: Path, quick: bool) -> Outcome:
+    """Make the results, and run the suite, in processes of the environment.
+
+    Raises
+    ------
+    RuntimeError
+        When a process ends with an error that does not come from the processor.
+    """
+    place = folder / environment.name.replace(" ", "_")
+    place.mkdir()
+    variables = {**os.environ, **environment.variables}
+    start = time.monotonic()
+
+    def call(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, *arguments], cwd=ROOT, env=variables, capture_output=True, text=True, check=False)
+
+    done = call("-m", "benchmarks.machine_results", str(place), "quick" if quick else "full")
+    if done.returncode == -signal.SIGILL:
+        return Outcome(environment, time.monotonic() - start, "this processor cannot run it (illegal instruction)")
+    if done.returncode:
+        raise RuntimeError(f"{environment.name}: the process ended with {done.returncode}:\n{done.stderr[-2000:]}")
+    about = json.loads((place / "about.json").read_text(encoding="utf-8"))
+    if environment.kernels and not set(about["kernels"]) <= set(environment.kernels):
+        return Outcome(environment, time.monotonic() - start, f"OpenBLAS took {', '.join(about['kernels']) or 'nothing'} instead")
+    with np.load(place / "results.npz") as file:
+        arrays = dict(file)
+    report = place / "tests.xml"
+    call("-m", "pytest", *(QUICK if quick else SUITE), "-p", "no:cacheprovider", "-n0", f"--junitxml={report}")
+    tests, failed = read_report(report)
+    return Outcome(environment, time.monotonic() - start, "", about, arrays, tests, failed)
+
+
+def read_report(path: Path) -> tuple[int, tuple[str, ...]]:
+    """Read how many tests ran and which failed.
+
+    Raises
+    ------
+    RuntimeError
+        When there is no report: pytest did not run.
+    """
+    if not path.is_file():
+        raise RuntimeError(f"pytest wrote no {path.name}; run this from a checkout, where the tests are, with pytest installed")
+    cases = [case for case in ElementTree.parse(path).iter("testcase") if case.find("skipped") is None]
+    failed = [f"{c.get('classname')}::{c.get('name')}" for c in cases if c.find("failure") is not None or c.find("error") is not None]
+    return len(cases), tuple(failed)
+
+
+def compare(outcome: Outcome, reference: Outcome) -> dict[str, Any]:
+    """Hold one environment against the reference: one row of the result."""
+    row: dict[str, Any] = {"environment": outcome.environment.name, "seconds": round(outcome.seconds, 1)}
+    if outcome.arrays is None or outcome.about is None or reference.arrays is None or reference.about is None:
+        return row | {"state": f"skipped: {outcome.skipped}"}
+    one, other = outcome.arrays, reference.arrays
+    same = len(one["own"]) == len(other["own"])
+    return row | {
+        "state": "ran",
+        "kernels": outcome.about["kernels"],
+        "cube_rel_error": float(np.linalg.norm(one["cube"] - other["cube"]) / np.linalg.norm(other["cube"])),
+        "cube_equal_bits": bool((one["cube"] == other["cube"]).all()),
+        "audit_equal": outcome.about["audit"] == reference.about["audit"],
+        "audit_differences": _differences(outcome.about["audit"], reference.about["audit"]),
+        "sample_points_differ": abs(len(one["clouds"]) - len(other["clouds"])),
+        "features_error": _error(one["features"], other["features"]),
+        "equal_predictions": _share(one["stored"], other["stored"]),
+        "equal_simulated": _share(one["own"], other["own"]) if same else 0.0,
+        "tests": outcome.tests,
+        "tests_failed": list(outcome.failed),
+    }
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Run all environments, two at a time where there are two cores, and compare.
+
+    Parameters
+    ----------
+    quick : bool
+        Fewer scenes, samples and tests.
+    keep : Path or None
+        Where numba's code for any processor stays, so that the next run need not compile it; None: a temporary folder.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        first, *rest = environments(keep.resolve() if keep else folder / "numba")
+        outcomes = [run_in(first, folder, quick)]
+        with ThreadPoolExecutor(max(min(os.cpu_count() or 1, 4), 1)) as pool:
+            outcomes += pool.map(lambda each: run_in(each, folder, quick), rest)
+    reference = next(outcome for outcome in outcomes if outcome.arrays is not None)
+    return summary([compare(outcome, reference) for outcome in outcomes], reference.environment.name)
+
+
+def summary(rows: Sequence[Mapping[str, Any]], reference: str) -> dict[str, Any]:
+    """Put rows together: the worst of all that ran."""
+    ran = [row for row in rows if row["state"] == "ran"]
+    return {
+        "reference": reference,
+        "cube_rel_error": max(row["cube_rel_error"] for row in ran),
+        "audit_equal": all(row["audit_equal"] for row in ran),
+        "features_error": max(row["features_error"] for row in ran),
+        "equal_predictions": min(min(row["equal_predictions"], row["equal_simulated"]) for row in ran),
+        "tests_failed": sum(len(row["tests_failed"]) for row in ran),
+        "ran": len(ran),
+        "skipped": [f"{row['environment']}: {row['state']}" for row in rows if row["state"] != "ran"],
+        "environments": list(rows),
+    }
+
+
+def _differences(one: str, other: str) -> list[str]:
+    """Cells of the audit that differ, as ``effect, column: here / there``."""
+    found = []
+    for a, b in zip(one.splitlines(), other.splitlines(), strict=True):
+        cells = list(zip(a.split(" | "), b.split(" | "), strict=True))
+        found += [f"{cells[0][0].strip('| ')}, {k}: {x} / {y}" for k, (x, y) in enumerate(cells) if x != y]
+    return found
+
+
+def _error(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> float:
+    """Largest difference over the largest magnitude of the column; infinite where only one of them is NaN."""
+    if one.shape != other.shape or (np.isnan(one) != np.isnan(other)).any():
+        return float("inf")
+    size = np.maximum(np.nanmax(np.abs(other), axis=0), 1e-12)
+    return float(np.nanmax(np.abs(one - other) / size))
+
+
+def _share(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> float:
+    return float(np.mean(one == other))
