@@ -39,7 +39,8 @@ from radar_lab.pipeline import Pipeline, PipelineResult
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.audit import called_for, everything, ours, real
 from radar_sim.auto import choose_effects
-from radar_sim.probe import NAMES, Probe
+from radar_sim.effects.chain import NAMES
+from radar_sim.probe import Probe
 from radar_tracking import TrackStatus
 
 STAGE = "effects of scenes"
@@ -195,9 +196,9 @@ def times(variants: dict[str, Simulator], frames: int) -> dict[str, list[float]]
 def measure(scene: Scene, radar: str, label: str, quick: bool) -> dict[str, Any]:
     """Measure one scene: times, agreement and what each effect costs."""
     wanted = called_for(scene)
-    choose_effects(wanted, radar)  # compiled
+    choose_effects(wanted, Simulator, radar)  # compiled
     start = time.thread_time_ns()
-    auto = choose_effects(wanted, radar).scene
+    auto = choose_effects(wanted, Simulator, radar).scene
     choosing = (time.thread_time_ns() - start) * 1e-9
     scenes = {"written": scene, "auto": auto, "real": real(scene), "everything": everything(scene)}
     simulators = {name: Simulator(made, radar) for name, made in scenes.items()}
@@ -211,7 +212,7 @@ def measure(scene: Scene, radar: str, label: str, quick: bool) -> dict[str, Any]
         drawn = [deviation(scene, radar, chain(*redrawn(scenes["real"], radar, k), seconds), runs["real"]) for k in range(1, 3)]
         spread = {name: float(np.sqrt(np.mean([d[name] ** 2 for d in drawn]))) for name in agreed}
     error = {name: [*np.concatenate(run.error)] if run.error else [] for name, run in runs.items()}
-    probe = Probe(scene, radar)
+    probe = Probe(scene, Simulator, radar)
     return {
         "label": label,
         "purpose": scene.purpose,

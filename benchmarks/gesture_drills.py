@@ -26,7 +26,18 @@ from radar_core.waveform import SPEED_OF_LIGHT
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.config import CfarConfig, CouplingConfig, SpectrumConfig
 from radar_lab.datasets.samples import FORMAT, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
-from radar_sim import ChannelErrors, Effects, Losses, Noise, Occlusion, Person, Scene, SceneRadar, Simulator, Variation
+from radar_sim import (
+    ChannelErrorsConfig,
+    Effects,
+    LossesConfig,
+    NoiseConfig,
+    OcclusionConfig,
+    Person,
+    Scene,
+    SceneRadar,
+    Simulator,
+    Variation,
+)
 from radar_sim.bodies.base import Posture
 from radar_sim.motions.curves import Path as HandPath
 from radar_sim.motions.curves import Vector, bump, cruise, line, minimum_jerk, within_reach
@@ -254,9 +265,9 @@ def _draw_person(plan: Drills, dice: _Dice) -> Person:
 
 
 def _draw_effects(plan: Drills, dice: _Dice) -> Effects:
-    errors = ChannelErrors(gain=1.0, phase=plan.channel_phase, shift=0.0, seed=dice.seed())
-    losses = Losses(level=dice.between(*plan.losses))
-    return Effects(occlusion=Occlusion(), doppler_in_chirp=True, noise=Noise(), losses=losses, channel_errors=errors)
+    errors = ChannelErrorsConfig(gain=1.0, phase=plan.channel_phase, shift=0.0, seed=dice.seed())
+    losses = LossesConfig(level=dice.between(*plan.losses))
+    return Effects(occlusion=OcclusionConfig(), doppler_in_chirp=True, noise=NoiseConfig(), losses=losses, channel_errors=errors)
 
 
 def _draw_push(dice: _Dice, back: bool = False) -> tuple[HandPath, float]:

@@ -12,7 +12,20 @@ from typing import Final
 import numpy as np
 
 from radar_core import GESTURES, RadarInfo
-from radar_sim import GESTURE_DURATION, VARIANTS, Action, Coupling, Draw, Effects, Losses, Noise, Occlusion, Pattern, Person, Scene
+from radar_sim import (
+    GESTURE_DURATION,
+    VARIANTS,
+    Action,
+    CouplingConfig,
+    Draw,
+    Effects,
+    LossesConfig,
+    NoiseConfig,
+    OcclusionConfig,
+    PatternConfig,
+    Person,
+    Scene,
+)
 from radar_sim.motions.script import Timeline
 from radar_sim.people import SHAPES, Reach, Variation, Walk
 from radar_sim.scene import SceneRadar
@@ -97,12 +110,12 @@ def body(rng: Random, number: int, place: tuple[float, float], script: Sequence[
 def effects(rng: Random) -> Effects:
     """Draw receivers and losses."""
     return Effects(
-        occlusion=Occlusion(),
+        occlusion=OcclusionConfig(),
         doppler_in_chirp=True,
-        pattern=Pattern(),
-        noise=Noise(noise_figure=float(rng.uniform(12.0, 16.0))),
-        losses=Losses(level=float(rng.uniform(17.0, 21.0))),
-        coupling=Coupling(level=-60.0),
+        pattern=PatternConfig(),
+        noise=NoiseConfig(noise_figure=float(rng.uniform(12.0, 16.0))),
+        losses=LossesConfig(level=float(rng.uniform(17.0, 21.0))),
+        coupling=CouplingConfig(level=-60.0),
     )
 
 

@@ -27,8 +27,8 @@ from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import FORMAT, SampleSet, sample_path, write_chunk
 from radar_lab.datasets.synthesis import simulate_sample
 from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample
-from radar_sim import Pattern, Scene, Wall
-from radar_sim.effects.config import ChannelErrors, Multipath
+from radar_sim import PatternConfig, Scene, Wall
+from radar_sim.effects.config import ChannelErrorsConfig, MultipathConfig
 from radar_sim.scene import Fidelity
 
 SEVEN: Final = ("pull", "push", "swipe_right", "swipe_left", "rotate", "wave", "push_pull")
@@ -73,9 +73,9 @@ class World:
         scene = dataclasses.replace(scene, fidelity=Fidelity(model=self.model))
         if not self.disturbed:
             return scene
-        board = ChannelErrors(seed=self.seed + number // _BOARD)
+        board = ChannelErrorsConfig(seed=self.seed + number // _BOARD)
         walls = tuple(Wall(start=(x0, y0), end=(x1, y1)) for x0, y0, x1, y1 in WALLS)
-        effects = dataclasses.replace(scene.effects, multipath=Multipath(), pattern=Pattern(), channel_errors=board)
+        effects = dataclasses.replace(scene.effects, multipath=MultipathConfig(), pattern=PatternConfig(), channel_errors=board)
         return dataclasses.replace(scene, walls=walls, effects=effects)
 
     @property

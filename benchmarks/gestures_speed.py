@@ -17,12 +17,12 @@ from radar_gestures.classifiers.model import GestureModel, load_model
 from radar_gestures.events import EventConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
 from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
-from radar_sim import Action, Effects, Losses, Noise, Person, Scene, SimulatedFrame, Simulator
+from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SimulatedFrame, Simulator
 from radar_tracking import PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus
 
 N_TRACKS: Final[int] = 4
 N_POINTS: Final[int] = 40  # of each track
-_EFFECTS: Final[Effects] = Effects(noise=Noise(noise_figure=14.0), losses=Losses(level=18.0))
+_EFFECTS: Final[Effects] = Effects(noise=NoiseConfig(noise_figure=14.0), losses=LossesConfig(level=18.0))
 
 
 def one_user(quick: bool) -> Scene:

@@ -16,7 +16,7 @@ from radar_core import PointCloud, Pose
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Scene, Simulator, Truth
-from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
+from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.people import Action, Draw, Person, Reach
 from radar_sim.scene import SceneRadar
 
@@ -120,8 +120,8 @@ def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset
         for name, y, late in (("left", BASELINE / 2, 0.0), ("right", -BASELINE / 2, offset))
     )
     effects = Effects(
-        doppler_in_chirp=True, noise=Noise(noise_figure=noise), losses=Losses(level=20.0), coupling=Coupling(level=-60.0),
-        pattern=Pattern(edge=-3.0), occlusion=Occlusion(),
+        doppler_in_chirp=True, noise=NoiseConfig(noise_figure=noise), losses=LossesConfig(level=20.0), coupling=CouplingConfig(level=-60.0),
+        pattern=PatternConfig(edge=-3.0), occlusion=OcclusionConfig(),
     )  # fmt: skip
     return Scene(duration=script.duration, seed=seed, radars=radars, effects=effects, people=(person,))
 

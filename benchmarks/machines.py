@@ -59,7 +59,7 @@ def environments(cache: Path) -> list[Environment]:
     """List the environments; numba's code for any processor goes to a cache of its own."""
     found = [Environment(f"OPENBLAS_CORETYPE={name}", {"OPENBLAS_CORETYPE": name}, kernels) for name, kernels in KERNELS.items()]
     found.append(Environment("NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(cache)}))
-    features: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[call-overload, index]
+    features: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     return [*found, Environment("numpy without dispatch", {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}), Environment("as it is", {})]
 
 

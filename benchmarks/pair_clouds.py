@@ -17,7 +17,7 @@ from benchmarks.stores import Store, pack, unpack
 from radar_core import PointCloud, Pose
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Scene, Simulator
-from radar_sim.effects.config import Coupling, Effects, Losses, Noise, Occlusion, Pattern
+from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.people import Action
 from radar_sim.scene import Fidelity, SceneRadar
 
@@ -58,11 +58,11 @@ def scene(seed: int, seconds: float = SECONDS) -> Scene:
         people=(fitted(walker, seconds, seed, more, (0.0, 0.0)),),
         effects=Effects(
             doppler_in_chirp=True,
-            noise=Noise(noise_figure=15.0),
-            losses=Losses(level=20.0),
-            coupling=Coupling(level=-60.0),
-            pattern=Pattern(edge=-3.0),
-            occlusion=Occlusion(),
+            noise=NoiseConfig(noise_figure=15.0),
+            losses=LossesConfig(level=20.0),
+            coupling=CouplingConfig(level=-60.0),
+            pattern=PatternConfig(edge=-3.0),
+            occlusion=OcclusionConfig(),
         ),
         fidelity=Fidelity(model="separable"),
     )

@@ -19,7 +19,7 @@ from radar_dsp.spectrum import make_spectrum
 from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
 from radar_sim import Simulator, Truth
 from radar_sim.bodies.make import make_figure
-from radar_sim.effects.config import Coupling, Effects, Losses, Multipath, Noise, Occlusion, Pattern
+from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, MultipathConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.motions.script import Timeline
 from radar_sim.people import Action, Person, Reach, Walk
 from radar_sim.scene import Fidelity, Scene, SceneRadar
@@ -213,13 +213,13 @@ def scenario(name: str, seed: int, mount: Pose = MOUNT) -> Scene:
     while closest(people, kind.duration) < _BODY:  # nobody can walk through anybody
         people = kind.people(rng)
     effects = Effects(
-        occlusion=Occlusion(),
-        pattern=Pattern(),
-        losses=Losses(),
-        coupling=Coupling(),
-        noise=Noise(noise_figure=15.0),
+        occlusion=OcclusionConfig(),
+        pattern=PatternConfig(),
+        losses=LossesConfig(),
+        coupling=CouplingConfig(),
+        noise=NoiseConfig(noise_figure=15.0),
         doppler_in_chirp=True,
-        multipath=Multipath() if kind.room else None,
+        multipath=MultipathConfig() if kind.room else None,
     )
     scene = Scene(
         duration=kind.duration,

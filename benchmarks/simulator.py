@@ -21,14 +21,14 @@ from benchmarks.report import choice, measure_together
 from radar_core import RadarFrame
 from radar_sim import (
     Action,
-    Coupling,
+    CouplingConfig,
     Echoes,
     Effects,
-    Losses,
-    Multipath,
-    Noise,
-    Occlusion,
-    Pattern,
+    LossesConfig,
+    MultipathConfig,
+    NoiseConfig,
+    OcclusionConfig,
+    PatternConfig,
     Person,
     Point,
     Scene,
@@ -36,10 +36,18 @@ from radar_sim import (
     Simulator,
     load_scene,
 )
+from radar_sim.effects.chain import NAMES, switched
 from radar_sim.link import strength
-from radar_sim.probe import NAMES, Probe, switched
+from radar_sim.probe import Probe
 
-DEFAULT = Effects(occlusion=Occlusion(), doppler_in_chirp=True, pattern=Pattern(), losses=Losses(), coupling=Coupling(), noise=Noise())
+DEFAULT = Effects(
+    occlusion=OcclusionConfig(),
+    doppler_in_chirp=True,
+    pattern=PatternConfig(),
+    losses=LossesConfig(),
+    coupling=CouplingConfig(),
+    noise=NoiseConfig(),
+)
 """Effects that our scenes with people name."""
 MIDDLE = 105
 """Frame in the middle of the push."""
@@ -117,7 +125,7 @@ def effects(quick: bool) -> list[dict[str, Any]]:
     """Time a frame of the crowded living room with each effect and without, and say what leaving it out changes."""
     lamp = Point(position=(3.0, 0.1, 1.9), rcs=0.3)
     scene = dataclasses.replace(load_scene("side_by_side"), walls=load_scene("empty_room").walls, points=(lamp,), effects=Effects())
-    probe = Probe(scene)
+    probe = Probe(scene, Simulator)
     rows = []
     for name in NAMES:
         with_it, without = probe.simulator(switched(Effects(), name, True)), probe.simulator(Effects())
@@ -135,7 +143,7 @@ def ghosts(quick: bool) -> list[dict[str, Any]]:
     scene = dataclasses.replace(one_person("ellipsoids", Effects()), walls=walls)
     levels = (-10.0, -20.0, -40.0, -60.0, -200.0)
     simulators = {
-        f"multipath level={level:g} dB": Simulator(dataclasses.replace(scene, effects=Effects(multipath=Multipath(level=level))))
+        f"multipath level={level:g} dB": Simulator(dataclasses.replace(scene, effects=Effects(multipath=MultipathConfig(level=level))))
         for level in levels
     }
     times = measure_together({name: (lambda s=s: s.process(MIDDLE)) for name, s in simulators.items()}, repeat=3 if quick else 30)

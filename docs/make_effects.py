@@ -14,7 +14,7 @@ from typing import Any
 from rich.progress import track
 
 from radar_sim.audit import audit, ours, table
-from radar_sim.probe import NAMES
+from radar_sim.effects.chain import NAMES
 
 PAGE = Path(__file__).with_name("effects.md")
 

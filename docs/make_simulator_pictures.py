@@ -22,7 +22,7 @@ from radar_app.preview import draw
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FeatureConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
-from radar_sim import Action, Coupling, Effects, Losses, Noise, Occlusion, Person, Scene, Simulator, load_scene
+from radar_sim import Action, CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, Person, Scene, Simulator, load_scene
 from radar_tracking import PeopleTracker, TrackerConfig
 
 GROUPS = {"push_pull": ("push", "pull"), "swipes": ("swipe_left", "swipe_right")}
@@ -41,7 +41,12 @@ def stroke(gesture: str, place: float) -> tuple[FeatureMaps, float]:
     """
     where = (DISTANCE * math.cos(math.radians(place)), DISTANCE * math.sin(math.radians(place)))
     person = Person(position=where, heading=math.pi, body="mesh", script=(Action(gesture=gesture, at=START),))
-    effects = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=25.0), coupling=Coupling(level=-60.0), occlusion=Occlusion())
+    effects = Effects(
+        noise=NoiseConfig(noise_figure=15.0),
+        losses=LossesConfig(level=25.0),
+        coupling=CouplingConfig(level=-60.0),
+        occlusion=OcclusionConfig(),
+    )
     simulator = Simulator(Scene(duration=START + 2.0, people=(person,), effects=effects))
     segment = next(s for s in simulator.world.timelines[0].segments if s.gesture is not None)
     baseband, tracker = Baseband(BasebandConfig(), simulator.info), PeopleTracker(TrackerConfig())

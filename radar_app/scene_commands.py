@@ -50,8 +50,8 @@ def explain(
     if everywhere:
         _audit(as_json)
         return
+    from radar_sim.effects.chain import NAMES
     from radar_sim.explain import Explainer, Explanation
-    from radar_sim.probe import NAMES
 
     explainer = Explainer(load_scene(scene), radar)
     reports = tuple(explainer.process(name) for name in track(NAMES, "measuring effects", disable=as_json, transient=True))

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 from radar_core.paths import share_dir
 from radar_sim.auto import CANDIDATES, choose_effects
+from radar_sim.effects.chain import NAMES, is_named, switched
 from radar_sim.effects.config import Effects
-from radar_sim.probe import NAMES, Change, Probe, is_named, switched
+from radar_sim.probe import Change, Probe
 from radar_sim.scene import Scene, load_scene
+from radar_sim.simulator import Simulator
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def audit(label: str, scene: Scene, radar: str = "") -> Audit:
     ConfigError
         When the scene makes no sense.
     """
-    choice, probe = choose_effects(called_for(scene), radar), Probe(scene, radar)
+    choice, probe = choose_effects(called_for(scene), Simulator, radar), Probe(scene, Simulator, radar)
     findings = []
     for name in NAMES:
         measure = probe.missed if name in CANDIDATES else probe.measure

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+from radar_sim.effects.chain import is_named, switched
 from radar_sim.effects.config import PHYSICS
-from radar_sim.probe import Change, Probe, is_named, switched
+from radar_sim.probe import Change, MakeSimulator, Probe
 from radar_sim.scene import Scene
 
 CANDIDATES: Final[tuple[str, ...]] = (
@@ -42,7 +43,7 @@ class Choice:
     changes: Mapping[str, Change]
 
 
-def choose_effects(scene: Scene, radar: str = "") -> Choice:
+def choose_effects(scene: Scene, make: MakeSimulator, radar: str = "") -> Choice:
     """Choose effects for a scene that says ``effects: auto``.
 
     What the scene names stays. Of the others in `CANDIDATES`, those are left out, smallest first, that together change what the scene is
@@ -53,11 +54,13 @@ def choose_effects(scene: Scene, radar: str = "") -> Choice:
     ----------
     scene : Scene
         Any scene.
+    make : MakeSimulator
+        What simulates it: `radar_sim.Simulator`.
     radar : str
         Which radar sees it.
     """
     plain = replace(scene, effects=replace(scene.effects, auto=False))
-    probe, effects, reasons = Probe(plain, radar), plain.effects, []
+    probe, effects, reasons = Probe(plain, make, radar), plain.effects, []
     open_ones = [name for name in CANDIDATES if not is_named(effects, name)]
     changes = _measure(probe, open_ones)
     out = _left_out(scene.tolerance, changes)
@@ -81,9 +84,9 @@ def _measure(probe: Probe, names: list[str]) -> dict[str, Change]:
 def _left_out(tolerance: float, changes: Mapping[str, Change]) -> set[str]:
     """Choose what is left out: by samples one by one, of what moves echoes as much as stays within the tolerance together."""
     out: set[str] = set()
-    counted: set[Change] = set()  # what was measured together counts once
+    counted: tuple[Change, ...] = ()  # what was measured together counts once
     for name, change in sorted(changes.items(), key=lambda item: item[1].decisive):
-        together = counted if change.decisive == change.samples else counted | {change}
+        together = counted if change.decisive == change.samples or change in counted else (*counted, change)
         if change.decisive <= tolerance and sum(c.decisive**2 for c in together) <= tolerance**2:
             out.add(name)
             counted = together

@@ -9,55 +9,23 @@ from typing import Any, Final
 import numpy as np
 
 from radar_sim.auto import choose_effects
-from radar_sim.effects import (
-    channel_errors,
-    chirp_faults,
-    clutter,
-    converter,
-    coupling,
-    field_of_view,
-    high_pass,
-    interference,
-    iq_imbalance,
-    losses,
-    multipath,
-    noise,
-    occlusion,
-    pattern,
-    phase_noise,
-    physics,
-    swerling,
-)
+from radar_sim.effects import physics
 from radar_sim.effects.base import Setting
+from radar_sim.effects.chain import ECHO, NAMES, SCENE, SIGNAL, Kind, default, is_named
 from radar_sim.effects.config import PHYSICS
-from radar_sim.probe import NAMES, Probe, default, is_named
+from radar_sim.probe import Probe
 from radar_sim.scatterers import Echoes
 from radar_sim.scene import Scene
+from radar_sim.simulator import Simulator
 
-SIZES: Final[dict[str, Callable[[Any, Setting, Echoes], str]]] = {
-    "clutter": clutter.size,
-    "occlusion": occlusion.size,
-    "range_migration": lambda _, setting, echoes: physics.migration_size(setting, echoes),
-    "doppler_in_chirp": lambda _, setting, echoes: physics.doppler_in_chirp_size(setting, echoes),
-    "squint": lambda _, setting, echoes: physics.squint_size(setting, echoes),
-    "curvature": lambda _, setting, echoes: physics.curvature_size(setting, echoes),
-    "near_field": lambda _, setting, echoes: physics.near_field_size(setting, echoes),
-    "swerling": swerling.size,
-    "multipath": multipath.size,
-    "pattern": pattern.size,
-    "field_of_view": field_of_view.size,
-    "losses": losses.size,
-    "high_pass": high_pass.size,
-    "coupling": coupling.size,
-    "phase_noise": phase_noise.size,
-    "interference": interference.size,
-    "channel_errors": channel_errors.size,
-    "noise": noise.size,
-    "iq_imbalance": iq_imbalance.size,
-    "converter": converter.size,
-    "chirp_faults": chirp_faults.size,
+_TRAVEL: Final[dict[str, Callable[[Setting, Echoes], str]]] = {
+    "range_migration": physics.migration_size,
+    "doppler_in_chirp": physics.doppler_in_chirp_size,
+    "squint": physics.squint_size,
+    "curvature": physics.curvature_size,
+    "near_field": physics.near_field_size,
 }
-"""How large an effect is in its own unit, for the echoes of one frame."""
+"""How large effects on how echoes travel are; they have no configuration."""
 
 
 @dataclass(frozen=True)
@@ -128,24 +96,30 @@ class Explainer:
     def __init__(self, scene: Scene, radar: str = "", repeat: int = 9) -> None:
         self.reasons: tuple[str, ...] = ()
         if scene.effects.auto:
-            choice = choose_effects(scene, radar)
+            choice = choose_effects(scene, Simulator, radar)
             scene, self.reasons = choice.scene, choice.reasons
         self.scene, self._repeat = scene, repeat
-        self._probe = Probe(scene, radar)
+        self._probe = Probe(scene, Simulator, radar)
         self._echoes, setting = _strongest(self._probe)
         self._setting = replace(setting, scene=scene)
 
     def process(self, name: str) -> EffectReport:
-        """Measure one of `radar_sim.probe.NAMES`."""
+        """Measure one of `radar_sim.effects.chain.NAMES`."""
         effects, tolerance = self.scene.effects, self.scene.tolerance
         on = is_named(effects, name)
-        knobs = getattr(effects, name) if on or name in PHYSICS else default(name)
         change = self._probe.measure(name)
         warning = ""
         if not on and change.decisive > tolerance:
             warning = f"missing: {change} (tolerance {tolerance:g}); name it if yours has it"
-        size = SIZES[name](knobs, self._setting, self._echoes)
-        return EffectReport(name, on, size, change.samples, change.decisive, self._probe.cost(name, self._repeat), warning)
+        return EffectReport(name, on, self._size(name), change.samples, change.decisive, self._probe.cost(name, self._repeat), warning)
+
+    def _size(self, name: str) -> str:
+        """Say how large the effect is (with its defaults, where the scene does not name it) in the frame of most echoes."""
+        if name in PHYSICS:
+            return _TRAVEL[name](self._setting, self._echoes)
+        kinds: dict[str, Kind[Any]] = {**SCENE, **ECHO, **SIGNAL}
+        named = getattr(self.scene.effects, name)
+        return kinds[name].size(default(name) if named is None else named, self._setting, self._echoes)
 
 
 def explain(scene: Scene, radar: str = "", repeat: int = 9) -> Explanation:

@@ -6,46 +6,27 @@ import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, RadarInfo
-from radar_sim.effects import config as vocabulary
-from radar_sim.effects.chain import ECHO, SCENE, SIGNAL
+from radar_sim.effects.base import Setting
+from radar_sim.effects.chain import SIGNAL, is_named, switched
 from radar_sim.effects.config import PHYSICS, Effects
 from radar_sim.places import displacement, places
+from radar_sim.scatterers import Echoes
 from radar_sim.scene import Fidelity, Scene
-from radar_sim.simulator import Simulator
+from radar_sim.truth import SimulatedFrame
 from radar_sim.world import World
 
-NAMES: Final[tuple[str, ...]] = (*SCENE, *PHYSICS, *ECHO, *SIGNAL)
-"""Every effect there is, from the room to the converter."""
 ROOM: Final[tuple[str, ...]] = ("occlusion", "multipath", "pattern", "field_of_view")
 """Effects of every real room and antenna on what there is to see, and where; they act on each other."""
 SHADES: Final[tuple[str, ...]] = ("occlusion", "field_of_view")
 """Effects that only take echoes away, which saves about the time that they cost: they are always judged by samples, which is stricter."""
 _PROBES = 5
 """Frames that are looked at, evenly over the scene."""
-
-
-def switched(effects: Effects, name: str, on: bool) -> Effects:
-    """Name an effect (as it is named already, else with its defaults), or leave it out."""
-    if is_named(effects, name) == on:
-        return effects
-    change: dict[str, Any] = {name: on if name in PHYSICS else default(name) if on else None}
-    return replace(effects, **change)
-
-
-def default(name: str) -> Any:
-    """Make the effect's configuration with its defaults."""
-    return getattr(vocabulary, "".join(part.capitalize() for part in name.split("_")))()
-
-
-def is_named(effects: Effects, name: str) -> bool:
-    """Whether a scene names an effect."""
-    return bool(getattr(effects, name)) if name in PHYSICS else getattr(effects, name) is not None
 
 
 @dataclass(frozen=True)
@@ -71,6 +52,32 @@ class Change:
         return f"it changes the samples by {self.samples:.2g}{moves}"
 
 
+class ProbedSimulator(Protocol):
+    """What a probe needs of a simulator: `radar_sim.simulator.Simulator` is one. It uses probes itself, so it is not imported here."""
+
+    scene: Scene
+    setting: Setting
+    info: RadarInfo
+    world: World
+    n_frames: int
+
+    def process(self, sequence: int) -> SimulatedFrame:
+        """Simulate one frame."""
+        ...
+
+    def echoes(self, sequence: int) -> Echoes:
+        """Return what comes back to the radar during a frame."""
+        ...
+
+
+class MakeSimulator(Protocol):
+    """Makes a simulator of a scene as one radar sees it; of a world that another one made, where it is given."""
+
+    def __call__(self, scene: Scene, radar: str, world: World | None = None, /) -> ProbedSimulator:
+        """Make it."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Probe:
     """Some frames of a scene as one radar would see them, with any set of effects.
@@ -79,16 +86,19 @@ class Probe:
     ----------
     scene : Scene
         Without ``effects: auto``.
+    make : MakeSimulator
+        What simulates it: `radar_sim.Simulator`.
     radar : str
         Which radar.
     """
 
     scene: Scene
+    make: MakeSimulator
     radar: str = ""
 
-    def simulator(self, effects: Effects, **more: Any) -> Simulator:
+    def simulator(self, effects: Effects, **more: Any) -> ProbedSimulator:
         """Simulate the scene with other effects."""
-        return Simulator(replace(self.scene, effects=effects, **more), self.radar, self._world)
+        return self.make(replace(self.scene, effects=effects, **more), self.radar, self._world)
 
     def frames(self, effects: Effects, *, exact: bool = True) -> NDArray[np.complex128]:
         """Simulate the probed frames [V], shape (frame, tx, chirp, rx, sample).
@@ -100,7 +110,7 @@ class Probe:
         still: dict[str, Any] = dict.fromkeys(PHYSICS, False)
         return self._take(self.simulator(replace(effects, **still), fidelity=Fidelity()))
 
-    def _take(self, simulator: Simulator) -> NDArray[np.complex128]:
+    def _take(self, simulator: ProbedSimulator) -> NDArray[np.complex128]:
         n, converter = simulator.n_frames, simulator.scene.effects.converter
         chosen = sorted({round((k + 0.5) * n / _PROBES - 0.5) for k in range(_PROBES)}) if n else []
         volts = 1.0 if converter is None else converter.full_scale / 2 ** (converter.bits - 1)
@@ -170,8 +180,8 @@ class Probe:
         return self._change(names[0], self._take(fine), self._quick_echoes, self._quick_echoes)
 
     @cached_property
-    def _bare_simulator(self) -> Simulator:
-        return Simulator(replace(self.scene, effects=Effects()), self.radar)
+    def _bare_simulator(self) -> ProbedSimulator:
+        return self.make(replace(self.scene, effects=Effects()), self.radar)
 
     @property
     def _world(self) -> World:

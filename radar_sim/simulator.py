@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from radar_core import ConfigError, DataError, RadarFrame
+from radar_sim.auto import choose_effects
 from radar_sim.bodies.base import Pose
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.effects.chain import make_chain
@@ -59,9 +60,7 @@ class Simulator:
 
     def __init__(self, scene: Scene, radar: str = "", world: World | None = None) -> None:
         if scene.effects.auto:
-            from radar_sim.auto import choose_effects  # it uses simulators itself
-
-            scene = choose_effects(scene, radar).scene
+            scene = choose_effects(scene, Simulator, radar).scene
         self.scene = scene
         self.setting = Setting(scene, *_find(scene, radar))
         self.info = self.setting.info

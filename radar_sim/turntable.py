@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
-from radar_sim.effects.config import Pattern
+from radar_sim.effects.config import PatternConfig
 from radar_sim.effects.pattern import two_way_gain
 from radar_sim.link import strength
 
@@ -115,7 +115,7 @@ class Turntable:
     range: float = knob(3.0, unit="m", low=0.1, high=1e4, doc="distance of the reflector")
     rcs: float = knob(10.0, unit="m^2", low=1e-9, high=1e6, doc="radar cross-section of the reflector")
     snr: float | None = knob(30.0, unit="dB", low=-50.0, high=200.0, doc="of an ideal channel in the reflector's cell; empty: no noise")
-    pattern: Pattern | None = None
+    pattern: PatternConfig | None = None
     offset_azimuth: float = knob(0.0, unit="deg", low=-30.0, high=30.0, doc="mounting error: true minus stated azimuth")
     offset_elevation: float = knob(0.0, unit="deg", low=-30.0, high=30.0, doc="mounting error: true minus stated elevation")
     frames: int = knob(1, low=1, high=10000, doc="frames at each angle, evenly over the time that it stands there")

@@ -16,14 +16,14 @@ from radar_sim import (
     GESTURE_DURATION,
     VARIANTS,
     Action,
-    ChannelErrors,
-    Coupling,
+    ChannelErrorsConfig,
+    CouplingConfig,
     Effects,
     Fidelity,
-    Losses,
-    Multipath,
-    Noise,
-    Occlusion,
+    LossesConfig,
+    MultipathConfig,
+    NoiseConfig,
+    OcclusionConfig,
     Person,
     Scene,
     SceneRadar,
@@ -334,14 +334,14 @@ def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, subject:
 
 
 def _draw_effects(plan: Plan, rng: np.random.Generator) -> Effects:
-    errors = ChannelErrors(gain=plan.channel_gain, phase=plan.channel_phase, shift=0.0, seed=int(rng.integers(1 << 62)))
+    errors = ChannelErrorsConfig(gain=plan.channel_gain, phase=plan.channel_phase, shift=0.0, seed=int(rng.integers(1 << 62)))
     return Effects(
-        occlusion=Occlusion(),
+        occlusion=OcclusionConfig(),
         doppler_in_chirp=True,
-        noise=Noise(noise_figure=_between(rng, plan.noise_figure)),
-        losses=Losses(level=_between(rng, plan.losses)),
-        coupling=Coupling(level=_between(rng, plan.coupling)),
-        multipath=Multipath(floor=plan.floor) if plan.floor > 0 else None,
+        noise=NoiseConfig(noise_figure=_between(rng, plan.noise_figure)),
+        losses=LossesConfig(level=_between(rng, plan.losses)),
+        coupling=CouplingConfig(level=_between(rng, plan.coupling)),
+        multipath=MultipathConfig(floor=plan.floor) if plan.floor > 0 else None,
         channel_errors=errors if plan.channel_gain > 0 or plan.channel_phase > 0 else None,
     )
 

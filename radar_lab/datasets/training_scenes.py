@@ -13,13 +13,13 @@ from radar_sim import (
     GESTURE_DURATION,
     VARIANTS,
     Action,
-    Coupling,
+    CouplingConfig,
     Draw,
     Effects,
-    Losses,
-    Noise,
-    Occlusion,
-    Pattern,
+    LossesConfig,
+    NoiseConfig,
+    OcclusionConfig,
+    PatternConfig,
     Person,
     Scene,
     SceneRadar,
@@ -234,11 +234,11 @@ def _walk_to(rng: Random, x: float, y: float) -> Action:
 def _scene(rng: Random, info: RadarInfo, people: tuple[Person, ...], duration: float) -> Scene:
     """Put people into a scene with receivers and losses about those of the demo scene."""
     effects = Effects(
-        occlusion=Occlusion(),
+        occlusion=OcclusionConfig(),
         doppler_in_chirp=True,
-        pattern=Pattern(),
-        noise=Noise(noise_figure=float(rng.uniform(12.0, 16.0))),
-        losses=Losses(level=float(rng.uniform(17.0, 21.0))),
-        coupling=Coupling(level=-60.0),
+        pattern=PatternConfig(),
+        noise=NoiseConfig(noise_figure=float(rng.uniform(12.0, 16.0))),
+        losses=LossesConfig(level=float(rng.uniform(17.0, 21.0))),
+        coupling=CouplingConfig(level=-60.0),
     )
     return Scene(duration=duration, seed=int(rng.integers(1 << 31)), radars=(SceneRadar.of(info),), people=people, effects=effects)

@@ -7,8 +7,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import ChannelErrorsConfig
 from radar_sim.scatterers import Echoes, Float64Array
 
 
@@ -19,13 +19,13 @@ class ChannelErrors:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.ChannelErrors
+    config : ChannelErrorsConfig
         How large the errors are, and their seed.
     setting : Setting
         The radar: each of a scene has errors of its own, which belong to its ``frame_id``.
     """
 
-    def __init__(self, config: config.ChannelErrors, setting: Setting) -> None:
+    def __init__(self, config: ChannelErrorsConfig, setting: Setting) -> None:
         self._factor = factors(config, setting).reshape(setting.array.n_tx, 1, setting.array.n_rx, 1).astype(np.complex64)
 
     def process(self, signal: Signal, moment: Moment) -> None:
@@ -33,7 +33,7 @@ class ChannelErrors:
         signal.cube *= self._factor
 
 
-def factors(config: config.ChannelErrors, setting: Setting) -> NDArray[np.complex128]:
+def factors(config: ChannelErrorsConfig, setting: Setting) -> NDArray[np.complex128]:
     """Complex gains of the virtual channels, shape (n_tx * n_rx,) = channel ``tx * n_rx + rx``."""
     n = setting.array.n_tx * setting.array.n_rx
     gain = config.gain * _rng(config, setting, "gain").standard_normal(n)
@@ -41,12 +41,12 @@ def factors(config: config.ChannelErrors, setting: Setting) -> NDArray[np.comple
     return np.asarray(10 ** (gain / 20) * np.exp(1j * phase), np.complex128)
 
 
-def elements(config: config.ChannelErrors, setting: Setting) -> tuple[Float64Array, Float64Array]:
+def elements(config: ChannelErrorsConfig, setting: Setting) -> tuple[Float64Array, Float64Array]:
     """Places where the elements really are.
 
     Parameters
     ----------
-    config : radar_sim.effects.config.ChannelErrors
+    config : ChannelErrorsConfig
         Rms error along each axis, and the seed.
     setting : Setting
         The radar with its drawing.
@@ -61,7 +61,7 @@ def elements(config: config.ChannelErrors, setting: Setting) -> tuple[Float64Arr
     return tx, rx
 
 
-def size(config: config.ChannelErrors, setting: Setting, echoes: Echoes) -> str:
+def size(config: ChannelErrorsConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the errors are that were drawn, whatever the echoes."""
     channel = factors(config, setting)
     decibel, phase = 20 * np.log10(np.abs(channel)), np.degrees(np.angle(channel))
@@ -70,7 +70,7 @@ def size(config: config.ChannelErrors, setting: Setting, echoes: Echoes) -> str:
     return f"{_rms(decibel):.1f} dB, {_rms(phase):.1f} deg rms; places {place:.1f} deg rms"
 
 
-def _rng(config: config.ChannelErrors, setting: Setting, name: str) -> np.random.Generator:
+def _rng(config: ChannelErrorsConfig, setting: Setting, name: str) -> np.random.Generator:
     """Draw each kind of error on its own: switching one off leaves the others as they are."""
     return np.random.default_rng([config.seed, zlib.crc32(setting.info.frame_id.encode()), zlib.crc32(name.encode())])
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from radar_core import ConfigError
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import ChirpFaultsConfig
 from radar_sim.scatterers import Echoes, Float64Array
 
 
@@ -17,7 +17,7 @@ class ChirpFaults:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.ChirpFaults
+    config : ChirpFaultsConfig
         Shares of chirps, and the largest delay.
     setting : Setting
         The radar.
@@ -28,7 +28,7 @@ class ChirpFaults:
         When a chirp could be later than the pause after it is long.
     """
 
-    def __init__(self, config: config.ChirpFaults, setting: Setting) -> None:
+    def __init__(self, config: ChirpFaultsConfig, setting: Setting) -> None:
         w = setting.info.waveform
         if config.late > 0 and config.delay > w.chirp_pause:
             raise ConfigError(
@@ -55,7 +55,7 @@ class ChirpFaults:
             signal.missing = np.union1d(signal.missing, np.flatnonzero(lost)).astype(np.uint32)
 
 
-def size(config: config.ChirpFaults, setting: Setting, echoes: Echoes) -> str:
+def size(config: ChirpFaultsConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how many chirps of a frame are struck on average, whatever the echoes."""
     n = setting.info.waveform.n_chirp * setting.info.waveform.n_tx
     return f"{config.dropped * n:.3g} of {n} chirps lost, {config.late * n:.3g} late by up to {config.delay * 1e6:g} us, per frame"

@@ -7,8 +7,8 @@ import zlib
 
 import numpy as np
 
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import ClutterConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.link import strength
 from radar_sim.propagation.base import NEAR
@@ -23,13 +23,13 @@ class Clutter:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Clutter
+    config : ClutterConfig
         How many, how strong, where.
     setting : Setting
         The scene, for its seed, and the radar.
     """
 
-    def __init__(self, config: config.Clutter, setting: Setting) -> None:
+    def __init__(self, config: ClutterConfig, setting: Setting) -> None:
         rng = np.random.Generator(np.random.SFC64([setting.scene.seed, zlib.crc32(b"clutter")]))
         position = rng.uniform(config.low, config.high, (config.count, 3))
         rcs = rng.exponential(config.rcs, config.count)
@@ -43,7 +43,7 @@ class Clutter:
         return Scatterers.join([scatterers, self.scatterers])
 
 
-def size(config: config.Clutter, setting: Setting, echoes: Echoes) -> str:
+def size(config: ClutterConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes: its power against theirs."""
     clutter = Clutter(config, setting).scatterers
     if not len(clutter):

@@ -13,14 +13,14 @@ from radar_core.config import config, knob
 
 
 @config
-class Occlusion:
+class OcclusionConfig:
     """Bodies, walls and furniture hide what is behind them, people their own far parts too."""
 
     resolution: float = knob(0.005, unit="rad", low=1e-3, high=0.1, doc="cells by which triangles are sorted; changes the time only")
 
 
 @config
-class Multipath:
+class MultipathConfig:
     """Echoes by way of floor and walls: there mirrored, back mirrored, or both (image sources, first order)."""
 
     floor: float = knob(0.15, low=0.0, high=1.0, doc="share of the power that the floor mirrors; 0: none")
@@ -29,7 +29,7 @@ class Multipath:
 
 
 @config
-class Clutter:
+class ClutterConfig:
     """Small still scatterers all over the room, drawn from the seed."""
 
     count: int = knob(200, low=1, high=100_000, doc="how many")
@@ -40,11 +40,11 @@ class Clutter:
     def validate(self) -> None:
         """Raise `ConfigError` when the corners are not in order."""
         if any(a >= b for a, b in zip(self.low, self.high, strict=True)):
-            raise ConfigError(f"Clutter: low {self.low} is not below high {self.high} along every axis; exchange them")
+            raise ConfigError(f"ClutterConfig: low {self.low} is not below high {self.high} along every axis; exchange them")
 
 
 @config
-class Swerling:
+class SwerlingConfig:
     """Cross-sections that fluctuate (Swerling 1954): of points, of people as a whole, or of both."""
 
     case: int = knob(
@@ -54,7 +54,7 @@ class Swerling:
 
 
 @config
-class Pattern:
+class PatternConfig:
     """Element pattern: gain over direction, for the way out and the way back."""
 
     edge: float = knob(
@@ -75,24 +75,24 @@ class Pattern:
         sizes = {len(row) for row in self.gain} or {0}
         if len(self.gain) != len(self.azimuth) or sizes != {len(self.elevation)}:
             raise ConfigError(
-                f"Pattern.gain has {len(self.gain)} rows of {sorted(sizes)} entries for {len(self.azimuth)} azimuths and "
+                f"PatternConfig.gain has {len(self.gain)} rows of {sorted(sizes)} entries for {len(self.azimuth)} azimuths and "
                 f"{len(self.elevation)} elevations; give one row per azimuth with one entry per elevation"
             )
         for name in ("azimuth", "elevation"):
             values = getattr(self, name)
             if any(b <= a for a, b in pairwise(values)):
-                raise ConfigError(f"Pattern.{name} has to ascend; sort it, with the rows and columns of gain")
+                raise ConfigError(f"PatternConfig.{name} has to ascend; sort it, with the rows and columns of gain")
 
 
 @config
-class FieldOfView:
+class FieldOfViewConfig:
     """Nothing comes back from beyond the array's field of view."""
 
     margin: float = knob(0.0, unit="rad", low=-1.0, high=1.0, doc="widen (or narrow) the field of view by this on each side")
 
 
 @config
-class Losses:
+class LossesConfig:
     """What a board loses against the radar equation, in one figure: radome, feed lines, polarisation, clothing, converter."""
 
     level: float = knob(
@@ -101,7 +101,7 @@ class Losses:
 
 
 @config
-class HighPass:
+class HighPassConfig:
     """High-pass filter of the intermediate frequency: it holds down coupling and near echoes, and turns their phase."""
 
     corner: float = knob(100e3, unit="Hz", low=1.0, high=1e9, doc="frequency at which the gain has fallen by 3 dB")
@@ -109,7 +109,7 @@ class HighPass:
 
 
 @config
-class ChannelErrors:
+class ChannelErrorsConfig:
     """What makes the channels of a real array differ from its drawing; drawn from the seed."""
 
     gain: float = knob(1.0, unit="dB", low=0.0, high=30.0, doc="rms gain error of a virtual channel")
@@ -119,7 +119,7 @@ class ChannelErrors:
 
 
 @config
-class Coupling:
+class CouplingConfig:
     """Leakage from every transmitter into every receiver: a strong echo near zero range that stands still."""
 
     level: float = knob(-60.0, unit="dB", low=-300.0, high=0.0, doc="leaked over transmitted power")
@@ -127,7 +127,7 @@ class Coupling:
 
 
 @config
-class Interference:
+class InterferenceConfig:
     """Another FMCW radar that transmits into the receivers; where its chirps cross ours, they leave a burst."""
 
     position: tuple[float, float, float] = knob((5.0, 2.0, 1.2), unit="m", low=-1e4, high=1e4, doc="(x, y, z) in the room")
@@ -140,7 +140,7 @@ class Interference:
 
 
 @config
-class Noise:
+class NoiseConfig:
     """Thermal noise of the receivers, k T F B, and the gain of their amplifier."""
 
     noise_figure: float = knob(12.0, unit="dB", low=0.0, high=60.0, doc="noise figure of the receiver")
@@ -149,7 +149,7 @@ class Noise:
 
 
 @config
-class PhaseNoise:
+class PhaseNoiseConfig:
     """Phase noise of the oscillator, which mixes with its own delayed self: what is near keeps little of it (range correlation)."""
 
     level: float = knob(-90.0, unit="dBc/Hz", low=-250.0, high=0.0, doc="single-sideband level at `offset`")
@@ -159,7 +159,7 @@ class PhaseNoise:
 
 
 @config
-class IqImbalance:
+class IqImbalanceConfig:
     """Gain and phase by which the quadrature arm of the mixer differs: a mirror image at the opposite beat frequency, and an offset."""
 
     gain: float = knob(0.5, unit="dB", low=-20.0, high=20.0, doc="gain of Q over I")
@@ -168,7 +168,7 @@ class IqImbalance:
 
 
 @config
-class Converter:
+class ConverterConfig:
     """Analogue-to-digital converter: frames are then in counts, whole numbers from -2^(bits-1) to 2^(bits-1) - 1 in I and in Q."""
 
     bits: int = knob(12, unit="bit", low=1, high=24, doc="word length")
@@ -176,7 +176,7 @@ class Converter:
 
 
 @config
-class ChirpFaults:
+class ChirpFaultsConfig:
     """Chirps that the device loses or sends late."""
 
     dropped: float = knob(0.01, low=0.0, high=1.0, doc="share of chirps that are lost; the frame says which")
@@ -204,29 +204,29 @@ class Effects:
 
     auto: bool = knob(False, doc="choose, beside those named, what is larger than the scene's tolerance; written as effects: auto")
     # what there is to see
-    clutter: Clutter | None = None
-    occlusion: Occlusion | None = None
+    clutter: ClutterConfig | None = None
+    occlusion: OcclusionConfig | None = None
     # how echoes travel
-    multipath: Multipath | None = None
+    multipath: MultipathConfig | None = None
     range_migration: bool = knob(False, doc="within a frame echoes move through range bins")
     doppler_in_chirp: bool = knob(False, doc="motion within a chirp shifts its beat frequency")
     squint: bool = knob(False, doc="the array's phases follow the swept frequency, not only the carrier")
     curvature: bool = knob(False, doc="range rates change within a frame")
     near_field: bool = knob(False, doc="wave fronts are spheres, not planes, over the array")
     # antennas and front end
-    pattern: Pattern | None = None
-    field_of_view: FieldOfView | None = None
-    swerling: Swerling | None = None
-    losses: Losses | None = None
-    high_pass: HighPass | None = None
-    channel_errors: ChannelErrors | None = None
-    coupling: Coupling | None = None
-    phase_noise: PhaseNoise | None = None
-    interference: Interference | None = None
-    noise: Noise | None = None
-    iq_imbalance: IqImbalance | None = None
-    converter: Converter | None = None
-    chirp_faults: ChirpFaults | None = None
+    pattern: PatternConfig | None = None
+    field_of_view: FieldOfViewConfig | None = None
+    swerling: SwerlingConfig | None = None
+    losses: LossesConfig | None = None
+    high_pass: HighPassConfig | None = None
+    channel_errors: ChannelErrorsConfig | None = None
+    coupling: CouplingConfig | None = None
+    phase_noise: PhaseNoiseConfig | None = None
+    interference: InterferenceConfig | None = None
+    noise: NoiseConfig | None = None
+    iq_imbalance: IqImbalanceConfig | None = None
+    converter: ConverterConfig | None = None
+    chirp_faults: ChirpFaultsConfig | None = None
 
 
 EffectsKnob = Annotated[Effects, BeforeValidator(_named)]

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from radar_sim.effects import config, coupling
+from radar_sim.effects import coupling
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import ConverterConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.scatterers import Echoes
 
@@ -19,13 +20,13 @@ class Converter:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Converter
+    config : ConverterConfig
         Word length and range.
     setting : Setting
         Not used: all radars alike.
     """
 
-    def __init__(self, config: config.Converter, setting: Setting) -> None:
+    def __init__(self, config: ConverterConfig, setting: Setting) -> None:
         half = 2.0 ** (config.bits - 1)
         self._limit, self._scale = np.float32(config.full_scale), np.float32(half / config.full_scale)
         self._low, self._high = np.float32(-half), np.float32(half - 1)
@@ -40,17 +41,17 @@ class Converter:
         np.clip(parts, self._low, self._high, out=parts)
 
 
-def full_scale(config: config.Converter) -> float:
+def full_scale(config: ConverterConfig) -> float:
     """Largest count, for `RadarInfo.full_scale`; one bit has 0, which there means unknown."""
     return 2.0 ** (config.bits - 1) - 1.0
 
 
-def lsb(config: config.Converter) -> float:
+def lsb(config: ConverterConfig) -> float:
     """One count [V]."""
     return config.full_scale / 2.0 ** (config.bits - 1)
 
 
-def size(config: config.Converter, setting: Setting, echoes: Echoes) -> str:
+def size(config: ConverterConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is: how much of the range these echoes use when all are in phase, with gain and coupling if named."""
     effects = setting.scene.effects
     volts = float(amplitudes(echoes).sum()) if len(echoes) else 0.0

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo, known_symbols
-from radar_sim.effects import config, high_pass
+from radar_sim.effects import high_pass
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import CouplingConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.link import IMPEDANCE
 from radar_sim.scatterers import Echoes
@@ -23,13 +24,13 @@ class Coupling:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Coupling
+    config : CouplingConfig
         How much, from how far.
     setting : Setting
         The radar, and whether it has a high-pass filter.
     """
 
-    def __init__(self, config: config.Coupling, setting: Setting) -> None:
+    def __init__(self, config: CouplingConfig, setting: Setting) -> None:
         leak = leakage(config, setting.info)
         filters = setting.scene.effects.high_pass
         if filters is not None:
@@ -41,12 +42,12 @@ class Coupling:
         signal.cube += self._leak
 
 
-def leakage(config: config.Coupling, info: RadarInfo) -> NDArray[np.complex128]:
+def leakage(config: CouplingConfig, info: RadarInfo) -> NDArray[np.complex128]:
     """Leakage at the receivers' inputs.
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Coupling
+    config : CouplingConfig
         How much, from how far.
     info : RadarInfo
         The radar.
@@ -68,12 +69,12 @@ def leakage(config: config.Coupling, info: RadarInfo) -> NDArray[np.complex128]:
     return np.asarray(volts * np.exp(2j * math.pi * turns))[None, None, None, :]
 
 
-def amplitude(config: config.Coupling, info: RadarInfo) -> float:
+def amplitude(config: CouplingConfig, info: RadarInfo) -> float:
     """Amplitude of the leakage [V]."""
     return math.sqrt(1e-3 * 10 ** ((info.array.tx_power + config.level) / 10) * IMPEDANCE)
 
 
-def size(config: config.Coupling, setting: Setting, echoes: Echoes) -> str:
+def size(config: CouplingConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes."""
     leak = float(np.sqrt((np.abs(Coupling(config, setting)._leak) ** 2).mean()))
     level = f"{_decibel(leak / math.sqrt(1e-3 * IMPEDANCE)):.1f} dBm"
@@ -81,7 +82,7 @@ def size(config: config.Coupling, setting: Setting, echoes: Echoes) -> str:
     return level if strongest == 0.0 else f"{level}, {_decibel(leak / strongest):+.1f} dB against the strongest echo"
 
 
-def _delay(config: config.Coupling) -> float:
+def _delay(config: CouplingConfig) -> float:
     return 2 * config.distance / SPEED_OF_LIGHT
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.geometry import cartesian_to_spherical
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import FieldOfViewConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.scatterers import Echoes
 
@@ -19,13 +19,13 @@ class FieldOfView:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.FieldOfView
+    config : FieldOfViewConfig
         By how much to widen the field of view.
     setting : Setting
         The radar: its array's full field of view in azimuth and elevation.
     """
 
-    def __init__(self, config: config.FieldOfView, setting: Setting) -> None:
+    def __init__(self, config: FieldOfViewConfig, setting: Setting) -> None:
         self._azimuth = setting.array.fov_azimuth / 2 + config.margin
         self._elevation = setting.array.fov_elevation / 2 + config.margin
 
@@ -43,7 +43,7 @@ class FieldOfView:
         return inside
 
 
-def size(config: config.FieldOfView, setting: Setting, echoes: Echoes) -> str:
+def size(config: FieldOfViewConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes."""
     if not len(echoes):
         return "no echoes"

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radar_core import SPEED_OF_LIGHT
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import HighPassConfig
 from radar_sim.effects.fmcw import require_fmcw, without_sweep
 from radar_sim.scatterers import Echoes
 
@@ -24,7 +24,7 @@ class HighPass:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.HighPass
+    config : HighPassConfig
         Corner and order.
     setting : Setting
         The radar.
@@ -35,7 +35,7 @@ class HighPass:
         When the radar does not sweep.
     """
 
-    def __init__(self, config: config.HighPass, setting: Setting) -> None:
+    def __init__(self, config: HighPassConfig, setting: Setting) -> None:
         require_fmcw("high_pass", setting, "without a sweep ranges have no beat frequency to filter by")
         self._config, self._slope = config, setting.info.waveform.slope
 
@@ -50,12 +50,12 @@ def beat(slope: float, echoes: Echoes) -> NDArray[np.float64]:
     return frequency
 
 
-def response(config: config.HighPass, frequency: ArrayLike) -> NDArray[np.complex128]:
+def response(config: HighPassConfig, frequency: ArrayLike) -> NDArray[np.complex128]:
     """Frequency response of the analogue Butterworth filter: 1 far above its corner, -3 dB at it (Butterworth 1930).
 
     Parameters
     ----------
-    config : radar_sim.effects.config.HighPass
+    config : HighPassConfig
         Corner and order.
     frequency : array_like, shape (...)
         [Hz]; 0 gives 0.
@@ -73,7 +73,7 @@ def response(config: config.HighPass, frequency: ArrayLike) -> NDArray[np.comple
     return result
 
 
-def size(config: config.HighPass, setting: Setting, echoes: Echoes) -> str:
+def size(config: HighPassConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes."""
     if not len(echoes) or without_sweep(setting):
         return without_sweep(setting) or "no echoes"

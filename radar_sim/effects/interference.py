@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform
-from radar_sim.effects import config, noise
+from radar_sim.effects import noise
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.effects.channel_errors import elements
-from radar_sim.effects.config import Noise
+from radar_sim.effects.config import InterferenceConfig, NoiseConfig
 from radar_sim.effects.fmcw import require_fmcw, without_sweep
 from radar_sim.effects.pattern import two_way_gain
 from radar_sim.link import IMPEDANCE
@@ -36,7 +36,7 @@ class Interference:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Interference
+    config : InterferenceConfig
         The other radar.
     setting : Setting
         Ours.
@@ -47,7 +47,7 @@ class Interference:
         When our radar does not sweep.
     """
 
-    def __init__(self, config: config.Interference, setting: Setting) -> None:
+    def __init__(self, config: InterferenceConfig, setting: Setting) -> None:
         require_fmcw("interference", setting, "what another radar's sweep leaves was worked out for crossing sweeps only")
         w, errors = setting.info.waveform, setting.scene.effects.channel_errors
         place, distance = _place(config, setting.info)
@@ -144,7 +144,7 @@ def _fresnel(v: Any) -> Any:
     return sign * (np.float32(0.5) + f * sin - g * cos), sign * (np.float32(0.5) - f * cos - g * sin)
 
 
-def received(config: config.Interference, setting: Setting) -> float:
+def received(config: InterferenceConfig, setting: Setting) -> float:
     """Power of its carrier at each receiver while it transmits (Friis 1946) [W]; 0 from behind the array."""
     place, distance = _place(config, setting.info)
     if place[0] <= 0.0:
@@ -155,7 +155,7 @@ def received(config: config.Interference, setting: Setting) -> float:
     return 1e-3 * 10 ** ((config.power + setting.array.gain) / 10) * gain * spread**2
 
 
-def share(config: config.Interference, waveform: Waveform) -> float:
+def share(config: InterferenceConfig, waveform: Waveform) -> float:
     """Share of our sampled time for which its carrier lies in the receiver's band, both radars running freely."""
     f0, slope, duration, rate = _ours(waveform)
     f1, slope1, duration1, interval1, _ = _theirs(config)
@@ -168,16 +168,16 @@ def share(config: config.Interference, waveform: Waveform) -> float:
     return duration1 / interval1 * max(area, 0.0) / (width * width1)
 
 
-def mean_power(config: config.Interference, setting: Setting) -> float:
+def mean_power(config: InterferenceConfig, setting: Setting) -> float:
     """Mean power that it adds to our samples [W]."""
     return received(config, setting) * share(config, setting.info.waveform)
 
 
-def size(config: config.Interference, setting: Setting, echoes: Echoes) -> str:
+def size(config: InterferenceConfig, setting: Setting, echoes: Echoes) -> str:
     """Say by how much the noise floor rises, whatever the echoes; against the usual noise where the scene names none."""
     if without_sweep(setting):
         return without_sweep(setting)
-    thermal = noise.power(setting.scene.effects.noise or Noise(), setting.info)
+    thermal = noise.power(setting.scene.effects.noise or NoiseConfig(), setting.info)
     rise = 10 * math.log10(1 + mean_power(config, setting) / max(thermal, 1e-30))
     return f"floor raised by {rise:.1f} dB, in band for {100 * share(config, setting.info.waveform):.2g} % of the time"
 
@@ -186,7 +186,7 @@ def _ours(w: Waveform) -> tuple[float, float, float, float]:
     return w.carrier - w.bandwidth / 2, w.slope, w.chirp_duration, w.n_sample / w.chirp_duration
 
 
-def _theirs(config: config.Interference) -> tuple[float, float, float, float, float]:
+def _theirs(config: InterferenceConfig) -> tuple[float, float, float, float, float]:
     """First frequency, slope, duration, interval, turns from sweep to sweep: as our clock sees them."""
     fast = 1.0 + config.drift
     interval = config.duration + config.pause
@@ -200,7 +200,7 @@ def _theirs(config: config.Interference) -> tuple[float, float, float, float, fl
     )
 
 
-def _place(config: config.Interference, info: RadarInfo) -> tuple[Float64Array, float]:
+def _place(config: InterferenceConfig, info: RadarInfo) -> tuple[Float64Array, float]:
     """Where it is in the sensor frame (3,), and its distance, never nearer than the radar equation holds [m]."""
     place: NDArray[np.float64] = info.mount.from_room(np.asarray(config.position))
     return place, max(float(np.linalg.norm(place)), NEAR)

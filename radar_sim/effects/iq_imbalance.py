@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import IqImbalanceConfig
 from radar_sim.scatterers import Echoes
 
 
@@ -20,13 +20,13 @@ class IqImbalance:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.IqImbalance
+    config : IqImbalanceConfig
         Gain, phase and offset.
     setting : Setting
         Not used: all radars alike.
     """
 
-    def __init__(self, config: config.IqImbalance, setting: Setting) -> None:
+    def __init__(self, config: IqImbalanceConfig, setting: Setting) -> None:
         gain = 10 ** (config.gain / 20)
         self._straight, self._crossed = np.float32(gain * math.cos(config.phase)), np.float32(gain * math.sin(config.phase))
         self._offset = np.complex64(complex(config.offset, config.offset))
@@ -40,14 +40,14 @@ class IqImbalance:
             signal.cube += self._offset
 
 
-def image(config: config.IqImbalance) -> float:
+def image(config: IqImbalanceConfig) -> float:
     """Amplitude of the image over that of the echo."""
     gain = 10 ** (config.gain / 20)
     turn = cmath.exp(1j * config.phase)
     return abs(1 - gain / turn) / abs(1 + gain * turn)
 
 
-def size(config: config.IqImbalance, setting: Setting, echoes: Echoes) -> str:
+def size(config: IqImbalanceConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is, whatever the echoes."""
     ratio = image(config)
     level = f"image {-20 * math.log10(ratio):.1f} dB below the echo" if ratio > 0.0 else "no image"

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.pose import Pose
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import MultipathConfig
 from radar_sim.effects.physics import amplitudes, leg_length
 from radar_sim.scatterers import Echoes, Float64Array, Motion
 from radar_sim.scene import Scene
@@ -87,13 +87,13 @@ class Multipath:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Multipath
+    config : MultipathConfig
         The floor's share, whether walls mirror, and the level.
     setting : Setting
         The scene with its walls, and the radar's mount.
     """
 
-    def __init__(self, config: config.Multipath, setting: Setting) -> None:
+    def __init__(self, config: MultipathConfig, setting: Setting) -> None:
         self.mirrors = tuple(_mirrors(config, setting.scene, setting.radar.mount))
         self._level = 10 ** (config.level / 20)
 
@@ -131,7 +131,7 @@ class Multipath:
             yield twice, np.full(len(twice), mirror.share), both, both
 
 
-def _mirrors(config: config.Multipath, scene: Scene, mount: Pose) -> Iterator[Mirror]:
+def _mirrors(config: MultipathConfig, scene: Scene, mount: Pose) -> Iterator[Mirror]:
     """Floor and walls that face the radar, in the sensor frame."""
     x, y, z = np.eye(3) @ mount.rotation
     if config.floor > 0.0 and mount.z > _OFF:
@@ -155,7 +155,7 @@ def _surface(wall: Wall, mount: Pose) -> Mirror:
     return Mirror(corner, normal, along, up, length, wall.height, wall.mirror)
 
 
-def size(config: config.Multipath, setting: Setting, echoes: Echoes) -> str:
+def size(config: MultipathConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes: level and place of the ghost that comes back strongest, against its echo."""
     straight = np.flatnonzero((echoes.out.position == echoes.back.position).all(-1))
     if not len(straight):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import RadarInfo
-from radar_sim.effects import config
 from radar_sim.effects.base import BOLTZMANN, Moment, Setting, Signal
+from radar_sim.effects.config import NoiseConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.link import IMPEDANCE
 from radar_sim.propagation.kernels import cosine, sine
@@ -38,13 +38,13 @@ class Noise:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Noise
+    config : NoiseConfig
         Noise figure, temperature and gain.
     setting : Setting
         The radar.
     """
 
-    def __init__(self, config: config.Noise, setting: Setting) -> None:
+    def __init__(self, config: NoiseConfig, setting: Setting) -> None:
         self._volts = np.float32(math.sqrt(power(config, setting.info) * IMPEDANCE))
         self._gain = np.float32(10 ** (config.gain / 20))
 
@@ -55,7 +55,7 @@ class Noise:
         add_noise(raw.view(np.int32), self._volts, self._gain, signal.cube.reshape(-1).view(np.float32))
 
 
-def power(config: config.Noise, info: RadarInfo) -> float:
+def power(config: NoiseConfig, info: RadarInfo) -> float:
     """Noise power k T F B at the receiver's input, before the gain [W]."""
     w = info.waveform
     return BOLTZMANN * config.temperature * 10 ** (config.noise_figure / 10) * w.n_sample / w.chirp_duration
@@ -97,7 +97,7 @@ def add_noise(raw: Any, volts: Any, gain: Any, parts: Any) -> None:
         parts[2 * i + 1] = gain * (parts[2 * i + 1] + radius * sine(turns))
 
 
-def size(config: config.Noise, setting: Setting, echoes: Echoes) -> str:
+def size(config: NoiseConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes."""
     w, noise = setting.info.waveform, power(config, setting.info)
     level = f"noise {10 * math.log10(max(noise, 1e-30) * 1e3):.1f} dBm"

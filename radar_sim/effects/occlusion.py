@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from radar_sim.bodies.shadows import View
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import OcclusionConfig
 from radar_sim.scatterers import THING, Echoes, Scatterers
 
 
@@ -20,13 +20,13 @@ class Occlusion:
 
     Parameters
     ----------
-    config : config.Occlusion
+    config : OcclusionConfig
         How fine.
     setting : Setting
         Which radar looks.
     """
 
-    def __init__(self, config: config.Occlusion, setting: Setting) -> None:
+    def __init__(self, config: OcclusionConfig, setting: Setting) -> None:
         mount = setting.radar.mount
         self._view = View(mount.origin, mount.rotation, config.resolution)
 
@@ -42,12 +42,12 @@ class Occlusion:
         return scatterers.select(tested[shadows.visible(position[tested])])
 
 
-def size(config: config.Occlusion, setting: Setting, echoes: Echoes) -> str:
+def size(config: OcclusionConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how many degrees of azimuth each person covers, and how much of the echoes' power has somebody nearer in front.
 
     Parameters
     ----------
-    config : config.Occlusion
+    config : OcclusionConfig
         How fine.
     setting : Setting
         Which radar looks.

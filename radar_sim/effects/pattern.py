@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import PatternConfig
 from radar_sim.scatterers import Echoes, Float64Array
 
 
@@ -23,7 +23,7 @@ class Pattern:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Pattern
+    config : PatternConfig
         Edge or matrix.
     setting : Setting
         The radar: its field of view.
@@ -34,7 +34,7 @@ class Pattern:
         When a measured pattern has azimuths but no elevations.
     """
 
-    def __init__(self, config: config.Pattern, setting: Setting) -> None:
+    def __init__(self, config: PatternConfig, setting: Setting) -> None:
         self._gain = _Gain(config, setting.array)
 
     def process(self, echoes: Echoes, moment: Moment) -> Echoes:
@@ -48,7 +48,7 @@ class Pattern:
 class _Gain:
     """One-way gain over direction, prepared for one array."""
 
-    def __init__(self, config: config.Pattern, array: AntennaArray) -> None:
+    def __init__(self, config: PatternConfig, array: AntennaArray) -> None:
         if config.azimuth and not config.elevation:
             raise ConfigError("Pattern.elevation is empty, but azimuth and gain are given; give the elevations that gain's columns are for")
         self._array, self._edge = array, config.edge
@@ -77,12 +77,12 @@ def _between(grid: Float64Array, x: Float64Array) -> tuple[Sequence[NDArray[np.i
     return (low, high), np.clip((x - grid[low]) / width, 0.0, 1.0)
 
 
-def two_way_gain(config: config.Pattern, info: RadarInfo, position: Float64Array) -> Float64Array:
+def two_way_gain(config: PatternConfig, info: RadarInfo, position: Float64Array) -> Float64Array:
     """Gain of transmitting and receiving element relative to the boresight, as a factor of the amplitude.
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Pattern
+    config : PatternConfig
         Edge or matrix.
     info : RadarInfo
         The field of view.
@@ -97,7 +97,7 @@ def two_way_gain(config: config.Pattern, info: RadarInfo, position: Float64Array
     return _Gain(config, info.array).process(position)
 
 
-def size(config: config.Pattern, setting: Setting, echoes: Echoes) -> str:
+def size(config: PatternConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes."""
     if not len(echoes):
         return "no echoes"

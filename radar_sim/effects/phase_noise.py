@@ -18,8 +18,8 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, ConfigError, Waveform
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.config import PhaseNoiseConfig
 from radar_sim.effects.fmcw import require_fmcw, without_sweep
 from radar_sim.scatterers import Echoes, Float64Array
 
@@ -38,7 +38,7 @@ class PhaseNoise:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.PhaseNoise
+    config : PhaseNoiseConfig
         Level over offset.
     setting : Setting
         The radar.
@@ -49,7 +49,7 @@ class PhaseNoise:
         When the radar does not sweep, or the noise is too strong to be small against a turn.
     """
 
-    def __init__(self, config: config.PhaseNoise, setting: Setting) -> None:
+    def __init__(self, config: PhaseNoiseConfig, setting: Setting) -> None:
         require_fmcw(
             "phase_noise", setting, "without a sweep samples do not tell delays apart, and what noise is left depends on the delay"
         )
@@ -145,18 +145,18 @@ def frequency_map(n: int) -> NDArray[np.complex128]:
     return np.asarray(np.linalg.solve(correlation.T, product.T).T, np.complex128)
 
 
-def level(config: config.PhaseNoise, offset: Float64Array) -> Float64Array:
+def level(config: PhaseNoiseConfig, offset: Float64Array) -> Float64Array:
     """Single-sideband level L at offsets from the carrier, shape (...) [1/Hz relative to the carrier]."""
     away = np.maximum(np.maximum(np.abs(offset), config.corner), 1e-3)
     return np.asarray(np.maximum(10 ** (config.level / 10) * (config.offset / away) ** 2, 10 ** (config.floor / 10)), np.float64)
 
 
-def rate_spectrum(config: config.PhaseNoise, offset: Float64Array) -> Float64Array:
+def rate_spectrum(config: PhaseNoiseConfig, offset: Float64Array) -> Float64Array:
     """Two-sided power spectral density of the phase's rate, (2 pi f)^2 L(f), shape (...) [rad^2/s^2/Hz]."""
     return np.asarray((2 * math.pi * offset) ** 2 * level(config, offset), np.float64)
 
 
-def size(config: config.PhaseNoise, setting: Setting, echoes: Echoes) -> str:
+def size(config: PhaseNoiseConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is for these echoes: skirts as they stand in one cell of range and Doppler."""
     if not len(echoes) or without_sweep(setting):
         return without_sweep(setting) or "no echoes"
@@ -166,7 +166,7 @@ def size(config: config.PhaseNoise, setting: Setting, echoes: Echoes) -> str:
     return f"skirt {below:.0f} dB below the farthest echo ({far:.2f} m) after integration over samples and chirps"
 
 
-def _rate_rms(config: config.PhaseNoise, w: Waveform) -> float:
+def _rate_rms(config: PhaseNoiseConfig, w: Waveform) -> float:
     """Rms of the phase's rate within the receiver's band [rad/s]."""
     half = w.n_sample / w.chirp_duration / 2
     offset = (np.arange(4096) + 0.5) / 4096 * half

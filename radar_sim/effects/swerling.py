@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
+from radar_sim.effects.config import SwerlingConfig
 from radar_sim.scatterers import THING, Echoes
 
 _SPREAD = {1: 5.6, 2: 5.6, 3: 3.5, 4: 3.5}  # dB: standard deviation of 10 log10 of chi-square with 2 and with 4 degrees of freedom
@@ -26,13 +26,13 @@ class Swerling:
 
     Parameters
     ----------
-    config : radar_sim.effects.config.Swerling
+    config : SwerlingConfig
         Case, and what fluctuates.
     setting : Setting
         The scene and the radar.
     """
 
-    def __init__(self, config: config.Swerling, setting: Setting) -> None:
+    def __init__(self, config: SwerlingConfig, setting: Setting) -> None:
         scene, w = setting.scene, setting.radar.waveform
         self._case = config.case
         self._n_points = len(scene.points) + len(scene.corners) if config.of in ("points", "all") else 0
@@ -65,7 +65,7 @@ class Swerling:
         return replace(echoes, envelope=envelope)
 
 
-def size(config: config.Swerling, setting: Setting, echoes: Echoes) -> str:
+def size(config: SwerlingConfig, setting: Setting, echoes: Echoes) -> str:
     """Say how large the effect is: the spread of the power of one target, and how many targets the scene has."""
     if config.case == 0:
         return "steady (case 0)"

@@ -9,7 +9,7 @@ from dca1000_emulator import Faults, cfg, encode
 from radar_core import RadarFrame
 from radar_driver.dca1000.ti_config import radar_info, read_ti_config
 from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Effects, Noise, Person, Point, Scene, SceneRadar, Simulator
+from radar_sim import Effects, NoiseConfig, Person, Point, Scene, SceneRadar, Simulator
 
 SHAPE = (2, 16, 4, 64)
 PATIENCE = 20.0  # s
@@ -98,7 +98,7 @@ def test_a_scene_through_the_wire_gives_the_same_cloud(bench, lanes, order):
         radars=(SceneRadar.of(info),),
         people=(Person(position=(2.2, 0.4)),),
         points=(Point(position=(3.0, -0.8, 1.4), velocity=(0.7, 0.0, 0.0), rcs=0.1),),
-        effects=Effects(noise=Noise()),
+        effects=Effects(noise=NoiseConfig()),
     )
     simulator = Simulator(scene)
     frames = [simulator.process(k).frame for k in range(3)]

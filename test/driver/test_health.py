@@ -89,9 +89,9 @@ def test_coupling_of_the_simulator_in_counts():
     scene = load_scene("single_target")
     given = replace(
         scene.effects,
-        coupling=effects.Coupling(level=-50.0, distance=0.0),
-        noise=effects.Noise(noise_figure=15.0),
-        converter=effects.Converter(bits=16, full_scale=0.05),
+        coupling=effects.CouplingConfig(level=-50.0, distance=0.0),
+        noise=effects.NoiseConfig(noise_figure=15.0),
+        converter=effects.ConverterConfig(bits=16, full_scale=0.05),
     )
     simulator = Simulator(replace(scene, effects=given))
     found = judge((simulator.process(k).frame for k in range(3)), simulator.info)
@@ -285,7 +285,7 @@ def test_a_simulated_radar_sends_by_itself(tmp_path):
     path.write_text("duration: 0.2\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], rcs: 0.1}]\neffects: {noise: {noise_figure: 12}}\n")
     source = board("sim").source(board("sim").config(scene=str(path)))
     found = {check.name: check for check in probe(source, 0.6).checks}
-    expected = 10 * math.log10(noise.power(effects.Noise(), source.info) * IMPEDANCE)
+    expected = 10 * math.log10(noise.power(effects.NoiseConfig(), source.info) * IMPEDANCE)
     assert found["noise floor"].value == pytest.approx(expected, abs=0.2)  # one target, as many cells as above at least
     source.power_up()
     source.resume()

@@ -19,7 +19,7 @@ from radar_dsp.peaks import Interpolator
 from radar_dsp.reference import Scales, integrate
 from radar_dsp.spectrum import Spectrum
 from radar_dsp.windows import make_window
-from radar_sim import Effects, Noise, Point, Scene, SceneRadar, Simulator
+from radar_sim import Effects, NoiseConfig, Point, Scene, SceneRadar, Simulator
 
 INFO = RadarInfo()
 DATA = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
@@ -214,7 +214,7 @@ def test_other_modulations(modulation):
         duration=0.02,
         radars=(SceneRadar(waveform=waveform, mount=Pose(z=0.0)),),
         points=(Point(position=(2.0, 0.5, 0.0), velocity=(1.0, 0.25, 0.0), rcs=1.0),),
-        effects=Effects(noise=Noise()),
+        effects=Effects(noise=NoiseConfig()),
     )
     cloud = Baseband(BasebandConfig(grouping="peak"), scene.radars[0].info).process(Simulator(scene).process(0).frame)
     i = int(np.argmax(cloud.snr))

@@ -7,7 +7,7 @@ import pytest
 
 from radar_core import Pose
 from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Action, Coupling, Effects, Noise, Person, Point, Scene, SceneRadar, Simulator
+from radar_sim import Action, CouplingConfig, Effects, NoiseConfig, Person, Point, Scene, SceneRadar, Simulator
 
 
 @pytest.mark.parametrize("mount", [Pose(), Pose(x=0.5, y=-1.0, z=2.0, yaw=0.4, tilt=-0.3)], ids=["plain", "tilted"])
@@ -15,7 +15,7 @@ def test_point_in_the_room(mount):
     """A moving scatterer is where the scene says at the cloud's stamp: five reported deviations, and 5 mm for the simulator's model."""
     start, velocity = np.array([3.0, 0.3, 1.1]), np.array([-1.5, 0.8, 0.0])
     point = Point(position=tuple(start), velocity=tuple(velocity), rcs=0.1)
-    scene = Scene(duration=0.5, radars=(SceneRadar(mount=mount),), points=(point,), effects=Effects(noise=Noise()))
+    scene = Scene(duration=0.5, radars=(SceneRadar(mount=mount),), points=(point,), effects=Effects(noise=NoiseConfig()))
     simulator = Simulator(scene)
     baseband = Baseband(BasebandConfig(grouping="peak"), simulator.info)
     for sequence in (0, 10, 20):
@@ -29,7 +29,7 @@ def test_point_in_the_room(mount):
 
 
 def scene_of(*actions, coupling):
-    effects = Effects(noise=Noise(), coupling=Coupling(level=-60.0) if coupling else None)
+    effects = Effects(noise=NoiseConfig(), coupling=CouplingConfig(level=-60.0) if coupling else None)
     return Scene(duration=3.0, seed=3, people=(Person(position=(2.2, 0.4), script=actions),), effects=effects)
 
 
@@ -62,7 +62,7 @@ def test_gesturing_person_beside_the_coupling():
 
 def test_empty_room():
     """Coupling and noise alone: fewer points than the design's false alarms."""
-    scene = Scene(duration=2.0, effects=Effects(noise=Noise(), coupling=Coupling(level=-60.0)))
+    scene = Scene(duration=2.0, effects=Effects(noise=NoiseConfig(), coupling=CouplingConfig(level=-60.0)))
     simulator = Simulator(scene)
     baseband = Baseband(BasebandConfig(), simulator.info)
     assert np.mean([len(baseband.process(simulator.process(s).frame)) for s in range(100)]) < 0.4

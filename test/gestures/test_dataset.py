@@ -15,11 +15,11 @@ from radar_lab.datasets import training_scenes
 from radar_lab.datasets.samples import SampleSet, chunk_path, join_samples, load_samples, standing
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_lab.training.training import train
-from radar_sim import Action, Effects, Losses, Noise, Person, Scene, SceneRadar
+from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SceneRadar
 
 S = 1_000_000_000
 PUSH, PUSH_PULL = GESTURES.index("push"), GESTURES.index("push_pull")
-EFFECTS = Effects(noise=Noise(), losses=Losses())
+EFFECTS = Effects(noise=NoiseConfig(), losses=LossesConfig())
 
 
 def event(start, end, features=True):

@@ -9,7 +9,7 @@ import pytest
 from radar_core import RadarInfo
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FeatureConfig, summarise
-from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator
+from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, Simulator
 
 PLACES = [0, 20, -20]
 TURNS = ["to the radar", "along the room"]
@@ -34,7 +34,7 @@ def stroke(gesture, place, body, turn, arm="right", variant=0):
     heading = None if turn == "to the radar" else math.pi
     script = (Action(gesture=gesture, variant=variant),)
     person = Person(position=where, heading=heading, body=body, arm=arm, script=script)
-    effects = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=25.0))
+    effects = Effects(noise=NoiseConfig(noise_figure=15.0), losses=LossesConfig(level=25.0))
     simulator = Simulator(Scene(duration=4.0, people=(person,), effects=effects))
     segment = next(s for s in simulator.world.timelines[0].segments if s.gesture is not None)
     samples, hands = [], []

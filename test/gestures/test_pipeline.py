@@ -13,7 +13,7 @@ from radar_lab.datasets.scenes import Recording, find_events, nearest_person, re
 from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, truth_segments
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents
 from radar_lab.pipeline import Pipeline, PipelineConfig
-from radar_sim import Action, Effects, Losses, Noise, Person, Scene, Simulator, Walk, load_scene
+from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, Simulator, Walk, load_scene
 from radar_tracking import HandConfig
 
 
@@ -85,7 +85,7 @@ def figure():
     A simulated hand is brought into place for a second before the next gesture; of that only 0.4 s are left before the last one.
     """
     script = tuple(Action(gesture=name, at=at) for name, at in FIGURE)
-    effects = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=20.0))
+    effects = Effects(noise=NoiseConfig(noise_figure=15.0), losses=LossesConfig(level=20.0))
     recording = record(Scene(duration=11.0, seed=5, people=(Person(position=(2.3, 0.0), script=script),), effects=effects))
     judge = TrueEvents(CriterionConfig(), recording.mount)
     *_, before, after = judge.process(recording.truths)
@@ -161,7 +161,7 @@ def test_walking_is_no_gesture():
     """To and fro, towards the radar and across: legs and arms swing at 2 m/s, yet every event is random."""
     ways = [(1.8, 0.5), (4.0, -1.0), (2.0, -1.0), (4.0, 1.0)]
     walker = Person(position=(4.5, 1.0), script=tuple(Action(walk=Walk(to=way, speed=1.1)) for way in ways))
-    effects = Effects(noise=Noise(), losses=Losses())
+    effects = Effects(noise=NoiseConfig(), losses=LossesConfig())
     _, names, _ = score_scene(Scene(duration=11.0, seed=3, people=(walker,), effects=effects))
     assert names
     assert set(names) == {"random"}

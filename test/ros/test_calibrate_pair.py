@@ -30,7 +30,7 @@ from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_from_msg, info_to_msg
 from radar_sim import Scene, Simulator
-from radar_sim.effects.config import Effects, Noise
+from radar_sim.effects.config import Effects, NoiseConfig
 from radar_sim.people import Action, Person, Walk
 from radar_sim.scene import Fidelity, SceneRadar
 
@@ -51,7 +51,7 @@ def walk():
         seed=4,
         radars=tuple(radars),
         people=(Person(position=(2.0, 0.0), script=script),),
-        effects=Effects(noise=Noise(noise_figure=15.0)),
+        effects=Effects(noise=NoiseConfig(noise_figure=15.0)),
         fidelity=Fidelity(model="separable"),
     )
     infos, clouds, frames = {}, {}, {}

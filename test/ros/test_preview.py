@@ -18,9 +18,23 @@ from radar_app.preview_panels import COLOURS, Deed, Observer, Strip, deeds, find
 from radar_app.preview_picture import MOST_SNAPSHOTS, SNAPSHOTS, snapshot_times
 from radar_app.preview_video import step_of
 from radar_core import AntennaArray, ConfigError, Waveform
-from radar_sim import Action, Coupling, Effects, Furniture, Losses, Noise, Person, Point, Scene, SceneRadar, Simulator, Wall, load_scene
+from radar_sim import (
+    Action,
+    CouplingConfig,
+    Effects,
+    Furniture,
+    LossesConfig,
+    NoiseConfig,
+    Person,
+    Point,
+    Scene,
+    SceneRadar,
+    Simulator,
+    Wall,
+    load_scene,
+)
 
-EFFECTS = Effects(noise=Noise(noise_figure=15.0), losses=Losses(level=25.0), coupling=Coupling(level=-60.0))
+EFFECTS = Effects(noise=NoiseConfig(noise_figure=15.0), losses=LossesConfig(level=25.0), coupling=CouplingConfig(level=-60.0))
 PEOPLE = (
     Person(id=1, position=(2.2, 0.7), script=(Action(gesture="push"),)),
     Person(id=7, position=(2.4, -0.7), script=(Action(stand=0.2), Action(fidget=2.0))),

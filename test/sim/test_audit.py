@@ -13,12 +13,12 @@ import pytest
 from benchmarks.effects import apart, chain, deviation, unshared
 from radar_core import RadarInfo
 from radar_core.pose import Pose
-from radar_sim import Effects, Multipath, Person, Point, Scene, SceneRadar, Simulator, Wall, load_scene
+from radar_sim import Effects, MultipathConfig, Person, Point, Scene, SceneRadar, Simulator, Wall, load_scene
 from radar_sim.audit import audit, called_for, everything, ours, real, table
 from radar_sim.auto import CANDIDATES, choose_effects
+from radar_sim.effects.chain import NAMES, is_named
 from radar_sim.effects.config import PHYSICS
 from radar_sim.places import displacement, places
-from radar_sim.probe import NAMES, is_named
 
 DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
 NUMBER = re.compile(r"[0-9][0-9.e+-]*|inf")
@@ -56,7 +56,7 @@ def test_the_published_table_is_what_the_code_says(label):
 def test_what_a_scene_does_not_call_for_changes_nothing_that_it_is_for(label):
     """With `auto` and with all that is real on, the chain gives the same within the tolerance; `python -m benchmarks effects` does all."""
     _, scene, radar = OURS[label]
-    auto = choose_effects(called_for(scene), radar).scene
+    auto = choose_effects(called_for(scene), Simulator, radar).scene
     left_out = [name for name in CANDIDATES if not is_named(auto.effects, name)]
     assert len(left_out) >= 5  # else nothing is compared
     one, other = chain(auto, radar), chain(real(scene), radar)
@@ -74,9 +74,9 @@ def test_a_tolerance_that_is_too_wide_is_found_out():
     people = (Person(id=1, position=(1.6, 0.0)), Person(id=2, position=(3.2, 0.0)))
     scene = dataclasses.replace(load_scene("two_crossing"), people=people, duration=4.0, tolerance=1.0)
     scene = dataclasses.replace(scene, effects=dataclasses.replace(scene.effects, occlusion=None))
-    wide = choose_effects(called_for(scene)).scene
+    wide = choose_effects(called_for(scene), Simulator).scene
     assert not is_named(wide.effects, "occlusion")
-    assert is_named(choose_effects(called_for(dataclasses.replace(scene, tolerance=0.02))).scene.effects, "occlusion")
+    assert is_named(choose_effects(called_for(dataclasses.replace(scene, tolerance=0.02)), Simulator).scene.effects, "occlusion")
     assert max(deviation(scene, "", chain(wide, ""), chain(real(scene), "")).values()) > 0.02
 
 
@@ -101,7 +101,7 @@ def test_effects_that_are_not_named_are_never_called(monkeypatch):
     for kinds in (stages.SCENE, stages.ECHO, stages.SIGNAL):
         for name in kinds:
             if not is_named(scene.effects, name):
-                monkeypatch.setitem(kinds, name, broken)
+                monkeypatch.setitem(kinds, name, dataclasses.replace(kinds[name], make=broken))
     np.testing.assert_array_equal(Simulator(scene).process(700).frame.cube, before)
     with pytest.raises(AssertionError, match="does not name"):
         Simulator(everything(scene))
@@ -154,14 +154,15 @@ def test_auto_judges_by_what_the_scene_is_for():
     """A ghost in the floor, 8 dB and more below, changes samples by a tenth and more, and moves no strong echo by 2 % of its range."""
     point = Point(position=(4.5, 0.3, 1.1), velocity=(0.4, 0.0, 0.0))  # the ghost is within the field of view
     scene = Scene(duration=0.5, points=(point,), effects=Effects(auto=True))
-    by_samples, by_place = (choose_effects(dataclasses.replace(scene, purpose=p)) for p in ("samples", "detections"))
+    by_samples, by_place = (choose_effects(dataclasses.replace(scene, purpose=p), Simulator) for p in ("samples", "detections"))
     assert is_named(by_samples.scene.effects, "multipath")
     assert not is_named(by_place.scene.effects, "multipath")
     change = by_place.changes["multipath"]
     assert change.samples > 0.1 > 0.02 > change.decisive > 0.0
     assert any(line.startswith("multipath: off, it changes the samples by") and "moves the strongest" in line for line in by_place.reasons)
     mirror = dataclasses.replace(scene, purpose="detections", walls=(Wall(start=(0.5, 1.0), end=(6.0, 1.0), mirror=1.0),))
-    assert is_named(choose_effects(mirror).scene.effects, "multipath")  # at a grazing wall of metal the ghost is as strong as the echo
+    # at a grazing wall of metal the ghost is as strong as the echo
+    assert is_named(choose_effects(mirror, Simulator).scene.effects, "multipath")
     for name in PHYSICS:
         assert by_place.changes[name].decisive < 0.02
 
@@ -196,5 +197,7 @@ def test_explain_all_wants_no_scene_beside_it():
 
 def test_multipath_can_be_named_beside_auto():
     """What the scene names stays, whatever it moves."""
-    scene = Scene(duration=0.5, purpose="detections", points=(Point(position=(2.5, 0.3, 1.1)),), effects=Effects(multipath=Multipath()))
-    assert is_named(choose_effects(called_for(scene)).scene.effects, "multipath")
+    scene = Scene(
+        duration=0.5, purpose="detections", points=(Point(position=(2.5, 0.3, 1.1)),), effects=Effects(multipath=MultipathConfig())
+    )
+    assert is_named(choose_effects(called_for(scene), Simulator).scene.effects, "multipath")

@@ -76,7 +76,7 @@ def test_amplitudes_are_the_radar_equation(distance):
 @pytest.mark.parametrize("edge", [-3.0, -10.0])
 def test_pattern_at_the_rim(azimuth, elevation, edge):
     """One-way gain `edge` at half the field of view, in each plane: both ways together it weakens amplitudes by `edge` in dB."""
-    effect = pattern.Pattern(config.Pattern(edge=edge), SETTING)
+    effect = pattern.Pattern(config.PatternConfig(edge=edge), SETTING)
     before = echoes_at(polar(azimuth, elevation))
     ratio = physics.amplitudes(effect.process(before, MOMENT)) / physics.amplitudes(before)
     np.testing.assert_allclose(20 * np.log10(ratio), 2 * edge, atol=1e-9)
@@ -84,7 +84,7 @@ def test_pattern_at_the_rim(azimuth, elevation, edge):
 
 def test_pattern_multiplies_both_ways():
     """A ghost that goes out on the boresight and comes back from the rim loses the rim's gain once; what comes from behind loses all."""
-    effect = pattern.Pattern(config.Pattern(edge=-3.0), SETTING)
+    effect = pattern.Pattern(config.PatternConfig(edge=-3.0), SETTING)
     straight, rim, behind = (Motion.still(polar(a, 0.0)[None]) for a in (0.0, 60.0, 180.0))
     one = echoes_at(polar(0.0, 0.0))
     level = [
@@ -98,7 +98,7 @@ def test_measured_pattern():
     """At the matrix's directions its entries, linear in dB between, and the rim's beyond the rim."""
     azimuth, elevation = (-40.0, 0.0, 50.0), (-20.0, 30.0)
     gain = ((-6.0, -9.0), (0.0, -1.0), (-4.0, -8.0))
-    effect = pattern.Pattern(config.Pattern(azimuth=azimuth, elevation=elevation, gain=gain), SETTING)
+    effect = pattern.Pattern(config.PatternConfig(azimuth=azimuth, elevation=elevation, gain=gain), SETTING)
 
     def level(a, e):
         before = echoes_at(polar(a, e))
@@ -115,11 +115,11 @@ def test_measured_pattern():
 
 def test_a_pattern_may_have_one_row():
     """Measured along one cut only: the other angle does not matter."""
-    cut = config.Pattern(azimuth=(0.0,), elevation=(-30.0, 0.0, 30.0), gain=((-5.0, 0.0, -5.0),))
+    cut = config.PatternConfig(azimuth=(0.0,), elevation=(-30.0, 0.0, 30.0), gain=((-5.0, 0.0, -5.0),))
     factor = pattern.two_way_gain(cut, SETTING.info, np.stack([polar(a, 15.0) for a in (-50.0, 0.0, 20.0)]))
     np.testing.assert_allclose(10 * np.log10(factor), -2.5, atol=1e-9)
     with pytest.raises(ConfigError, match="elevation is empty"):
-        pattern.Pattern(config.Pattern(azimuth=(0.0,), gain=((),)), SETTING)
+        pattern.Pattern(config.PatternConfig(azimuth=(0.0,), gain=((),)), SETTING)
 
 
 # Field of view, losses.
@@ -129,20 +129,20 @@ def test_field_of_view():
     """120 by 60 degrees, and a margin; either way beyond it is enough; nothing else changes."""
     angles = [(59, 0), (61, 0), (-61, 0), (0, 29), (0, -31), (180, 0)]
     echoes = echoes_at(np.stack([polar(*a) for a in angles]))
-    kept = field_of_view.FieldOfView(config.FieldOfView(), SETTING).process(echoes, MOMENT)
+    kept = field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(echoes, MOMENT)
     np.testing.assert_array_equal(kept.source, [0, 3])
-    wider = field_of_view.FieldOfView(config.FieldOfView(margin=math.radians(2)), SETTING).process(echoes, MOMENT)
+    wider = field_of_view.FieldOfView(config.FieldOfViewConfig(margin=math.radians(2)), SETTING).process(echoes, MOMENT)
     np.testing.assert_array_equal(wider.source, [0, 1, 2, 3, 4])
     ghost = dataclasses.replace(echoes.select(np.array([0])), back=Motion.still(polar(70, 0)[None]))
-    assert len(field_of_view.FieldOfView(config.FieldOfView(), SETTING).process(ghost, MOMENT)) == 0
+    assert len(field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(ghost, MOMENT)) == 0
     inside = echoes.select(np.array([0, 3]))
-    assert field_of_view.FieldOfView(config.FieldOfView(), SETTING).process(inside, MOMENT) is inside
+    assert field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(inside, MOMENT) is inside
 
 
 def test_losses():
     """20 dB of power are a tenth of the amplitude."""
     echoes = echoes_at([polar(0, 0), polar(20, 5)])
-    lossy = losses.Losses(config.Losses(level=20.0), SETTING).process(echoes, MOMENT)
+    lossy = losses.Losses(config.LossesConfig(level=20.0), SETTING).process(echoes, MOMENT)
     np.testing.assert_allclose(lossy.strength, 0.1 * echoes.strength, rtol=1e-12)
     assert lossy.out is echoes.out
 
@@ -156,7 +156,7 @@ CHI_SQUARE = {1: 2, 2: 2, 3: 4, 4: 4}
 
 def fluctuation(setting: Setting, case: int, of: str = "points", frames: int = 3) -> np.ndarray:
     """Factors on the power, shape (frame, n) or (frame, n_chirp, n_tx, n)."""
-    effect = swerling.Swerling(config.Swerling(case=case, of=of), setting)
+    effect = swerling.Swerling(config.SwerlingConfig(case=case, of=of), setting)
     w, factors = setting.info.waveform, []
     for k in range(frames):
         before = seen(setting, 0.02 * k + w.acquisition_time / 2)
@@ -205,7 +205,7 @@ def test_swerling_of_people_is_one_factor_each():
     )
 
     def factors(of, case=1):
-        return swerling.Swerling(config.Swerling(case=case, of=of), setting).process(echoes, MOMENT).strength / echoes.strength
+        return swerling.Swerling(config.SwerlingConfig(case=case, of=of), setting).process(echoes, MOMENT).strength / echoes.strength
 
     people, both, things = factors("people"), factors("all"), factors("points")
     assert len(set(people[[2, 3, 4, 11]])) == len(set(people[5:9])) == 1
@@ -224,7 +224,7 @@ def test_swerling_knows_points_whatever_else_is_seen():
     every = seen(setting, setting.info.waveform.acquisition_time / 2)
     some = every.select(np.r_[2, 4, 5 : len(every)])
     for case in (1, 2):
-        effect = swerling.Swerling(config.Swerling(case=case), setting)
+        effect = swerling.Swerling(config.SwerlingConfig(case=case), setting)
         whole, part = effect.process(every, MOMENT), effect.process(some, MOMENT)
         again = effect.process(dataclasses.replace(some, envelope=np.full((64, 2, len(some)), 2.0, np.float32)), MOMENT)
         np.testing.assert_array_equal(whole.strength[[2, 4]], part.strength[:2])
@@ -265,7 +265,7 @@ SURFACES = {"floor": lambda a, b: np.array([a, b, 0.0]), "wall": lambda a, b: np
 def ghosts_of(kind: str, **more) -> tuple[Echoes, float]:
     """Echo and its three ghosts by way of one mirror, and that mirror's share."""
     setting = setting_of(MOUNT, walls=() if kind == "floor" else (SIDE,))
-    chosen = config.Multipath(floor=0.15 if kind == "floor" else 0.0, **more)
+    chosen = config.MultipathConfig(floor=0.15 if kind == "floor" else 0.0, **more)
     return multipath.Multipath(chosen, setting).process(room_echo(MOUNT), MOMENT), 0.15 if kind == "floor" else 0.3
 
 
@@ -323,11 +323,11 @@ def test_reciprocity():
 def test_two_mirrors_are_two_sets_of_ghosts():
     """Mirrors do not mirror each other's images: 1 + 3 + 3 echoes, in the order floor, walls."""
     setting = setting_of(MOUNT, walls=(SIDE,))
-    both = multipath.Multipath(config.Multipath(), setting).process(room_echo(MOUNT), MOMENT)
+    both = multipath.Multipath(config.MultipathConfig(), setting).process(room_echo(MOUNT), MOMENT)
     floor, wall = ghosts_of("floor")[0], ghosts_of("wall")[0]
     np.testing.assert_array_equal(both.out.position, np.concatenate([floor.out.position, wall.out.position[1:]]))
     np.testing.assert_array_equal(both.strength, np.concatenate([floor.strength, wall.strength[1:]]))
-    assert len(multipath.Multipath(config.Multipath(walls=False), setting).process(room_echo(MOUNT), MOMENT)) == 4
+    assert len(multipath.Multipath(config.MultipathConfig(walls=False), setting).process(room_echo(MOUNT), MOMENT)) == 4
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_two_mirrors_are_two_sets_of_ghosts():
 )
 def test_only_what_a_wall_can_show(wall, count):
     """The mirror point lies on the wall, radar and target are on one side of it, the image in front of the array."""
-    effect = multipath.Multipath(config.Multipath(floor=0.0), setting_of(MOUNT, walls=(wall,)))
+    effect = multipath.Multipath(config.MultipathConfig(floor=0.0), setting_of(MOUNT, walls=(wall,)))
     assert len(effect.process(room_echo(MOUNT), MOMENT)) == count
 
 
@@ -359,14 +359,14 @@ def test_weak_paths_are_left_out():
     assert len(ghosts_of("floor", level=-15.0)[0]) == 3
     assert len(ghosts_of("floor", level=-5.0)[0]) == 1
     echoes = room_echo(MOUNT)
-    assert multipath.Multipath(config.Multipath(level=-5.0), setting_of(MOUNT)).process(echoes, MOMENT) is echoes
+    assert multipath.Multipath(config.MultipathConfig(level=-5.0), setting_of(MOUNT)).process(echoes, MOMENT) is echoes
 
 
 def test_ghosts_fluctuate_with_their_echo():
     """An envelope goes with every path."""
     envelope = np.arange(1.0, 129.0, dtype=np.float32).reshape(64, 2, 1)
     echoes = dataclasses.replace(room_echo(MOUNT), envelope=envelope)
-    both = multipath.Multipath(config.Multipath(), setting_of(MOUNT)).process(echoes, MOMENT)
+    both = multipath.Multipath(config.MultipathConfig(), setting_of(MOUNT)).process(echoes, MOMENT)
     np.testing.assert_array_equal(both.envelope, np.repeat(envelope, 4, axis=2))
 
 
@@ -375,7 +375,7 @@ def test_ghosts_fluctuate_with_their_echo():
 def test_images_reflect_anywhere(x, y, z, yaw):
     """Wherever target and radar are: image and echo are as far from the mirror, and the way is longer than the straight one."""
     mount = Pose(z=1.2, yaw=yaw)
-    (mirror,) = multipath.Multipath(config.Multipath(floor=0.0), setting_of(mount, walls=(SIDE,))).mirrors
+    (mirror,) = multipath.Multipath(config.MultipathConfig(floor=0.0), setting_of(mount, walls=(SIDE,))).mirrors
     echo = room_echo(mount, np.array([x, y, z])).out
     image = mirror.image(echo)
     sides = [(leg.position - mirror.start) @ mirror.normal for leg in (echo, image)]
@@ -394,7 +394,7 @@ def test_clutter_is_the_same_for_all():
     radars = (SceneRadar(frame_id="a/radar"), SceneRadar(frame_id="b/radar", mount=Pose(y=1.0, z=1.0, yaw=-0.2)))
     scene = Scene(radars=radars, points=(Point(position=(2.0, 0.0, 1.0)),), seed=3)
     own = Things(scene).scatterers(0.0)
-    first, second = (clutter.Clutter(config.Clutter(low=(1.0, -3.0, 0.0)), Setting(scene, r, i)) for i, r in enumerate(radars))
+    first, second = (clutter.Clutter(config.ClutterConfig(low=(1.0, -3.0, 0.0)), Setting(scene, r, i)) for i, r in enumerate(radars))
     one, other = first.process(own, Moment(0, 0.0)), second.process(own, Moment(7, 3.0, 3, 1))
     np.testing.assert_array_equal(one.motion.position, other.motion.position)
     np.testing.assert_array_equal(one.rcs, other.rcs)
@@ -402,13 +402,13 @@ def test_clutter_is_the_same_for_all():
     assert one.rcs[0] == own.rcs[0]
     assert (one.owner[1:] == THING).all()
     assert not one.motion.velocity.any()
-    reseeded = clutter.Clutter(config.Clutter(), Setting(dataclasses.replace(scene, seed=4), radars[0]))
+    reseeded = clutter.Clutter(config.ClutterConfig(), Setting(dataclasses.replace(scene, seed=4), radars[0]))
     assert not np.array_equal(reseeded.scatterers.motion.position[0], first.scatterers.motion.position[0])
 
 
 def test_clutter_distribution():
     """Places even over the volume, cross-sections exponential with the mean asked for (Kolmogorov-Smirnov, 5000 draws)."""
-    chosen = config.Clutter(count=5000, rcs=0.002, low=(0.5, -1.0, 0.2), high=(6.0, 2.0, 2.2))
+    chosen = config.ClutterConfig(count=5000, rcs=0.002, low=(0.5, -1.0, 0.2), high=(6.0, 2.0, 2.2))
     drawn = clutter.Clutter(chosen, SETTING).scatterers
     assert stats.kstest(drawn.rcs, stats.expon(scale=0.002).cdf).pvalue > 0.01
     for axis in range(3):
@@ -418,7 +418,7 @@ def test_clutter_distribution():
 
 def test_clutter_behind_the_array_is_shielded():
     """Half of a volume around the radar is behind its plane."""
-    chosen = config.Clutter(count=2000, low=(-3.0, -3.0, 0.0), high=(3.0, 3.0, 2.4))
+    chosen = config.ClutterConfig(count=2000, low=(-3.0, -3.0, 0.0), high=(3.0, 3.0, 2.4))
     drawn = clutter.Clutter(chosen, SETTING).scatterers
     assert 900 < len(drawn) < 1100  # 4.5 standard deviations
     assert (drawn.motion.position[:, 0] > 0).all()
@@ -435,18 +435,21 @@ def number(text: str) -> float:
 def test_sizes_of_effects():
     """One line each, in the unit that is natural to it."""
     echoes = echoes_at([polar(0, 0), polar(60, 0), polar(70, 0, 6.0)])
-    assert pattern.size(config.Pattern(), SETTING, echoes.select(np.array([0, 1]))) == "-6.0 dB two-way at the echo farthest from boresight"
+    assert (
+        pattern.size(config.PatternConfig(), SETTING, echoes.select(np.array([0, 1])))
+        == "-6.0 dB two-way at the echo farthest from boresight"
+    )
     # Of three echoes of equal strength, the one beyond has (1/2)^4 of the power of each of the others: 1/33, -15.2 dB.
-    assert field_of_view.size(config.FieldOfView(), SETTING, echoes) == "1 of 3 echoes are beyond, with -15.2 dB of the power"
-    assert field_of_view.size(config.FieldOfView(), SETTING, echoes.select(np.array([0]))) == "none of 1 echoes is beyond"
-    assert losses.size(config.Losses(level=25.0), SETTING, echoes) == "-25.0 dB on every echo"
-    assert losses.size(config.Losses(level=0.0), SETTING, echoes) == "0.0 dB on every echo"
+    assert field_of_view.size(config.FieldOfViewConfig(), SETTING, echoes) == "1 of 3 echoes are beyond, with -15.2 dB of the power"
+    assert field_of_view.size(config.FieldOfViewConfig(), SETTING, echoes.select(np.array([0]))) == "none of 1 echoes is beyond"
+    assert losses.size(config.LossesConfig(level=25.0), SETTING, echoes) == "-25.0 dB on every echo"
+    assert losses.size(config.LossesConfig(level=0.0), SETTING, echoes) == "0.0 dB on every echo"
     setting = setting_of(points=POINTS[:7])
-    assert swerling.size(config.Swerling(case=1), setting, echoes) == "5.6 dB rms from frame to frame: 7 points"
+    assert swerling.size(config.SwerlingConfig(case=1), setting, echoes) == "5.6 dB rms from frame to frame: 7 points"
     people = dataclasses.replace(setting, scene=dataclasses.replace(setting.scene, people=(Person(),)))
-    assert swerling.size(config.Swerling(case=4, of="all"), people, echoes) == "3.5 dB rms from chirp to chirp: 7 points and 1 person"
-    assert swerling.size(config.Swerling(case=4), SETTING, echoes) == "nothing in the scene fluctuates"
-    assert swerling.size(config.Swerling(case=0), SETTING, echoes) == "steady (case 0)"
+    assert swerling.size(config.SwerlingConfig(case=4, of="all"), people, echoes) == "3.5 dB rms from chirp to chirp: 7 points and 1 person"
+    assert swerling.size(config.SwerlingConfig(case=4), SETTING, echoes) == "nothing in the scene fluctuates"
+    assert swerling.size(config.SwerlingConfig(case=0), SETTING, echoes) == "steady (case 0)"
 
 
 def test_size_of_swerling_is_the_spread():
@@ -459,18 +462,18 @@ def test_size_of_swerling_is_the_spread():
 def test_size_of_multipath():
     """Floor at 1.2 m, target at 3 m and the radar's height: image at 3.84 m, -8.24 - 2.15 dB, half of 0.84 m behind its echo."""
     echoes = echoes_at([3.0, 0.0, 0.0])
-    assert multipath.size(config.Multipath(), SETTING, echoes) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
-    with_ghosts = multipath.Multipath(config.Multipath(), SETTING).process(echoes, MOMENT)
-    assert multipath.size(config.Multipath(), SETTING, with_ghosts) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
-    assert multipath.size(config.Multipath(floor=0.0), SETTING, echoes) == "no floor or wall mirrors"
+    assert multipath.size(config.MultipathConfig(), SETTING, echoes) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
+    with_ghosts = multipath.Multipath(config.MultipathConfig(), SETTING).process(echoes, MOMENT)
+    assert multipath.size(config.MultipathConfig(), SETTING, with_ghosts) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
+    assert multipath.size(config.MultipathConfig(floor=0.0), SETTING, echoes) == "no floor or wall mirrors"
 
 
 def test_size_of_clutter():
     """Its power against that of the echoes; ten times the cross-section are 10 dB."""
     echoes = echoes_at([3.0, 0.0, 0.0], rcs=1.0)
-    levels = [number(clutter.size(config.Clutter(rcs=r), SETTING, echoes).split(", ")[1]) for r in (1e-3, 1e-2)]
+    levels = [number(clutter.size(config.ClutterConfig(rcs=r), SETTING, echoes).split(", ")[1]) for r in (1e-3, 1e-2)]
     assert levels[1] - levels[0] == pytest.approx(10.0, abs=0.11)
-    drawn = clutter.Clutter(config.Clutter(rcs=1e-3), SETTING).scatterers
+    drawn = clutter.Clutter(config.ClutterConfig(rcs=1e-3), SETTING).scatterers
     distance = np.linalg.norm(drawn.motion.position - [0.0, 0.0, 1.2], axis=-1)
     assert levels[0] == pytest.approx(10 * math.log10((drawn.rcs / distance**4).sum() * 81), abs=0.06)
 
@@ -526,11 +529,11 @@ def test_effects_do_not_change_what_they_are_given():
     echoes = dataclasses.replace(seen(setting), envelope=None)
     copies = [a.copy() for a in (echoes.out.position, echoes.strength, echoes.owner, echoes.source)]
     effects = [
-        swerling.Swerling(config.Swerling(case=2), setting),
-        multipath.Multipath(config.Multipath(), setting),
-        pattern.Pattern(config.Pattern(), setting),
-        field_of_view.FieldOfView(config.FieldOfView(), setting),
-        losses.Losses(config.Losses(), setting),
+        swerling.Swerling(config.SwerlingConfig(case=2), setting),
+        multipath.Multipath(config.MultipathConfig(), setting),
+        pattern.Pattern(config.PatternConfig(), setting),
+        field_of_view.FieldOfView(config.FieldOfViewConfig(), setting),
+        losses.Losses(config.LossesConfig(), setting),
     ]
     now = echoes
     for effect in effects:
@@ -543,5 +546,5 @@ def test_effects_do_not_change_what_they_are_given():
         np.testing.assert_array_equal(copy, array)
     scatterers = Scatterers.join([Things(setting.scene).scatterers(0.0)])
     n = len(scatterers)
-    clutter.Clutter(config.Clutter(), setting).process(scatterers, MOMENT)
+    clutter.Clutter(config.ClutterConfig(), setting).process(scatterers, MOMENT)
     assert len(scatterers) == n

@@ -42,7 +42,7 @@ def crossing_reference(starts, ours, theirs, n):
 @pytest.mark.parametrize(("bandwidth", "duration"), [(1.0e9, 40e-6), (1.45e9, 66e-6), (0.0, 50e-6), (3e9, 70e-6)])
 def test_compiled_crossings_are_the_reference(bandwidth, duration):
     """The kernel equals numpy with exact Fresnel integrals: its own are good to 2e-3 each, four of them to 6e-3."""
-    cfg = config.Interference(bandwidth=bandwidth, duration=duration)
+    cfg = config.InterferenceConfig(bandwidth=bandwidth, duration=duration)
     w = Waveform()
     ours, theirs = interference._ours(w), interference._theirs(cfg)
     starts = 0.02 + np.arange(128) * w.chirp_interval
@@ -59,7 +59,7 @@ def test_burst_is_what_an_ideal_filter_leaves():
     The cut record repeats itself and begins and ends sharply, which leaves tails of some percent; the burst is at its middle.
     """
     w = Waveform()
-    cfg = config.Interference(bandwidth=1.4e9, duration=66e-6, pause=0.0, drift=0.0, carrier=76.75e9)
+    cfg = config.InterferenceConfig(bandwidth=1.4e9, duration=66e-6, pause=0.0, drift=0.0, carrier=76.75e9)
     f0, slope, duration, rate = interference._ours(w)
     f1, slope1, *_ = interference._theirs(cfg)
     start = 0.0
@@ -84,7 +84,7 @@ def test_crossing_where_computed():
     setting = a_setting(w, AntennaArray(tx=((0.0, 0.0),)))
     for carrier in (76.5e9, 76.75e9, 77.0e9):
         # It starts its sweeps with ours, at half the slope: they meet where our head start is made up for.
-        cfg = config.Interference(position=(2.0, 0.0, 0.0), carrier=carrier, bandwidth=0.75e9, duration=66e-6, pause=50e-6, drift=0.0)
+        cfg = config.InterferenceConfig(position=(2.0, 0.0, 0.0), carrier=carrier, bandwidth=0.75e9, duration=66e-6, pause=50e-6, drift=0.0)
         signal = empty(setting)
         interference.Interference(cfg, setting).process(signal, Moment(0, 0.0))
         meet = (carrier - 0.375e9 - 76.0e9) / (w.slope / 2) * 64 / 66e-6
@@ -100,7 +100,7 @@ def rise(cfg, frames, setting):
     effect, total = interference.Interference(cfg, setting), []
     for k in range(frames):
         signal = empty(setting)
-        noise.Noise(config.Noise(), setting).process(signal, Moment(k, 0.02 * k, 1))
+        noise.Noise(config.NoiseConfig(), setting).process(signal, Moment(k, 0.02 * k, 1))
         before = (np.abs(signal.cube) ** 2).mean()
         effect.process(signal, Moment(k, 0.02 * k, 1))
         total.append((before, (np.abs(signal.cube) ** 2).mean()))
@@ -111,11 +111,11 @@ def rise(cfg, frames, setting):
 @pytest.mark.parametrize(
     "cfg",
     [
-        config.Interference(),
-        config.Interference(bandwidth=0.0, pause=0.0, power=30.0),
-        config.Interference(bandwidth=0.3e9, duration=17e-6, pause=6.1e-6, carrier=76.3e9),
-        config.Interference(bandwidth=1.2e9, duration=63e-6, pause=4.7e-6, drift=1e-4),
-        config.Interference(bandwidth=2.0e9, duration=21e-6, pause=3.3e-6, carrier=77.4e9, power=30.0),
+        config.InterferenceConfig(),
+        config.InterferenceConfig(bandwidth=0.0, pause=0.0, power=30.0),
+        config.InterferenceConfig(bandwidth=0.3e9, duration=17e-6, pause=6.1e-6, carrier=76.3e9),
+        config.InterferenceConfig(bandwidth=1.2e9, duration=63e-6, pause=4.7e-6, drift=1e-4),
+        config.InterferenceConfig(bandwidth=2.0e9, duration=21e-6, pause=3.3e-6, carrier=77.4e9, power=30.0),
     ],
 )
 def test_interference_raises_the_floor_as_predicted(cfg):
@@ -129,7 +129,7 @@ def test_interference_raises_the_floor_as_predicted(cfg):
     in_band = np.maximum(width, 0).mean() / 1.5e9 * cfg.duration / (cfg.duration + cfg.pause)
     assert interference.share(cfg, Waveform()) == pytest.approx(in_band, rel=2e-3)
     assert interference.mean_power(cfg, setting) == pytest.approx(friis * in_band, rel=2e-3)
-    predicted = decibel(1 + friis * in_band / noise.power(config.Noise(), setting.info))
+    predicted = decibel(1 + friis * in_band / noise.power(config.NoiseConfig(), setting.info))
     assert predicted > 1.0
     assert rise(cfg, 150, setting) == pytest.approx(predicted, abs=0.5)
 
@@ -137,7 +137,7 @@ def test_interference_raises_the_floor_as_predicted(cfg):
 @pytest.mark.parametrize("carrier", [74.0e9, 80.0e9])
 def test_interference_out_of_band(carrier):
     """A band that does not overlap ours leaves every sample as it was, bit for bit."""
-    setting, cfg = a_setting(), config.Interference(carrier=carrier)
+    setting, cfg = a_setting(), config.InterferenceConfig(carrier=carrier)
     effect = interference.Interference(cfg, setting)
     for k in range(5):
         signal = samples(setting)
@@ -149,7 +149,7 @@ def test_interference_out_of_band(carrier):
 
 def test_interference_comes_as_a_plane_wave():
     """Between receivers it turns by -2 pi p.u / lambda; from behind the array nothing comes."""
-    setting, cfg = a_setting(), config.Interference(position=(3.0, 1.5, 0.5))
+    setting, cfg = a_setting(), config.InterferenceConfig(position=(3.0, 1.5, 0.5))
     signal = empty(setting)
     interference.Interference(cfg, setting).process(signal, Moment(0, 0.0))
     direction = np.array([3.0, 1.5, 0.5]) / np.linalg.norm([3.0, 1.5, 0.5])
@@ -158,13 +158,13 @@ def test_interference_comes_as_a_plane_wave():
     for j in range(4):
         np.testing.assert_allclose(signal.cube[:, :, j][hit] / signal.cube[:, :, 0][hit], expected[j] / expected[0], atol=1e-5)
     behind = empty(setting)
-    interference.Interference(config.Interference(position=(-3.0, 1.5, 0.5)), setting).process(behind, Moment(0, 0.0))
+    interference.Interference(config.InterferenceConfig(position=(-3.0, 1.5, 0.5)), setting).process(behind, Moment(0, 0.0))
     assert not behind.cube.any()
 
 
 def test_interference_runs_on_between_frames():
     """Bursts of a frame depend on scene time only: one frame that begins where another's second half does has the same bursts."""
-    setting, cfg = a_setting(Waveform(n_chirp=32, frame_interval=0.01)), config.Interference()
+    setting, cfg = a_setting(Waveform(n_chirp=32, frame_interval=0.01)), config.InterferenceConfig()
     w, effect = setting.info.waveform, interference.Interference(cfg, setting)
     one, two = empty(setting), empty(setting)
     effect.process(one, Moment(0, 1.0))

@@ -26,14 +26,14 @@ def noise_of(setting, cfg, sequences=(0,), name_radar=0):
 def test_noise_is_k_t_f_b(modulation):
     """Power k T F B on 50 ohm; 131,072 samples of exponential power give a mean good to 0.3 %."""
     setting = a_setting(Waveform(modulation=modulation))
-    cfg = config.Noise(noise_figure=9.0, temperature=310.0)
+    cfg = config.NoiseConfig(noise_figure=9.0, temperature=310.0)
     power = (np.abs(noise_of(setting, cfg, range(4))) ** 2).mean() / 50
     assert power == pytest.approx(BOLTZMANN * 310.0 * 10**0.9 * 64 / 66e-6, rel=0.015)
 
 
 def test_noise_is_gaussian_circular_and_white():
     """Real parts are normal (Kolmogorov-Smirnov), z^2 averages to nothing, and no two samples, channels or chirps go together."""
-    cube = noise_of(a_setting(), config.Noise(), (3,))[0].astype(np.complex128)
+    cube = noise_of(a_setting(), config.NoiseConfig(), (3,))[0].astype(np.complex128)
     cube /= np.sqrt((np.abs(cube) ** 2).mean())
     for part in (cube.real, cube.imag):
         assert stats.kstest(part.ravel() * math.sqrt(2), "norm").pvalue > 1e-3
@@ -44,13 +44,13 @@ def test_noise_is_gaussian_circular_and_white():
 
 def test_noise_tails():
     """Powers beyond 8 times the mean are as rare as exp(-8): 220 of 655,360, 15 by chance."""
-    power = np.abs(noise_of(a_setting(), config.Noise(), range(20))) ** 2
+    power = np.abs(noise_of(a_setting(), config.NoiseConfig(), range(20))) ** 2
     assert (power > 8 * power.mean()).sum() == pytest.approx(655_360 * math.exp(-8), abs=75)
 
 
 def test_noise_differs_from_frame_to_frame_and_radar_to_radar():
     """Frames and radars of a scene have independent noise; the same frame has the same."""
-    setting, cfg = a_setting(), config.Noise()
+    setting, cfg = a_setting(), config.NoiseConfig()
     one, again, later = (noise_of(setting, cfg, (k,))[0] for k in (1, 1, 2))
     other = noise_of(setting, cfg, (1,), name_radar=1)[0]
     np.testing.assert_array_equal(one, again)
@@ -62,11 +62,11 @@ def test_amplifier_amplifies_echoes_and_noise():
     """With 40 dB of gain everything is 100 times what it was: volts at the converter."""
     setting, moment = a_setting(), Moment(0, 0.0, 5)
     plain, loud = samples(setting), samples(setting)
-    noise.Noise(config.Noise(), setting).process(plain, moment)
-    noise.Noise(config.Noise(gain=40.0), setting).process(loud, moment)
+    noise.Noise(config.NoiseConfig(), setting).process(plain, moment)
+    noise.Noise(config.NoiseConfig(gain=40.0), setting).process(loud, moment)
     np.testing.assert_allclose(loud.cube, 100 * plain.cube, rtol=1e-6)
     only = samples(setting)
-    noise.Noise(config.Noise(temperature=0.0, gain=40.0), setting).process(only, moment)
+    noise.Noise(config.NoiseConfig(temperature=0.0, gain=40.0), setting).process(only, moment)
     np.testing.assert_allclose(only.cube, 100 * samples(setting).cube, rtol=1e-6)
 
 
@@ -95,7 +95,7 @@ def level(cfg, offset):
 @pytest.mark.parametrize("floor", [-130.0, -82.0])
 def test_phase_noise_skirt(distance, floor):
     """The skirt at the offset f is L(f) 4 sin^2(pi f tau) below the echo: 1,024 windowed spectra, 0.2 dB by chance."""
-    setting, cfg = a_setting(), config.PhaseNoise(level=-90.0, offset=1e6, corner=1e5, floor=floor)
+    setting, cfg = a_setting(), config.PhaseNoiseConfig(level=-90.0, offset=1e6, corner=1e5, floor=floor)
     w, window = setting.info.waveform, np.hanning(64)
     added = skirt(setting, cfg, distance / w.range_resolution, 8)
     spectrum = (np.abs(np.fft.fft(added * window)) ** 2).mean((0, 1, 2)) / (window**2).sum() * (w.chirp_duration / 64)
@@ -110,7 +110,7 @@ def test_phase_noise_skirt(distance, floor):
 def test_phase_noise_is_continuous_from_chirp_to_chirp():
     """Without pauses the frame is one record, in the order of the transmitters: offsets below the chirp rate have their level too."""
     setting = a_setting(Waveform(chirp_pause=0.0))
-    cfg = config.PhaseNoise(corner=3e4, floor=-200.0)
+    cfg = config.PhaseNoiseConfig(corner=3e4, floor=-200.0)
     bins = 20.5
     added = skirt(setting, cfg, bins, 16).transpose(0, 2, 1, 3).reshape(16, -1)
     step, window = 66e-6 / 64, np.hanning(added.shape[1])
@@ -124,7 +124,7 @@ def test_phase_noise_is_continuous_from_chirp_to_chirp():
 
 def test_near_echoes_keep_less_phase_noise():
     """In one frame, the skirts of two echoes differ by the square of their delays, and a frame with both has both."""
-    setting, cfg, moment = a_setting(), config.PhaseNoise(), Moment(4, 0.0, 1)
+    setting, cfg, moment = a_setting(), config.PhaseNoiseConfig(), Moment(4, 0.0, 1)
     effect = phase_noise.PhaseNoise(cfg, setting)
     added = []
     for bins in ((2.5,), (40.0,), (2.5, 40.0)):
@@ -154,4 +154,4 @@ def test_delay_weight(n, limit):
 def test_phase_noise_refuses_what_it_cannot_model():
     """Too strong for small phases, or no sweep: refused with the reason."""
     with pytest.raises(ConfigError, match=r"rad rms .* lower its level"):
-        phase_noise.PhaseNoise(config.PhaseNoise(level=-20.0), a_setting())
+        phase_noise.PhaseNoise(config.PhaseNoiseConfig(level=-20.0), a_setting())

@@ -25,15 +25,15 @@ from radar_sim.scene import Transmitter
 
 def sizes(echoes, setting):
     return {
-        "noise": noise.size(config.Noise(), setting, echoes),
-        "coupling": coupling.size(config.Coupling(), setting, echoes),
-        "high_pass": high_pass.size(config.HighPass(), setting, echoes),
-        "phase_noise": phase_noise.size(config.PhaseNoise(), setting, echoes),
-        "iq_imbalance": iq_imbalance.size(config.IqImbalance(), setting, echoes),
-        "converter": converter.size(config.Converter(), setting, echoes),
-        "channel_errors": channel_errors.size(config.ChannelErrors(), setting, echoes),
-        "chirp_faults": chirp_faults.size(config.ChirpFaults(), setting, echoes),
-        "interference": interference.size(config.Interference(), setting, echoes),
+        "noise": noise.size(config.NoiseConfig(), setting, echoes),
+        "coupling": coupling.size(config.CouplingConfig(), setting, echoes),
+        "high_pass": high_pass.size(config.HighPassConfig(), setting, echoes),
+        "phase_noise": phase_noise.size(config.PhaseNoiseConfig(), setting, echoes),
+        "iq_imbalance": iq_imbalance.size(config.IqImbalanceConfig(), setting, echoes),
+        "converter": converter.size(config.ConverterConfig(), setting, echoes),
+        "channel_errors": channel_errors.size(config.ChannelErrorsConfig(), setting, echoes),
+        "chirp_faults": chirp_faults.size(config.ChirpFaultsConfig(), setting, echoes),
+        "interference": interference.size(config.InterferenceConfig(), setting, echoes),
     }
 
 
@@ -55,7 +55,7 @@ def test_sizes_are_right():
 
 def test_sizes_of_phase_noise():
     """The skirt below an echo, in a cell of range and Doppler, is what a frame of one echo shows."""
-    setting, cfg = a_setting(), config.PhaseNoise()
+    setting, cfg = a_setting(), config.PhaseNoiseConfig()
     w, distance = setting.info.waveform, 2.5 * setting.info.waveform.range_resolution * 10
     added = skirt(setting, cfg, 25.0, 8)
     measured = -decibel((np.abs(added) ** 2).mean() / (w.n_sample * w.n_chirp))
@@ -77,10 +77,10 @@ def test_sizes_without_echoes(waveform, echoes):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda s: noise.Noise(config.Noise(temperature=0.0), s),
-        lambda s: channel_errors.ChannelErrors(config.ChannelErrors(gain=0.0, phase=0.0), s),
-        lambda s: chirp_faults.ChirpFaults(config.ChirpFaults(dropped=0.0, late=0.5), s),
-        lambda s: coupling.Coupling(config.Coupling(level=-300.0), s),
+        lambda s: noise.Noise(config.NoiseConfig(temperature=0.0), s),
+        lambda s: channel_errors.ChannelErrors(config.ChannelErrorsConfig(gain=0.0, phase=0.0), s),
+        lambda s: chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=0.0, late=0.5), s),
+        lambda s: coupling.Coupling(config.CouplingConfig(level=-300.0), s),
         lambda s: transmitter.AmplitudeModulation(Transmitter(amplitude="intra", taper="boxcar"), s),
     ],
 )
@@ -95,9 +95,9 @@ def test_effects_of_no_size_change_nothing(make):
 @pytest.mark.parametrize(
     ("make", "name"),
     [
-        (lambda s: high_pass.HighPass(config.HighPass(), s), "high_pass"),
-        (lambda s: phase_noise.PhaseNoise(config.PhaseNoise(), s), "phase_noise"),
-        (lambda s: interference.Interference(config.Interference(), s), "interference"),
+        (lambda s: high_pass.HighPass(config.HighPassConfig(), s), "high_pass"),
+        (lambda s: phase_noise.PhaseNoise(config.PhaseNoiseConfig(), s), "phase_noise"),
+        (lambda s: interference.Interference(config.InterferenceConfig(), s), "interference"),
     ],
 )
 @pytest.mark.parametrize("waveform", [Waveform(modulation="cw"), Waveform(modulation="ofdm", bandwidth=1.5e9, chirp_duration=64 / 1.5e9)])

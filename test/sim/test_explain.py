@@ -9,33 +9,34 @@ from truths import a_scene, first_cube, point_scene
 
 from radar_core import ConfigError, RadarInfo, Waveform
 from radar_core.pose import Pose
-from radar_sim import Effects, Interference, Noise, Person, PhaseNoise, Scene, SceneRadar, Simulator, Wall
+from radar_sim import Effects, InterferenceConfig, NoiseConfig, Person, PhaseNoiseConfig, Scene, SceneRadar, Simulator, Wall
 from radar_sim.auto import CANDIDATES, choose_effects
-from radar_sim.explain import SIZES, explain
-from radar_sim.probe import NAMES, Probe
+from radar_sim.effects.chain import NAMES
+from radar_sim.explain import explain
+from radar_sim.probe import Probe
 
 INFO = RadarInfo(mount=Pose(z=0.0))
 STILL, SLOW, FAST = (0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (3.0, 1.0, 0.0)
 
 
 def auto(scene: Scene, **more) -> Scene:
-    return choose_effects(dataclasses.replace(scene, effects=Effects(auto=True), **more)).scene
+    return choose_effects(dataclasses.replace(scene, effects=Effects(auto=True), **more), Simulator).scene
 
 
 def on(scene: Scene) -> set[str]:
     return {name for name in NAMES if getattr(scene.effects, name)}
 
 
-def test_every_effect_has_a_size():
-    assert set(SIZES) == set(NAMES)
+def test_candidates_are_effects():
     assert set(CANDIDATES) < set(NAMES)
 
 
 def test_explain_says_what_is_on_what_it_changes_and_warns_about_what_is_missing():
     """A fast target with noise named: noise is on and of the size that k T F B says; migration is missing."""
-    scene = point_scene((2.5, 0.0, 0.0), FAST, radar=INFO, effects=Effects(noise=Noise(noise_figure=15.0)))
+    scene = point_scene((2.5, 0.0, 0.0), FAST, radar=INFO, effects=Effects(noise=NoiseConfig(noise_figure=15.0)))
     reports = {report.name: report for report in explain(scene, repeat=1).effects}
     assert list(reports) == list(NAMES)
+    assert all(report.size for report in reports.values())
     assert [name for name, report in reports.items() if report.on] == ["noise"]
     echo = np.abs(first_cube(dataclasses.replace(scene, effects=Effects()))).mean()
     w = INFO.waveform
@@ -81,8 +82,8 @@ def test_auto_follows_the_tolerance_and_says_why():
     scene = point_scene((2.5, 0.8, 0.2), (0.5, 0.3, 0.0), radar=INFO)
     sets = [on(auto(scene, tolerance=tolerance)) for tolerance in (1e-4, 0.02, 1.0)]
     assert sets[2] < sets[1] < sets[0]
-    named = dataclasses.replace(scene, effects=Effects(auto=True, interference=Interference(), squint=True), tolerance=1.0)
-    choice = choose_effects(named)
+    named = dataclasses.replace(scene, effects=Effects(auto=True, interference=InterferenceConfig(), squint=True), tolerance=1.0)
+    choice = choose_effects(named, Simulator)
     assert {"interference", "squint"} <= on(choice.scene)
     assert len(choice.reasons) == len(CANDIDATES)
     assert any(line == "squint: on, the scene names it" for line in choice.reasons)
@@ -94,7 +95,7 @@ def test_simulators_of_auto_scenes_are_those_of_what_was_chosen():
     scene = dataclasses.replace(point_scene((2.5, 0.5, 0.0), FAST, radar=INFO), effects=Effects(auto=True))
     simulator = Simulator(scene)
     assert not simulator.scene.effects.auto
-    assert simulator.scene == choose_effects(scene).scene
+    assert simulator.scene == choose_effects(scene, Simulator).scene
     np.testing.assert_array_equal(simulator.process(3).frame.cube, Simulator(simulator.scene).process(3).frame.cube)
 
 
@@ -114,4 +115,4 @@ def test_other_modulations_do_without_what_they_cannot_have():
     assert reports["phase_noise"].change == reports["interference"].change == 0.0
     assert "phase_noise" not in on(auto(scene))
     with pytest.raises(ConfigError, match="cw"):
-        Probe(dataclasses.replace(scene, effects=Effects(phase_noise=PhaseNoise()))).change("phase_noise")
+        Probe(dataclasses.replace(scene, effects=Effects(phase_noise=PhaseNoiseConfig())), Simulator).change("phase_noise")

@@ -27,7 +27,7 @@ MOMENT = Moment(0, 0.0)
 
 def effect(mount=None, resolution=0.005):
     radar = SceneRadar(mount=mount or Mount())
-    return Occlusion(config.Occlusion(resolution=resolution), Setting(Scene(radars=(radar,)), radar))
+    return Occlusion(config.OcclusionConfig(resolution=resolution), Setting(Scene(radars=(radar,)), radar))
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +203,7 @@ def test_size_says_how_wide_people_are():
     strength = np.abs(np.array([1.0, 1.0, 4.0, 4.0])).astype(complex)  # after the two-way loss: all the same
     echoes = Echoes(still, still, strength, np.array([0, 0, 1, 1], np.int32), np.arange(4, dtype=np.int32))
     radar = SceneRadar()
-    text = size(config.Occlusion(), Setting(Scene(radars=(radar,)), radar), echoes)
+    text = size(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar), echoes)
     assert "11 deg at 2.0 m" in text
     assert "2" in text.split("%")[0].split()[-1]
-    assert "nobody" in size(config.Occlusion(), Setting(Scene(radars=(radar,)), radar), Echoes.none())
+    assert "nobody" in size(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar), Echoes.none())

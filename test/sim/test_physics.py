@@ -8,7 +8,7 @@ from truths import a_scene, expected_cube, first_cube, point_scene
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo
 from radar_core.pose import Pose
-from radar_sim import Effects, Fidelity, Noise, Simulator
+from radar_sim import Effects, Fidelity, NoiseConfig, Simulator
 
 INFO = RadarInfo(mount=Pose(z=0.0))
 W = INFO.waveform
@@ -27,7 +27,7 @@ def test_signal_to_noise_falls_with_the_fourth_power_of_range():
 
     The output's standard deviation is sqrt(2 / SNR), 0.02 dB at the lowest of 43 dB here with 20 frames.
     """
-    noise, gain = Noise(noise_figure=12.0), []
+    noise, gain = NoiseConfig(noise_figure=12.0), []
     floor = 50 * 1.380649e-23 * 290 * W.n_sample / W.chirp_duration * 10**1.2
     distances = np.array([1.0, 1.5, 2.3, 3.6, 5.9])
     for distance in distances.tolist():

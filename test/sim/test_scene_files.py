@@ -9,7 +9,7 @@ import pytest
 from radar_core import GESTURES, NO_GESTURE, ConfigError
 from radar_core.config import load, plain
 from radar_core.paths import share_dir
-from radar_sim import Action, Draw, Effects, Fidelity, Furniture, Noise, Person, Scene, Simulator, Walk, load_scene
+from radar_sim import Action, Draw, Effects, Fidelity, Furniture, NoiseConfig, Person, Scene, Simulator, Walk, load_scene
 
 OURS = sorted(path.stem for path in (share_dir() / "config" / "scenes").glob("*.yaml"))
 
@@ -53,8 +53,8 @@ def test_short_ways_to_name_effects_and_fidelity(tmp_path):
     """`noise:` and `noise: true` are its defaults, `noise: false` is off; `effects: auto`; `fidelity: exact`."""
     path = tmp_path / "mine.yaml"
     for text, wanted in (
-        ("effects: {noise: , squint: true, coupling: false}", Effects(noise=Noise(), squint=True)),
-        ("effects: {squint: , noise: {gain: 3}}", Effects(noise=Noise(gain=3.0), squint=True)),
+        ("effects: {noise: , squint: true, coupling: false}", Effects(noise=NoiseConfig(), squint=True)),
+        ("effects: {squint: , noise: {gain: 3}}", Effects(noise=NoiseConfig(gain=3.0), squint=True)),
         ("effects: auto", Effects(auto=True)),
         ("effects:", Effects()),
     ):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -11,13 +12,13 @@ from radar_core import ConfigError, DataError, RadarInfo
 from radar_core.config import load, plain
 from radar_core.pose import Pose
 from radar_sim import (
-    ChirpFaults,
-    Converter,
-    Coupling,
+    ChirpFaultsConfig,
+    ConverterConfig,
+    CouplingConfig,
     Effects,
     Fidelity,
-    Losses,
-    Noise,
+    LossesConfig,
+    NoiseConfig,
     Person,
     Point,
     Scene,
@@ -28,8 +29,8 @@ from radar_sim import (
     load_scene,
 )
 from radar_sim.effects import chain
+from radar_sim.effects.chain import NAMES, default, switched
 from radar_sim.effects.config import PHYSICS
-from radar_sim.probe import NAMES, default, switched
 
 INFO = RadarInfo(mount=Pose(z=0.0))
 TARGET = (2.5, 0.4, 0.2)
@@ -41,13 +42,13 @@ def made(monkeypatch):
     """Names of the effects that are constructed."""
     names = []
     for kinds in (chain.SCENE, chain.ECHO, chain.SIGNAL):
-        for name, make in list(kinds.items()):
+        for name, kind in list(kinds.items()):
 
-            def counted(*args, name=name, make=make):
+            def counted(*args, name=name, make=kind.make):
                 names.append(name)
                 return make(*args)
 
-            monkeypatch.setitem(kinds, name, counted)
+            monkeypatch.setitem(kinds, name, dataclasses.replace(kind, make=counted))
     monkeypatch.setattr(chain, "AmplitudeModulation", lambda *a: names.append("amplitude"))
     monkeypatch.setattr(chain, "Together", lambda *a: names.append("together"))
     return names
@@ -84,10 +85,10 @@ def crowded():
 @pytest.mark.parametrize("name", NAMES)
 def test_leaving_an_effect_out_changes_nothing(crowded, name):
     """With an effect the samples differ; without it again they are what they were, bit for bit, whatever was simulated in between."""
-    bare = Effects(noise=Noise()) if name != "noise" else Effects()
+    bare = Effects(noise=NoiseConfig()) if name != "noise" else Effects()
     effects = switched(bare, name, True)
     if name == "chirp_faults":
-        effects = dataclasses.replace(effects, chirp_faults=ChirpFaults(dropped=0.1))
+        effects = dataclasses.replace(effects, chirp_faults=ChirpFaultsConfig(dropped=0.1))
     model = "exact" if name in PHYSICS else "auto"  # auto leaves out what is below the tolerance
     scene = dataclasses.replace(crowded, effects=bare, fidelity=Fidelity(model=model))
     before = Simulator(scene).process(7)
@@ -113,9 +114,9 @@ def test_the_order_in_which_effects_are_listed_does_not_matter(crowded):
 
 def test_noise_is_the_same_beside_anything():
     """Noise adds to echoes and to leakage as they are: its numbers do not depend on what else is simulated."""
-    noise = first_cube(a_scene(INFO, effects=Effects(noise=Noise())))
-    for more in ({"coupling": Coupling()}, {"losses": Losses()}, ALL_PHYSICS):
-        with_noise = first_cube(point_scene(TARGET, radar=INFO, effects=Effects(noise=Noise(), **more)))
+    noise = first_cube(a_scene(INFO, effects=Effects(noise=NoiseConfig())))
+    for more in ({"coupling": CouplingConfig()}, {"losses": LossesConfig()}, ALL_PHYSICS):
+        with_noise = first_cube(point_scene(TARGET, radar=INFO, effects=Effects(noise=NoiseConfig(), **more)))
         without = first_cube(point_scene(TARGET, radar=INFO, effects=Effects(**more)))
         np.testing.assert_allclose(with_noise - without, noise, atol=1e-6 * np.abs(with_noise).max())
 
@@ -137,7 +138,10 @@ def two_radars(**right):
     """The same radar twice, at the same place."""
     radars = (SceneRadar(frame_id="left/radar"), SceneRadar(frame_id="right/radar", **right))
     return Scene(
-        duration=1.0, radars=radars, points=(Point(position=(3.0, 0.0, 1.2), velocity=(1.0, 0.0, 0.0)),), effects=Effects(noise=Noise())
+        duration=1.0,
+        radars=radars,
+        points=(Point(position=(3.0, 0.0, 1.2), velocity=(1.0, 0.0, 0.0)),),
+        effects=Effects(noise=NoiseConfig()),
     )
 
 
@@ -158,7 +162,7 @@ def test_several_radars():
 def test_a_converter_gives_counts_and_says_its_full_scale():
     """Whole numbers within the range that the radar's info states."""
     simulator = Simulator(
-        point_scene(TARGET, radar=INFO, effects=Effects(noise=Noise(gain=60.0), converter=Converter(bits=8, full_scale=0.01)))
+        point_scene(TARGET, radar=INFO, effects=Effects(noise=NoiseConfig(gain=60.0), converter=ConverterConfig(bits=8, full_scale=0.01)))
     )
     cube = simulator.process(0).frame.cube
     assert simulator.info.full_scale == 127
@@ -168,7 +172,7 @@ def test_a_converter_gives_counts_and_says_its_full_scale():
 
 def test_lost_chirps_are_named():
     """Frames say which chirps are missing."""
-    frame = Simulator(point_scene(TARGET, radar=INFO, effects=Effects(chirp_faults=ChirpFaults(dropped=0.2)))).process(0).frame
+    frame = Simulator(point_scene(TARGET, radar=INFO, effects=Effects(chirp_faults=ChirpFaultsConfig(dropped=0.2)))).process(0).frame
     assert 10 < len(frame.missing) < 45
     assert not frame.cube[frame.missing % 2, frame.missing // 2].any()
 
@@ -216,4 +220,5 @@ def test_no_frames_beyond_the_scene(sequence):
 def test_defaults_of_every_effect_can_be_made():
     """`explain` asks what an effect would be with its defaults."""
     for name in NAMED:
-        assert type(default(name)).__name__.lower() == name.replace("_", "")
+        assert type(default(name)).__name__ == f"{''.join(part.capitalize() for part in name.split('_'))}Config"
+        assert type(default(name)) in get_args(get_type_hints(Effects)[name])

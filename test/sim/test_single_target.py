@@ -10,7 +10,7 @@ from truths import ALL_PHYSICS, a_scene, expected_cube, first_cube, peak, point_
 from radar_core import RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
 from radar_core.pose import Pose
-from radar_sim import Effects, Fidelity, Noise, Point, Simulator
+from radar_sim import Effects, Fidelity, NoiseConfig, Point, Simulator
 
 INFO = RadarInfo(mount=Pose(z=0.0))
 W = INFO.waveform
@@ -91,7 +91,7 @@ def test_amplitude_obeys_the_radar_equation(model, distance, rcs):
 
 def test_thermal_noise_is_ktfb():
     """Mean power of 65,536 complex samples is k T F B within five standard deviations (2 %), and white across chirps and samples."""
-    scene = a_scene(INFO, effects=Effects(noise=Noise(noise_figure=13.0)))
+    scene = a_scene(INFO, effects=Effects(noise=NoiseConfig(noise_figure=13.0)))
     simulator = Simulator(scene)
     cubes = np.stack([simulator.process(k).frame.cube for k in range(2)]).astype(np.complex128)
     wanted = 1.380649e-23 * 290 * (W.n_sample / W.chirp_duration) * 10**1.3 * 50

@@ -10,7 +10,7 @@ from radar_core import RadarInfo
 from radar_dsp import SpectrumConfig
 from radar_dsp.context import CalibratedBasebandConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig
-from radar_sim import Action, Effects, Fidelity, Noise, Person, Scene, SceneRadar, Simulator
+from radar_sim import Action, Effects, Fidelity, NoiseConfig, Person, Scene, SceneRadar, Simulator
 
 MODELS = ("separable", "nufft", "blocks", "exact")
 
@@ -27,7 +27,7 @@ def scene_of(model: str, duration: float = 4.0) -> Scene:
     """One person who pushes, in noise."""
     person = Person(position=(2.5, 0.3), script=(Action(gesture="push", at=1.3),))
     radars = (SceneRadar.of(RadarInfo()),)
-    return Scene(duration=duration, radars=radars, people=(person,), effects=Effects(noise=Noise()), fidelity=Fidelity(model=model))
+    return Scene(duration=duration, radars=radars, people=(person,), effects=Effects(noise=NoiseConfig()), fidelity=Fidelity(model=model))
 
 
 def run(fft: str, n_frames: int) -> dict[str, str]:

@@ -11,12 +11,12 @@ from radar_core import RadarInfo, Waveform
 from radar_core.pose import Pose
 from radar_sim import (
     Action,
-    Coupling,
+    CouplingConfig,
     Draw,
     Effects,
     Fidelity,
-    Noise,
-    Pattern,
+    NoiseConfig,
+    PatternConfig,
     Person,
     Point,
     Scene,
@@ -41,7 +41,7 @@ def cube_of(*points: Point, model="separable", effects=None, info=INFO, k=0) -> 
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (1e-12, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 3.0, 0.0), (1e-9, 2.0, 1.0)])
 def test_at_the_radar_and_in_the_array_plane(model, position):
     """No division by a range of zero: amplitudes stop rising at 5 cm, and what lies in or behind the array's plane is not seen."""
-    cube = cube_of(Point(position=position), model=model, effects=Effects(pattern=Pattern()))
+    cube = cube_of(Point(position=position), model=model, effects=Effects(pattern=PatternConfig()))
     assert np.isfinite(cube).all()
     assert np.abs(cube).max() <= np.abs(cube_of(Point(position=(0.05, 0.0, 0.0)))).max() * 1.01
 
@@ -104,7 +104,7 @@ def test_phase_stays_exact_far_into_a_long_run():
     np.testing.assert_array_equal(simulator.process(simulator.n_frames - 1).frame.cube, simulator.process(0).frame.cube)
     assert simulator.n_frames == 5_000_000
     assert simulator.process(4_999_999).frame.stamp_ns == 4_999_999 * 20_000_000
-    noisy = Simulator(dataclasses.replace(scene, points=(), effects=Effects(noise=Noise())))
+    noisy = Simulator(dataclasses.replace(scene, points=(), effects=Effects(noise=NoiseConfig())))
     power = [float((np.abs(noisy.process(k).frame.cube) ** 2).mean()) for k in (0, 4_999_999)]
     assert power[0] == pytest.approx(power[1], rel=0.05)
 
@@ -177,7 +177,7 @@ def test_one_chirp_one_sample_one_channel():
 
 def test_memory_stays_flat():
     """Random access keeps nothing: 300 frames leave less behind than one cube takes (256 KiB)."""
-    simulator = Simulator(Scene(duration=100.0, people=(Person(),), effects=Effects(noise=Noise(), coupling=Coupling())))
+    simulator = Simulator(Scene(duration=100.0, people=(Person(),), effects=Effects(noise=NoiseConfig(), coupling=CouplingConfig())))
     simulator.process(0)
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]

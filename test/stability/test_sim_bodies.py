@@ -197,7 +197,7 @@ def test_a_crowd_all_around_does_not_need_much_memory():
 def test_occlusion_of_nobody():
     """No scatterers, with and without hulls."""
     radar = SceneRadar()
-    occlusion = Occlusion(config.Occlusion(), Setting(Scene(radars=(radar,)), radar))
+    occlusion = Occlusion(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar))
     none = Scatterers(
         Motion.still(np.empty((0, 3))), np.empty((0, 3)), np.empty(0), np.empty(0, np.int32), (lambda: Triangles(np.ones((1, 3, 3))),)
     )

@@ -25,21 +25,21 @@ SCENE = Scene(
 )
 SETTING = Setting(SCENE, SCENE.radars[0])
 EFFECTS = [
-    *(swerling.Swerling(config.Swerling(case=case, of="all"), SETTING) for case in range(5)),
-    multipath.Multipath(config.Multipath(level=-200.0), SETTING),
-    pattern.Pattern(config.Pattern(), SETTING),
-    pattern.Pattern(config.Pattern(azimuth=(-60.0, 60.0), elevation=(0.0,), gain=((-3.0,), (-200.0,))), SETTING),
-    field_of_view.FieldOfView(config.FieldOfView(), SETTING),
-    losses.Losses(config.Losses(level=100.0), SETTING),
+    *(swerling.Swerling(config.SwerlingConfig(case=case, of="all"), SETTING) for case in range(5)),
+    multipath.Multipath(config.MultipathConfig(level=-200.0), SETTING),
+    pattern.Pattern(config.PatternConfig(), SETTING),
+    pattern.Pattern(config.PatternConfig(azimuth=(-60.0, 60.0), elevation=(0.0,), gain=((-3.0,), (-200.0,))), SETTING),
+    field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING),
+    losses.Losses(config.LossesConfig(level=100.0), SETTING),
 ]
 SIZES = [
-    *(lambda e, c=case: swerling.size(config.Swerling(case=c, of="all"), SETTING, e) for case in range(5)),
-    lambda e: multipath.size(config.Multipath(), SETTING, e),
-    lambda e: multipath.size(config.Multipath(floor=1.0, level=0.0), SETTING, e),
-    lambda e: pattern.size(config.Pattern(edge=-60.0), SETTING, e),
-    lambda e: field_of_view.size(config.FieldOfView(), SETTING, e),
-    lambda e: losses.size(config.Losses(), SETTING, e),
-    lambda e: clutter.size(config.Clutter(), SETTING, e),
+    *(lambda e, c=case: swerling.size(config.SwerlingConfig(case=c, of="all"), SETTING, e) for case in range(5)),
+    lambda e: multipath.size(config.MultipathConfig(), SETTING, e),
+    lambda e: multipath.size(config.MultipathConfig(floor=1.0, level=0.0), SETTING, e),
+    lambda e: pattern.size(config.PatternConfig(edge=-60.0), SETTING, e),
+    lambda e: field_of_view.size(config.FieldOfViewConfig(), SETTING, e),
+    lambda e: losses.size(config.LossesConfig(), SETTING, e),
+    lambda e: clutter.size(config.ClutterConfig(), SETTING, e),
     lambda e: physics.migration_size(SETTING, e),
     lambda e: physics.doppler_in_chirp_size(SETTING, e),
     lambda e: physics.squint_size(SETTING, e),
@@ -129,7 +129,7 @@ def test_anywhere(place, speed, strength):
 def test_a_radar_on_or_under_the_floor(z):
     """There the floor does not mirror."""
     radar = SceneRadar(mount=Pose(z=z))
-    effect = multipath.Multipath(config.Multipath(), Setting(Scene(radars=(radar,)), radar))
+    effect = multipath.Multipath(config.MultipathConfig(), Setting(Scene(radars=(radar,)), radar))
     assert effect.mirrors == ()
     echoes = CASES["one"]
     assert effect.process(echoes, MOMENT) is echoes
@@ -140,7 +140,7 @@ def test_a_radar_in_a_wall():
     for y in (2.0, 1.96, 1.95):
         radar = SceneRadar(mount=Pose(y=y))
         scene = Scene(radars=(radar,), walls=SCENE.walls[:1])
-        assert multipath.Multipath(config.Multipath(floor=0.0), Setting(scene, radar)).mirrors == ()
+        assert multipath.Multipath(config.MultipathConfig(floor=0.0), Setting(scene, radar)).mirrors == ()
 
 
 def test_things_at_the_radar():
@@ -158,7 +158,7 @@ def test_an_empty_room():
     assert len(things) == 0
     assert things.motion.position.shape == things.normal.shape == (0, 3)
     assert things.hulls == ()
-    assert len(clutter.Clutter(config.Clutter(count=1), Setting(empty, empty.radars[0])).process(things, MOMENT)) == 1
+    assert len(clutter.Clutter(config.ClutterConfig(count=1), Setting(empty, empty.radars[0])).process(things, MOMENT)) == 1
 
 
 def test_extreme_things():
@@ -200,21 +200,21 @@ def test_all_round_field_of_view():
     radar = SceneRadar.of(RadarInfo(array=array))
     setting = Setting(Scene(radars=(radar,)), radar)
     for margin in (0.0, 1.0):
-        assert len(field_of_view.FieldOfView(config.FieldOfView(margin=margin), setting).process(CASES["behind"], MOMENT)) == 2
+        assert len(field_of_view.FieldOfView(config.FieldOfViewConfig(margin=margin), setting).process(CASES["behind"], MOMENT)) == 2
     for edge in (0.0, -60.0):
-        assert finite(pattern.Pattern(config.Pattern(edge=edge), setting).process(CASES["behind"], MOMENT))
+        assert finite(pattern.Pattern(config.PatternConfig(edge=edge), setting).process(CASES["behind"], MOMENT))
 
 
 def test_no_field_of_view():
     """A margin that leaves nothing of the field of view leaves nothing of the echoes."""
-    effect = field_of_view.FieldOfView(config.FieldOfView(margin=-1.0), SETTING)
+    effect = field_of_view.FieldOfView(config.FieldOfViewConfig(margin=-1.0), SETTING)
     assert len(effect.process(CASES["one"], MOMENT)) == 0
 
 
 def test_clutter_all_behind():
     """Nothing of it is left, and it says so."""
-    chosen = config.Clutter(low=(-3.0, -1.0, 0.0), high=(-1.0, 1.0, 2.0))
+    chosen = config.ClutterConfig(low=(-3.0, -1.0, 0.0), high=(-1.0, 1.0, 2.0))
     empty = Scatterers.join([])
     assert len(clutter.Clutter(chosen, SETTING).process(empty, MOMENT)) == 0
     assert clutter.size(chosen, SETTING, CASES["one"]) == "all of it is behind the array"
-    assert "no echoes" in clutter.size(config.Clutter(rcs=0.0), SETTING, CASES["one"])
+    assert "no echoes" in clutter.size(config.ClutterConfig(rcs=0.0), SETTING, CASES["one"])

@@ -32,14 +32,14 @@ def echoes_at(*places) -> Echoes:
 
 
 ALL = [
-    lambda s: noise.Noise(config.Noise(gain=150.0, noise_figure=60.0, temperature=1e4), s),
-    lambda s: coupling.Coupling(config.Coupling(level=0.0, distance=0.0), s),
-    lambda s: phase.PhaseNoise(config.PhaseNoise(corner=0.0), s),
-    lambda s: iq_imbalance.IqImbalance(config.IqImbalance(gain=20.0, phase=1.5, offset=10.0), s),
-    lambda s: converter.Converter(config.Converter(bits=24, full_scale=1e-12), s),
-    lambda s: channel_errors.ChannelErrors(config.ChannelErrors(gain=30.0, phase=math.pi), s),
-    lambda s: chirp_faults.ChirpFaults(config.ChirpFaults(dropped=1.0), s),
-    lambda s: interference.Interference(config.Interference(), s),
+    lambda s: noise.Noise(config.NoiseConfig(gain=150.0, noise_figure=60.0, temperature=1e4), s),
+    lambda s: coupling.Coupling(config.CouplingConfig(level=0.0, distance=0.0), s),
+    lambda s: phase.PhaseNoise(config.PhaseNoiseConfig(corner=0.0), s),
+    lambda s: iq_imbalance.IqImbalance(config.IqImbalanceConfig(gain=20.0, phase=1.5, offset=10.0), s),
+    lambda s: converter.Converter(config.ConverterConfig(bits=24, full_scale=1e-12), s),
+    lambda s: channel_errors.ChannelErrors(config.ChannelErrorsConfig(gain=30.0, phase=math.pi), s),
+    lambda s: chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), s),
+    lambda s: interference.Interference(config.InterferenceConfig(), s),
     lambda s: AmplitudeModulation(Transmitter(amplitude="intra"), s),
     lambda s: AmplitudeModulation(Transmitter(amplitude="inter"), s),
 ]
@@ -79,7 +79,7 @@ def test_far_in_time(make):
 def test_filters_of_echoes(echoes):
     """No echo, echoes at the radar itself, behind it and far away keep finite strengths."""
     together = Together(Transmitter(together=((0.0, 0.0), (0.01, 0.0))), a_setting(Waveform(n_tx=1), ONE))
-    for effect in (high_pass.HighPass(config.HighPass(order=8, corner=1e9), a_setting()), together):
+    for effect in (high_pass.HighPass(config.HighPassConfig(order=8, corner=1e9), a_setting()), together):
         after = effect.process(echoes, Moment(0, 0.0))
         assert len(after) == len(echoes)
         assert np.isfinite(after.strength).all()
@@ -90,7 +90,7 @@ def test_filters_of_echoes(echoes):
 def test_converter_at_the_limits_of_numbers(bits, volts):
     """Nothing overflows; what is beyond the range becomes its ends."""
     signal = filled(a_setting(), volts)
-    converter.Converter(config.Converter(bits=bits, full_scale=1e-12), a_setting()).process(signal, Moment(0, 0.0))
+    converter.Converter(config.ConverterConfig(bits=bits, full_scale=1e-12), a_setting()).process(signal, Moment(0, 0.0))
     parts = signal.cube.view(np.float32)
     assert parts.min() >= -(2 ** (bits - 1))
     assert parts.max() <= 2 ** (bits - 1) - 1
@@ -101,7 +101,7 @@ def test_noise_on_a_view():
     setting = a_setting()
     whole = np.zeros((2, 64, 4, 128), np.complex64)
     signal = Signal(whole[..., ::2], np.empty(0, np.uint32))
-    noise.Noise(config.Noise(), setting).process(signal, Moment(0, 0.0))
+    noise.Noise(config.NoiseConfig(), setting).process(signal, Moment(0, 0.0))
     assert np.abs(signal.cube).min() > 0
 
 
@@ -110,10 +110,10 @@ def test_interference_from_strange_places(place):
     """At the radar itself, beside it in the array's plane, kilometres away."""
     setting = a_setting()
     signal = filled(setting)
-    effect = interference.Interference(config.Interference(position=place, power=100.0), setting)
+    effect = interference.Interference(config.InterferenceConfig(position=place, power=100.0), setting)
     effect.process(signal, Moment(0, 0.0))
     assert np.isfinite(signal.cube).all()
-    assert interference.size(config.Interference(position=place), setting, Echoes.none())
+    assert interference.size(config.InterferenceConfig(position=place), setting, Echoes.none())
 
 
 @pytest.mark.parametrize("offset", [0.3e6, -0.3e6])
@@ -121,7 +121,7 @@ def test_sweeps_in_parallel(offset):
     """Sweeps of one slope differ by a constant: a tone of full amplitude through the whole chirp, or nothing."""
     w = Waveform(n_tx=1, n_chirp=1)
     # It lags by the way from there, 1 m.
-    cfg = config.Interference(
+    cfg = config.InterferenceConfig(
         position=(1.0, 0.0, 0.0), carrier=w.carrier - offset, bandwidth=1.5e9, duration=66e-6, pause=50e-6, drift=0.0, power=0.0
     )
     setting = a_setting(w, ONE)
@@ -141,10 +141,10 @@ def test_sweeps_in_parallel(offset):
 @pytest.mark.parametrize(
     "cfg",
     [
-        config.Interference(duration=1e-7, pause=0.0),
-        config.Interference(duration=1.0, pause=1.0, bandwidth=0.0),
-        config.Interference(bandwidth=1e11, duration=1e-7, drift=-1e-2),
-        config.Interference(duration=66e-6, bandwidth=1.5e9, pause=0.0, drift=1e-2),
+        config.InterferenceConfig(duration=1e-7, pause=0.0),
+        config.InterferenceConfig(duration=1.0, pause=1.0, bandwidth=0.0),
+        config.InterferenceConfig(bandwidth=1e11, duration=1e-7, drift=-1e-2),
+        config.InterferenceConfig(duration=66e-6, bandwidth=1.5e9, pause=0.0, drift=1e-2),
     ],
 )
 def test_strange_sweeps(cfg):
@@ -161,13 +161,13 @@ def test_strange_sweeps(cfg):
 def test_all_chirps_lost():
     """Every chirp may be lost: all zeros, all listed."""
     signal = filled(a_setting(), 1.0)
-    chirp_faults.ChirpFaults(config.ChirpFaults(dropped=1.0), a_setting()).process(signal, Moment(0, 0.0))
+    chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), a_setting()).process(signal, Moment(0, 0.0))
     np.testing.assert_array_equal(signal.missing, np.arange(128))
     assert not signal.cube.any()
 
 
 @pytest.mark.parametrize(
-    "cfg", [config.PhaseNoise(level=-250.0, floor=-300.0), config.PhaseNoise(corner=1e9), config.PhaseNoise(offset=1.0)]
+    "cfg", [config.PhaseNoiseConfig(level=-250.0, floor=-300.0), config.PhaseNoiseConfig(corner=1e9), config.PhaseNoiseConfig(offset=1.0)]
 )
 def test_phase_noise_of_any_size(cfg):
     """Hardly any, flat throughout, or given at 1 Hz: finite, and small."""

@@ -10,7 +10,7 @@ from radar_core import ConfigError, RadarInfo
 from radar_core.cloud import PointCloud
 from radar_core.config import load
 from radar_sim import Simulator
-from radar_sim.effects.config import Effects, Multipath
+from radar_sim.effects.config import Effects, MultipathConfig
 from radar_sim.scene import Fidelity, Scene, SceneRadar
 from radar_sim.things import Point, Wall
 from radar_tracking import PeopleTracker, TrackerConfig, TrackStatus
@@ -47,7 +47,7 @@ def test_the_simulator_sees_it_there():
         radars=(SceneRadar(mount=MOUNT),),
         points=(Point(position=(3.0, 0.4, 1.2), rcs=1.0),),
         walls=(Wall(start=(0.0, 2.05), end=(6.0, 2.05), thickness=0.1),),  # its face is at 2 m
-        effects=Effects(multipath=Multipath()),
+        effects=Effects(multipath=MultipathConfig()),
         fidelity=Fidelity(model="separable"),
     )
     echoes = Simulator(scene).echoes(0)
