@@ -104,12 +104,6 @@ def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
     return rows
 
 
-def clustering(quick: bool) -> list[dict[str, Any]]:
-    """Rows of every method and size: accuracy beside time."""
-    rows: list[dict[str, Any]] = figures(quick)["choices"]
-    return rows
-
-
 def figures(quick: bool) -> dict[str, Any]:
     """``choices``, and ``dbscan_over_sklearn_n20``, ``_n50``, ``_n200``, ``_n500``: time over scikit-learn's, of equal labels."""
     result: dict[str, Any] = {}

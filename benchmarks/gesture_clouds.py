@@ -14,6 +14,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.report import timed
 from benchmarks.stores import Columns, Store, pack, unpack
 from radar_core import PointCloud
 from radar_core.config import plain
@@ -150,6 +151,11 @@ class Run:
     matching: Matching
 
 
+def _recognise(recogniser: GestureRecognizer, tracked: TrackedCloud) -> tuple[list[TrackEvent], list[Gesture]]:
+    found = recogniser.find(tracked)
+    return found, [recogniser.name(event, tracked.cloud.stamp_ns) for event in found]
+
+
 def follow(
     store: StreamStore,
     scene: Scene,
@@ -183,10 +189,8 @@ def follow(
     for moment in store.moments(scene):
         tracked.append(TrackedCloud(moment.cloud, people.process(moment.cloud)))
         truths.append(moment.truth)
-        start = time.perf_counter_ns()
-        found = recogniser.find(tracked[-1])
-        gestures = [recogniser.name(event, moment.cloud.stamp_ns) for event in found]
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        (found, gestures), spent = timed(_recognise, recogniser, tracked[-1])
+        times.append(spent)
         matching.process(tracked[-1].tracks, moment.truth, rule.process(moment.truth))
         for event, gesture in zip(found, gestures, strict=True):
             track = tracked[-1].tracks.find(gesture.track_id)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from benchmarks import gesture_rules
 from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause
 from benchmarks.gesture_clouds import Association, StreamStore, follow
 from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
-from benchmarks.report import choice
+from benchmarks.report import choice, timed
 from benchmarks.stores import kept
 from benchmarks.tally import Tally
 from radar_core import GESTURES
@@ -125,9 +124,7 @@ def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
     frames = [simulator.process(k).frame for k in range(round(LEAD * 50), round(LEAD * 50) + n_frames)]
     processor, times = Baseband(baseband, simulator.info), []
     for frame in frames:
-        start = time.perf_counter_ns()
-        processor.process(frame)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        times.append(timed(processor.process, frame)[1])
     return times[10:]  # the first ones compile and design
 
 

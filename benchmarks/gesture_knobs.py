@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.gesture_tables import counted
 from benchmarks.gestures_speed import four_tracks, one_user
-from benchmarks.report import choice
+from benchmarks.report import choice, timed
 from benchmarks.stores import kept
 from radar_core import RadarInfo
 from radar_core.config import load_file
@@ -79,22 +79,14 @@ def tracked_clouds(quick: bool) -> tuple[list[TrackedCloud], RadarInfo]:
 
 def stage_times(config: GestureConfig, clouds: list[TrackedCloud], info: RadarInfo) -> list[float]:
     """Milliseconds of maps, events and features of four tracks, cloud by cloud."""
-    stage, times = EventStage(config, info.mount), []
-    for tracked in clouds:
-        start = time.perf_counter_ns()
-        stage.process(tracked)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-    return times[5:]  # the first ones compile
+    stage = EventStage(config, info.mount)
+    return [timed(stage.process, tracked)[1] for tracked in clouds][5:]  # the first ones compile
 
 
 def naming_times(samples: SampleSet, training: TrainingConfig) -> list[float]:
     """Milliseconds of naming an event, one at a time."""
-    model, times = fit(samples, np.ones(len(samples.label), np.bool_), training), []
-    for row in samples.features[:200]:
-        start = time.perf_counter_ns()
-        model.probabilities(row)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-    return times[20:]
+    model = fit(samples, np.ones(len(samples.label), np.bool_), training)
+    return [timed(model.probabilities, row)[1] for row in samples.features[:200]][20:]
 
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
@@ -102,23 +94,21 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
     plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {"repetitions": REPETITIONS}))
     synthesise(folder, plan.n_samples, seed=5, n_jobs=n_jobs, plan=plan, body="ellipsoids")
     clouds, info = tracked_clouds(quick)
-    rows: list[dict[str, Any]] = []
-    default: SampleSet | None = None
-    reference: list[float] | None = None
-    for name, config in list(settings().items())[: 2 if quick else None]:
-        samples = collect(folder, config, n_jobs=n_jobs)
-        times = stage_times(config, clouds, info)
-        value = (_ACCURACY, accuracy(samples, TrainingConfig()), "")
-        rows.append(choice("events and features, four tracks", name, accuracy=value, times_ms=times, reference_ms=reference))
-        default, reference = default or samples, reference or times
-    assert default is not None
-    reference = None
-    for name, training in list(trainings().items())[: 2 if quick else None]:
-        times = naming_times(default, training)
-        value = (_ACCURACY, accuracy(default, training), "")
-        rows.append(choice("training, one event", name, accuracy=value, times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return rows
+    configs, training = (list(found.items())[: 2 if quick else None] for found in (settings(), trainings()))
+    read = {name: collect(folder, config, n_jobs=n_jobs) for name, config in configs}
+    default = read["default"]
+    events = {name: (accuracy(read[name], TrainingConfig()), stage_times(config, clouds, info)) for name, config in configs}
+    named = {name: (accuracy(default, one), naming_times(default, one)) for name, one in training}
+    return rows("events and features, four tracks", events) + rows("training, one event", named)
+
+
+def rows(stage: str, found: Mapping[str, tuple[float, list[float]]]) -> list[dict[str, Any]]:
+    """Accuracies and times of settings by name, the first as the reference."""
+    first = next(iter(found))
+    return [
+        choice(stage, name, accuracy=(_ACCURACY, value, ""), times_ms=times, reference_ms=None if name == first else found[first][1])
+        for name, (value, times) in found.items()
+    ]
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None) -> dict[str, Any]:

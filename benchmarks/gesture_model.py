@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import os
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.report import choice
+from benchmarks.report import choice, timed
 from benchmarks.stores import kept
 from radar_core.paths import find_config
 from radar_gestures.classifiers.curve_net import CurveNet, save_net
@@ -70,9 +69,9 @@ def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
     once, settings = TrainingConfig(lost=LOST), TrainingConfig(starts=STARTS, lost=LOST)
     reports, seconds = [], []
     for one in (settings, settings, once):
-        start = time.perf_counter()
-        reports.append(train_on(samples, one))
-        seconds.append(time.perf_counter() - start)
+        report, spent = timed(train_on, samples, one)
+        reports.append(report)
+        seconds.append(1e-3 * spent)
     single, alone = reports.pop(), seconds.pop()
     files = [model_file(report.model) for report in reports]
     return {
@@ -105,14 +104,11 @@ def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[
     reference: list[float] | None = None
     for lost in shares:
         limit, gone = reject_limit(report.validation, report.score, lost)
-        model, times = dataclasses.replace(report.model, reject=limit), []
-        for row in samples.features[:300]:
-            start = time.perf_counter_ns()
-            model.known(row, model.probabilities(row))
-            times.append((time.perf_counter_ns() - start) * 1e-6)
+        model = dataclasses.replace(report.model, reject=limit)
+        times = [timed(_named, model, row)[1] for row in samples.features[:300]][50:]
         accuracy = ("known gestures kept", 1.0 - gone, "")
-        rows.append(choice("rejection", f"lost={lost:g}", accuracy=accuracy, times_ms=times[50:], reference_ms=reference))
-        reference = reference or times[50:]
+        rows.append(choice("rejection", f"lost={lost:g}", accuracy=accuracy, times_ms=times, reference_ms=reference))
+        reference = reference or times
     return rows
 
 

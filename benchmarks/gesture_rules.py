@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from benchmarks.gesture_causes import Judged, why_random
 from benchmarks.gesture_clouds import Found
-from benchmarks.report import choice
+from benchmarks.report import choice, timed
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import GestureConfig, GestureRecognizer
 
@@ -72,9 +71,8 @@ def named_again(judged: Judged, recogniser: GestureRecognizer, times: list[float
     """Give every event the name that a recogniser has for it; the milliseconds that each takes are added to ``times``."""
 
     def again(found: Found) -> Found:
-        start = time.perf_counter_ns()
-        gesture = recogniser.name(found.event, found.gesture.stamp_ns)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        gesture, spent = timed(recogniser.name, found.event, found.gesture.stamp_ns)
+        times.append(spent)
         return dataclasses.replace(found, gesture=gesture)
 
     outcomes = []

@@ -306,9 +306,5 @@ def _scripts(rng: Random, crowd: Crowd, rounds: int) -> list[list[Action]]:
             deck.remove(fresh[0])
             taken.add(str(fresh[0]))
             at = LEAD + k * ROUND + float(rng.uniform(0.0, TOGETHER))
-            script.append(_at(stroke(rng, str(fresh[0])), at))
+            script.append(dataclasses.replace(stroke(rng, str(fresh[0])), at=at))
     return scripts
-
-
-def _at(action: Action, at: float) -> Action:
-    return Action(gesture=action.gesture, at=at, duration=action.duration, size=action.size, tilt=action.tilt, variant=action.variant)

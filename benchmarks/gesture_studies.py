@@ -83,7 +83,11 @@ class RealSet:
 
     def only(self, labels: Sequence[str]) -> RealSet:
         """Events with one of the labels."""
-        index = np.flatnonzero(np.isin(self.label, labels))
+        return self.select(np.isin(self.label, labels))
+
+    def select(self, chosen: Mask) -> RealSet:
+        """Events that a mask picks."""
+        index = np.flatnonzero(chosen)
         return RealSet(self.events.select(index), self.label[index], self.person[index], self.distance[index], self.thirteen[index])
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import os
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ from joblib import Memory
 from numpy.typing import NDArray
 
 from benchmarks.gesture_model import model_file
-from benchmarks.report import choice, matrix, measure_together
+from benchmarks.report import choice, matrix, measure_together, timed
 from benchmarks.stores import kept, sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
@@ -141,13 +140,13 @@ def frame_times(n_tx: int, n_frames: int) -> list[float]:
     if n_tx == 1:
         frames, info = [one_transmitter_frame(frame, info) for frame in frames], one_transmitter(info)
     baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(None, info)
-    stage, times = EventStage(GestureConfig(), info.mount), []
-    for frame in frames:
-        start = time.perf_counter_ns()
+    stage = EventStage(GestureConfig(), info.mount)
+
+    def step(frame: RadarFrame) -> None:
         cloud = baseband.process(frame).to_room(info.mount)
         stage.process(TrackedCloud(cloud, tracker.process(cloud)))
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-    return times
+
+    return [timed(step, frame)[1] for frame in frames]
 
 
 def table_4_1(readings: Readings, quick: bool) -> tuple[dict[str, dict[str, dict[str, float]]], list[dict[str, Any]]]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -53,7 +53,7 @@ class Stream:
     maps: tuple[FeatureMaps, ...]
 
 
-def event_settings() -> GestureConfig:
+def event_config() -> GestureConfig:
     """Give the preset for radars with so few frames and gates, with the gates of this one."""
     preset = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))
     gate = GATES["mhomeges"]
@@ -70,21 +70,25 @@ def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]
     people : sequence of int
         Whose; empty: everybody's.
     """
-    settings = event_settings()
+    config = event_config()
     for person, recording in recordings(people):
-        tracker, stage = tracker_for("sparse", "group_clustering"), EventStage(settings, recording.info.mount)
+        stage = EventStage(config, recording.info.mount)
         found: list[FeatureMaps] = []
         stamps: list[int] = []
-        for item in recording.items:
-            if not isinstance(item, PointCloud):
-                continue
-            cloud = item.to_room(recording.info.mount)
-            events = stage.process(TrackedCloud(cloud, tracker.process(cloud)))
-            found += [event.maps for event in events if event.maps is not None and event.walked <= settings.walk_distance]
-            stamps.append(cloud.stamp_ns)
-            if len(stamps) == limit:
-                break
+        for cloud in tracked(recording, limit):
+            events = stage.process(cloud)
+            found += [event.maps for event in events if event.maps is not None and event.walked <= config.walk_distance]
+            stamps.append(cloud.cloud.stamp_ns)
         yield Stream(person, (stamps[-1] - stamps[0]) * 1e-9 / 3600, tuple(maps for maps in found if len(maps.stamp_ns)))
+
+
+def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
+    """Run people tracking over a recording, or over its first clouds."""
+    tracker = tracker_for("sparse", "group_clustering")
+    clouds = (item for item in recording.items if isinstance(item, PointCloud))
+    for cloud in itertools.islice(clouds, limit or None):
+        placed = cloud.to_room(recording.info.mount)
+        yield TrackedCloud(placed, tracker.process(placed))
 
 
 def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
@@ -188,23 +192,3 @@ def with_daily(made: Study, streams: Sequence[Stream]) -> Study:
         more = copies(events, CURVES, VariationConfig(), n=len(changed), seed=made.settings.seed)
         changed = np.concatenate([changed, more], axis=1)
     return Study(joined, made.names, plain, changed, made.settings)
-
-
-def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Read the streams and count false gestures.
-
-    Parameters
-    ----------
-    made : Study
-        Of mHomeGes, settings `CURVES`.
-    quick : bool
-        Only the first minute and a half of each stream.
-    keep : Path or None
-        Nothing is worth keeping; as in the other figures.
-
-    Returns
-    -------
-    dict
-        As `daily_figures`.
-    """
-    return daily_figures(made, list(read_streams(900 if quick else 0)))

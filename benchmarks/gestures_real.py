@@ -135,7 +135,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     simulated = parts.once("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
     rows = parts.once("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
-    daily = parts.once("daily", lambda: gestures_daily.figures(first, quick, keep))
+    daily = parts.once("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(900 if quick else 0))))
     result |= simulated | daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any, Final
 
 from benchmarks.gesture_studies import GATES
-from benchmarks.gestures_daily import recordings
-from benchmarks.recordings import folder, tracker_for
-from radar_core import GESTURES, PointCloud
+from benchmarks.gestures_daily import recordings, tracked
+from benchmarks.recordings import folder
+from radar_core import GESTURES
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import EventStage, Gesture, GestureConfig, GestureRecognizer, TrackEvent
 from radar_lab.importers import open_original
-from radar_lab.importers.recording import Recording, Segment
-from radar_tracking import TrackedCloud
+from radar_lab.importers.recording import Segment
 
 SEGMENTS: Final = 400
 """Of each data set, spread evenly."""
@@ -27,15 +24,6 @@ OURS: Final = {
 }
 """Gestures of the data sets that we know too."""
 _LATE: Final = 500_000_000  # ns: an event may end so long after its segment
-
-
-def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
-    """Run people tracking over a recording, or over its first clouds."""
-    tracker = tracker_for("sparse", "group_clustering")
-    clouds = (item for item in recording.items if isinstance(item, PointCloud))
-    for cloud in itertools.islice(clouds, limit or None):
-        placed = cloud.to_room(recording.info.mount)
-        yield TrackedCloud(placed, tracker.process(placed))
 
 
 def during(segment: Segment, start_ns: int, end_ns: int) -> bool:
@@ -106,12 +94,11 @@ def figures(quick: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``shipped``: by data set, and ``daily``.
+        ``shipped``: by data set, and ``daily``; ``choices`` is empty: there is nothing to choose.
     """
     limit = 20 if quick else SEGMENTS
-    return {"shipped": {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(600 if quick else 0)}}
+    found = {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(600 if quick else 0)}
+    return {"shipped": found, "choices": []}
 
 
-def run(quick: bool = False) -> dict[str, Any]:
-    """Measure, as a benchmark; there is nothing to choose."""
-    return figures(quick) | {"choices": []}
+run = figures

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import choice, measure_together
+from benchmarks.report import choice, measure_together, timed
 from radar_core import PointCloud, RadarInfo
 from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp import Baseband, BasebandConfig
@@ -70,10 +70,7 @@ def step_times(clouds: list[TrackedCloud], info: RadarInfo, rounds: int) -> list
     times = []
     for _ in range(rounds):
         stage = EventStage(GestureConfig(), info.mount)
-        for tracked in clouds:
-            start = time.perf_counter_ns()
-            stage.process(tracked)
-            times.append((time.perf_counter_ns() - start) * 1e-6)
+        times += [timed(stage.process, tracked)[1] for tracked in clouds]
     return times
 
 
@@ -140,9 +137,9 @@ def selected(frames: list[SimulatedFrame], info: RadarInfo, rounds: int) -> list
         clouds: dict[tuple[str, str], list[PointCloud]] = {key: [] for key in chains}
         for simulated in frames:
             for key, chain in chains.items():
-                start = time.perf_counter_ns()
-                clouds[key].append(chain.process(simulated.frame))
-                times[key].append((time.perf_counter_ns() - start) * 1e-6)
+                cloud, spent = timed(chain.process, simulated.frame)
+                clouds[key].append(cloud)
+                times[key].append(spent)
         maps = {key: feature_maps(own, info.waveform.speed_resolution, info.waveform.max_speed) for key, own in clouds.items()}
     return [
         choice(

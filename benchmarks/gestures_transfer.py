@@ -103,12 +103,6 @@ def judge(training: Study, test: RealSet) -> Validation:
     return Validation("all", labels, training.fit().probabilities(vectors), np.asarray(number), test.person, 1)
 
 
-def people(data: RealSet, chosen: NDArray[np.bool_]) -> RealSet:
-    """Keep the events that a mask picks."""
-    index = np.flatnonzero(chosen)
-    return RealSet(data.events.select(index), data.label[index], data.person[index], data.distance[index], data.thirteen[index])
-
-
 def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Simulate, train, and test on recordings.
 
@@ -136,8 +130,8 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     training = transfer_study(data, settings, 2 if quick else COPIES)
     developed = np.isin(made.data.person, DEVELOPMENT)
     tests = {
-        "synthetic_to_real": people(made.data, ~developed),
-        "synthetic_to_real_development": people(made.data, developed),
+        "synthetic_to_real": made.data.select(~developed),
+        "synthetic_to_real_development": made.data.select(developed),
         "synthetic_to_mtranssee": read("mtranssee", 1500 if quick else 0),
     }
     validations = {name: judge(training, test) for name, test in tests.items()}
@@ -151,7 +145,7 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     result["confusion"] = {name: _matrix(validations[name]) for name in ("synthetic_to_real", "synthetic_to_mtranssee")}
     accuracy = {n: validations["synthetic_to_real"].accuracy}
     for fewer in () if quick else _FEWER:
-        part = transfer_study(people(data, data.person < fewer), settings)
+        part = transfer_study(data.select(data.person < fewer), settings)
         accuracy[fewer] = judge(part, tests["synthetic_to_real"]).accuracy
     return result | {"choices": [_row(count, accuracy[count], each, n) for count in sorted(accuracy)]}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
@@ -11,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.report import timed
 from radar_core import PointCloud, Pose
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -340,9 +340,7 @@ def moments(
     baseband, whose, rule = Baseband(config, simulator.info), Owners(simulator, config), Visibility(simulator.info, MATCHING)
     for k in range(0, simulator.n_frames, every):
         made = simulator.process(k)
-        start = time.perf_counter_ns()
-        cloud = baseband.process(made.frame)
-        spent = (time.perf_counter_ns() - start) * 1e-6
+        cloud, spent = timed(baseband.process, made.frame)
         owner = whose.process(cloud, k) if owners else np.full(len(cloud), -1, np.int32)
         seen = rule.process(made.truth)
         yield Moment(cloud.to_room(simulator.info.mount), without_scatterers(made.truth), seen, owner, spent)

@@ -340,6 +340,4 @@ def difference(seed: int, parts: Models, knobs: StoneSoupConfig) -> float:
     return apart
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Measure."""
-    return over_stone_soup(quick)
+run = over_stone_soup

@@ -7,12 +7,12 @@ them: scene, body, echoes, baseband, tracking, events, features, file.
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.report import timed
 from radar_core import RadarInfo
 from radar_gestures.recognizer import GestureConfig
 from radar_lab.datasets.readings import read
@@ -31,14 +31,10 @@ def times(body: str, n: int, seed: int = 1) -> dict[str, list[float]]:
         job = Job(Path(folder), seed, PLANS["thesis"], body, False, False, GestureConfig(), RadarInfo())
         write_sample(job, n)  # compiles and designs what a worker prepares once
         for number in range(n):
-            start = time.perf_counter()
-            write_sample(job, number)
-            made = time.perf_counter()
-            sample = read_sample(job.path(number))
-            loaded = time.perf_counter()
-            read(sample)
-            for name, value in (("make", made - start), ("load", loaded - made), ("read", time.perf_counter() - loaded)):
-                taken[name].append(value)
+            made = timed(write_sample, job, number)[1]
+            sample, loaded = timed(read_sample, job.path(number))
+            for name, value in (("make", made), ("load", loaded), ("read", timed(read, sample)[1])):
+                taken[name].append(1e-3 * value)
             taken["bytes"].append(job.path(number).stat().st_size)
     return taken
 

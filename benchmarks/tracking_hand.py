@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
+from benchmarks.report import timed
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator, load_scene
 from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, Tracks, TrackStatus
@@ -34,9 +33,7 @@ def hand(quick: bool) -> dict[str, float]:
         if person is None and len(draws) and tracks.people_count:
             person = int(draws[0])
             tracker.start(_nearest(tracks, truth.position[person]), cloud.stamp_ns)
-        start = time.perf_counter_ns()
-        found = tracker.process(TrackedCloud(cloud, tracks))
-        spent = (time.perf_counter_ns() - start) * 1e-6
+        found, spent = timed(tracker.process, TrackedCloud(cloud, tracks))
         if person is not None and truth.drawing[person]:
             drawing += 1
             if found is not None and found.active:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from joblib import Memory, Parallel, delayed, parallel_config
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.report import timed
 from benchmarks.scenarios import MOUNT, SCENARIOS, WALLS, Moment, moments
 from benchmarks.stores import sources
 from benchmarks.tracking_score import Score, Scorer, total
@@ -160,9 +160,7 @@ def follow(name: str, made: Sequence[Moment], trackers: Mapping[str, Tracker], i
     for first in range(0, len(made), _TURN):
         for label, tracker in trackers.items():
             for moment in made[first : first + _TURN]:
-                start = time.perf_counter_ns()
-                tracks = tracker.process(moment.cloud)
-                scorers[label].process(moment, tracks, (time.perf_counter_ns() - start) * 1e-6)
+                scorers[label].process(moment, *timed(tracker.process, moment.cloud))
     return {label: scorer.score(made) for label, scorer in scorers.items()}
 
 

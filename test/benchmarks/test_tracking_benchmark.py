@@ -31,7 +31,7 @@ def moment(k, places, visible=None, owner=(), velocity=None):
     motion = still if velocity is None else np.asarray(velocity, float)
     who, gesture = np.arange(1, n + 1, dtype=np.uint32), zero.astype(np.uint8)
     truth = Truth(k * DT_NS, k, "room", who, body, motion, still, still, gesture, zero, no, no)
-    cloud = PointCloud(k * DT_NS, k, "room", *np.ones((3, m), np.float32))
+    cloud = PointCloud(k * DT_NS, k, "room", **dict.fromkeys("xyz", np.ones(m, np.float32)))
     seen = np.ones(n, bool) if visible is None else np.asarray(visible)
     return Moment(cloud, truth, seen, np.asarray(owner, np.int32))
 
