@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import rank_filter
 
 from benchmarks import dsp_accuracy as measured
+from benchmarks import dsp_losses
 from benchmarks.dsp_frames import INFO, SNR_DB, WAVE, busy_frame
 from benchmarks.report import choice, measure_together
 from radar_core import RadarFrame
@@ -145,8 +147,8 @@ def chain(frame: RadarFrame, repeat: int) -> dict[str, list[float]]:
     return measure_together(calls, repeat=repeat)
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Measure everything; see the module's docstring."""
+def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
+    """Measure everything; see the module's docstring. With ``keep``, scenes with lost chirps stay there and are not run again."""
     frame, table, default = busy_frame(), variants(), BasebandConfig()
     n, repeat = (40, 15) if quick else (400, 200)
     quickest = chain(frame, repeat)
@@ -155,7 +157,7 @@ def run(quick: bool) -> dict[str, Any]:
     for name, config in table.items():
         calls[name] = functools.partial(Baseband(config, INFO).process, frame)
     times = measure_together(calls, repeat=max(repeat // 4, 10))
-    rms = measured.errors(default, n)
+    rms, losses = measured.errors(default, n), dsp_losses.figures(quick, keep)
     points, moving, elsewhere = measured.person_points(default, quick)
     return {
         "points": len(Baseband(default, INFO).process(frame)),
@@ -177,11 +179,13 @@ def run(quick: bool) -> dict[str, Any]:
         "points_per_person": points,
         "moving_points_per_person": moving,
         "points_elsewhere_per_frame": elsewhere,
+        **losses,
         "choices": [
             choice("dsp", "bare scipy.fft of the cube", accuracy=("points", 0.0, ""), times_ms=times["scipy.fft"]),
             *(
                 choice("dsp", name, accuracy=accuracy(name, config, quick), times_ms=times[name], reference_ms=times["scipy.fft"])
                 for name, config in table.items()
             ),
+            *losses["choices"],
         ],
     }

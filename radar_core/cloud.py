@@ -25,6 +25,7 @@ class Quality(IntFlag):
     NO_SIGNAL = 4
     CAPPED = 8
     STATIC_REMOVED = 16
+    INCOMPLETE = 32
 
 
 def _nan() -> Float32Array:

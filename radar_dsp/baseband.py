@@ -12,6 +12,7 @@ from radar_core import ConfigError, DataError, PointCloud, Quality, RadarFrame, 
 from radar_dsp.cfar import OPERATIONS, Cells, make_detector
 from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.doa import DirectionFinder, Directions
+from radar_dsp.gaps import Gaps
 from radar_dsp.peaks import Interpolator
 from radar_dsp.reference import CLOUD_ROWS, Scales
 from radar_dsp.refine import Refiner
@@ -89,6 +90,7 @@ class Baseband:
         self._detector = make_detector(config.cfar, usable, correlation, self._n_channel, config.backend)
         self._finder = DirectionFinder(config.doa, info, config.backend)
         self._scales = make_scales(windows, info)
+        self._gaps = Gaps(config.spectrum.missing, info)
         self._half_ns, self._least_snr = waveform.acquisition_ns // 2, 10 ** (config.min_snr / 10)
         self._unfolder = Unfolder(info) if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1 else None
         self._refiner = Refiner(info, self._finder.mode, backend=config.backend) if config.refine == "ml" else None
@@ -101,7 +103,9 @@ class Baseband:
         noise = rng.standard_normal((*self.info.cube_shape[:-1], 2 * w.n_sample), np.float32).view(np.complex64)
         # An echo, so that there is something to locate: a quarter of a turn from chirp to chirp and from sample to sample.
         tone = np.exp(0.5j * np.pi * (np.arange(w.n_chirp)[:, None, None] + np.arange(w.n_sample)))
-        self.process(RadarFrame(noise + 30 * tone.astype(np.complex64), 0, 0, self.info.frame_id))
+        cube = noise + 30 * tone.astype(np.complex64)
+        for missing in ((), (0,)):  # a lost chirp too
+            self.process(RadarFrame(cube, 0, 0, self.info.frame_id, np.array(missing, np.uint32)))
         self.n_capped = 0
 
     def process(self, frame: RadarFrame) -> PointCloud:
@@ -158,13 +162,21 @@ class Baseband:
             quality |= Quality.STATIC_REMOVED
         if len(frame.missing):
             quality |= Quality.MISSING_CHIRPS
+            cube = np.array(cube, order="C")
+            if not self._gaps.process(cube, frame.missing):
+                quality |= Quality.INCOMPLETE
+        if self.info.full_scale > 0 and self._saturated(frame):
+            quality |= Quality.SATURATED
+        return cube, quality
+
+    def _saturated(self, frame: RadarFrame) -> bool:
+        """Whether a sample of a chirp that is there is at the limit of the converter."""
+        cube = frame.cube
+        if len(frame.missing):
             cube = cube.copy()
             cube[frame.missing % cube.shape[0], frame.missing // cube.shape[0]] = 0
-        if self.info.full_scale > 0:
-            samples = np.ascontiguousarray(cube).view(np.float32)
-            if max(float(samples.max()), -float(samples.min())) >= _AT_LIMIT * self.info.full_scale:
-                quality |= Quality.SATURATED
-        return cube, quality
+        samples = np.ascontiguousarray(cube).view(np.float32)
+        return max(float(samples.max()), -float(samples.min())) >= _AT_LIMIT * self.info.full_scale
 
     def _transform(self, frame: RadarFrame, cube: NDArray[np.complex64]) -> tuple[NDArray[np.complex64], FloatMap, int]:
         """Spectrum, integrated power, and the power of two by which both were scaled down."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from radar_core.config import config, knob
 from radar_core.errors import ConfigError
 from radar_dsp.windows import make_window
 
+Missing = Literal["autoregressive", "cubic", "zero"]
 GROUPINGS = ("none", "range", "peak")
 DOA_MODES = ("auto", "azimuth_elevation", "azimuth", "elevation", "void")
 BACKENDS = ("numba", "numpy")
@@ -25,6 +28,12 @@ class SpectrumConfig:
     word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
     static: str = knob(
         "keep", choices=("keep", "remove"), doc="remove: take out the mean over the chirps, that is all that stands still, people included"
+    )
+
+    missing: Missing = knob(
+        "autoregressive",
+        doc="chirps that the device lost; autoregressive: predicted from both sides, range cell by range cell; cubic: polynomial through "
+        "the next ones, for slow echoes only; zero: left zero, which spreads strong echoes over all speeds",
     )
 
     def validate(self) -> None:

@@ -1,0 +1,235 @@
+"""What lost chirps cost: the noise floor beside a strong echo, and gestures.
+
+Two kinds of losses at the same share of chirps: ``random``, each chirp by itself; ``bursts``, `BURST` chirps in a row over all
+transmitters, as when a UDP stream loses six packets of 1456 bytes (a chirp of four receivers and 64 samples has 1024 bytes). A burst may
+begin before the frame or end after it. Only frames that lost something count for the floor. Gestures come from people and scripts of
+seeds that nothing was tuned on; the frames of a scene are simulated once and go through one pipeline for each choice.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.dsp_frames import INFO, LIMITS, SNR_DB, WAVE
+from benchmarks.gesture_streams import NAMED, Random, gesture_stream, stroke
+from benchmarks.report import choice
+from benchmarks.stores import sources
+from benchmarks.tradeoff.echoes import AMPLITUDE, echo, noise
+from radar_core import RadarFrame
+from radar_core.config import plain
+from radar_dsp import Baseband, BasebandConfig, SpectrumConfig
+from radar_dsp.config import Missing
+from radar_dsp.gaps import Gaps
+from radar_dsp.spectrum import make_spectrum
+from radar_lab.evaluation.run import Evaluator
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment
+from radar_lab.pipeline import Pipeline, PipelineConfig
+from radar_sim import Action, Scene, Simulator
+
+RATES: Final = (0.01, 0.05, 0.1)
+KINDS: Final = ("random", "bursts")
+METHODS: Final[tuple[Missing, ...]] = get_args(Missing)
+BURST: Final = 8
+ECHO_DB: Final = 50.0
+SLOW: Final = 0.5
+"""Range rate up to which an echo is slow [m/s]."""
+SEEDS: Final = range(7300, 7306)
+DURATION: Final = 95.0
+"""Of a scene [s]: about 43 gestures."""
+PACKAGES: Final = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
+
+
+def draw_losses(rng: Random, rate: float, kind: str) -> NDArray[np.uint32]:
+    """Numbers of the chirps that a frame loses, ascending, shape (n_missing,)."""
+    n = WAVE.n_chirp * WAVE.n_tx
+    if kind == "random":
+        return np.flatnonzero(rng.random(n) < rate).astype(np.uint32)
+    starts = np.flatnonzero(rng.random(n + BURST - 1) < rate / BURST) - (BURST - 1)
+    lost = np.unique(starts[:, None] + np.arange(BURST))
+    return lost[(lost >= 0) & (lost < n)].astype(np.uint32)
+
+
+def struck_frames(rng: Random, rate: float, kind: str) -> Iterator[NDArray[np.uint32]]:
+    """Losses of frames that lost something, for ever."""
+    while True:
+        missing = draw_losses(rng, rate, kind)
+        if len(missing):
+            yield missing
+
+
+def floor_db(method: Missing, rate: float, kind: str, fastest: float, n: int) -> float:
+    """Rise of the noise floor beside an echo of 50 dB in frames that lost chirps [dB].
+
+    The floor is the mean power of all Doppler cells of the echo's range cell and its two neighbours, but for those that the echo itself
+    fills without noise or loss (above a tenth of the noise). The echo has any direction and any range rate up to ``fastest`` [m/s].
+    """
+    rng = np.random.default_rng([17, round(1e4 * rate), KINDS.index(kind), round(100 * fastest)])
+    spectrum, gaps, losses = make_spectrum(SpectrumConfig(), INFO), Gaps(method, INFO), struck_frames(rng, rate, kind)
+    least, most = LIMITS.copy()
+    least[1], most[1] = -fastest, fastest
+    whole = struck = 0.0
+    for _ in range(n):
+        truth = rng.uniform(least, most)
+        clean = (AMPLITUDE * 10 ** ((ECHO_DB - SNR_DB) / 20) * echo(truth)).astype(np.complex64)
+        # 2.14: motion during a chirp shifts the beat frequency
+        cell = round((truth[0] + truth[1] * (WAVE.carrier / WAVE.slope - WAVE.chirp_pause / 2)) / WAVE.range_resolution)
+        near = np.arange(cell - 1, cell + 2)
+        beside = np.abs(spectrum.process(clean)[..., near]).max(axis=(0, 2)) ** 2 < 0.1
+        cube = clean + noise(rng)
+        whole += float((np.abs(spectrum.process(cube)[..., near]) ** 2).mean(axis=(0, 2))[beside].mean())
+        gaps.process(cube, next(losses))
+        struck += float((np.abs(spectrum.process(cube)[..., near]) ** 2).mean(axis=(0, 2))[beside].mean())
+    return 10 * math.log10(struck / whole)
+
+
+def worst_floor_db(method: Missing, rate: float, n: int) -> dict[str, float]:
+    """Rise of the floor by kind of loss, for slow and for all echoes, and the largest of them."""
+    speeds = {"slow": SLOW, "any": WAVE.max_speed}
+    found = {f"{kind} {name}": floor_db(method, rate, kind, speed, n) for kind in KINDS for name, speed in speeds.items()}
+    return {**found, "worst": max(found.values())}
+
+
+def baseband_ms(method: Missing, rate: float, n: int) -> list[float]:
+    """Time the default chain with a frame that lost chirps at random [ms]."""
+    rng = np.random.default_rng([18, round(1e4 * rate)])
+    baseband = Baseband(BasebandConfig(spectrum=SpectrumConfig(missing=method)), INFO)
+    cube = (noise(rng) + 30 * AMPLITUDE * echo(np.array([2.5, 0.5, 0.1, 0.0]))).astype(np.complex64)
+    times = []
+    for missing in itertools.islice(struck_frames(rng, rate, "random"), n):
+        start = time.perf_counter_ns()
+        baseband.process(RadarFrame(cube, 0, 0, "radar", missing))
+        times.append((time.perf_counter_ns() - start) * 1e-6)
+    return times
+
+
+def brief(rng: Random) -> list[Action]:
+    """Every gesture once, in random order, with short pauses."""
+    return [step for name in rng.permutation(NAMED) for step in (Action(stand=float(rng.uniform(0.7, 1.2))), stroke(rng, str(name)))]
+
+
+def cases() -> dict[str, tuple[Missing, float, str]]:
+    """List what is compared: the default choice at every rate and kind, the others at 1 % of random losses; and no loss at all."""
+    default = SpectrumConfig().missing
+    table: dict[str, tuple[Missing, float, str]] = {"none": (default, 0.0, "random")}
+    for rate, kind in itertools.product(RATES, KINDS):
+        table[f"{default} {rate:g} {kind}"] = (default, rate, kind)
+    return table | {f"{method} 0.01 random": (method, 0.01, "random") for method in METHODS}
+
+
+def perform(scene: Scene) -> dict[str, Any]:
+    """Run a scene through one pipeline for each case.
+
+    Returns
+    -------
+    dict
+        By case: ``hits``, a list of whether each performed gesture was recognised, in the order of time, and ``false``, how many were
+        recognised that nobody performed.
+    """
+    table, info = cases(), scene.radars[0].info
+    pipelines = {
+        name: Pipeline(info, PipelineConfig(baseband=BasebandConfig(spectrum=SpectrumConfig(missing=method))))
+        for name, (method, _, _) in table.items()
+    }
+    evaluators = {name: Evaluator(info.mount, info.array.fov_azimuth, info.waveform.max_range) for name in table}
+    dice = {name: np.random.default_rng([scene.seed, k]) for k, name in enumerate(table)}
+    simulator = Simulator(scene)
+    for number in range(simulator.n_frames):
+        sample = simulator.process(number)
+        for name, (_, rate, kind) in table.items():
+            missing = draw_losses(dice[name], rate, kind)
+            result = pipelines[name].process(dataclasses.replace(sample.frame, missing=missing) if len(missing) else sample.frame)
+            evaluators[name].add(result.tracks, sample.truth)
+            for gesture in result.gestures:
+                evaluators[name].add_gesture(gesture)
+    scores = {name: evaluator.score() for name, evaluator in evaluators.items()}
+    return {name: {"hits": [_hit(*pair) for pair in score.outcomes], "false": score.false_alarms} for name, score in scores.items()}
+
+
+def _hit(segment: TruthSegment, found: RecognisedGesture | None) -> bool:
+    return found is not None and found.label == segment.label
+
+
+def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
+    """Run the scene of a seed, or read what it gave before with the same settings and sources."""
+    scene = gesture_stream(seed, duration, brief)
+    if keep is None:
+        return perform(scene)
+    told = json.dumps([plain(scene), cases(), BURST, sources(PACKAGES)], sort_keys=True)
+    path = keep / f"lost_chirps_{hashlib.sha256(told.encode()).hexdigest()[:16]}.json"
+    if not path.exists():
+        keep.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(perform(scene)), encoding="utf-8")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def wilson(k: int, n: int) -> tuple[float, float]:
+    """95 % interval of a share of k in n (Wilson, 1927)."""
+    if n == 0:
+        return 0.0, 1.0
+    z, p = 1.96, k / n
+    centre, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max((centre - half) / (1 + z * z / n), 0.0), min((centre + half) / (1 + z * z / n), 1.0)
+
+
+def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
+    """Gestures that are recognised without loss and are lost with it, for each case."""
+    seeds, duration = ((SEEDS[0],), 8.0) if quick else (SEEDS, DURATION)
+    parts = [performed(seed, duration, keep) for seed in seeds]
+    known = {name: np.concatenate([np.array(part[name]["hits"], np.bool_) for part in parts]) for name in cases()}
+    table = {}
+    for name, hits in known.items():
+        lost, n = int(np.sum(known["none"] & ~hits)), int(known["none"].sum())
+        table[name] = {
+            "recognised": float(hits.mean()) if len(hits) else 0.0,
+            "lost": lost / n if n else 0.0,
+            "lost_interval": wilson(lost, n),
+            "gained": int(np.sum(~known["none"] & hits)),
+            "false": sum(part[name]["false"] for part in parts),
+        }
+    return {"performed": len(known["none"]), "recognised_without_loss": int(known["none"].sum()), "cases": table}
+
+
+def rows(quick: bool) -> list[dict[str, Any]]:
+    """Accuracy beside time of every choice, at 1 % and 10 % of random losses; the ratio is to the choice zero."""
+    n, made = 3 if quick else 60, []
+    for rate in (0.01, 0.1):
+        times = {method: baseband_ms(method, rate, 10 if quick else 200) for method in METHODS}
+        for method in METHODS:
+            worst = worst_floor_db(method, rate, n)["worst"]
+            made.append(
+                choice(
+                    "dsp",
+                    f"missing={method}, {100 * rate:g} % lost",
+                    accuracy=("rise of the floor beside 50 dB", worst, "dB"),
+                    times_ms=times[method],
+                    reference_ms=times["zero"],
+                )
+            )
+    return made
+
+
+def figures(quick: bool, keep: Path | None = None) -> dict[str, Any]:
+    """Measure what lost chirps cost."""
+    default, n = SpectrumConfig().missing, 4 if quick else 400
+    floors = {f"{rate:g}": worst_floor_db(default, rate, n) for rate in RATES}
+    found = gestures(quick, keep)
+    result: dict[str, Any] = {"lost_chirps_floor_db": floors, "lost_chirps_gestures": found}
+    for rate in RATES:
+        both = [found["cases"][f"{default} {rate:g} {kind}"] for kind in KINDS]
+        worse = max(both, key=lambda case: case["lost"])
+        key = f"lost_chirps_{100 * rate:g}pct"
+        result |= {f"{key}_floor_db": floors[f"{rate:g}"]["worst"], f"{key}_gestures_lost": worse["lost"]}
+        result[f"{key}_gestures_lost_interval"] = worse["lost_interval"]
+    return result | {"choices": rows(quick)}
