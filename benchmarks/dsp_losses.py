@@ -22,14 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.dsp_frames import INFO, LIMITS, SNR_DB, WAVE
-from benchmarks.gesture_streams import NAMED, Random, gesture_stream, stroke
+from benchmarks.gesture_scenes import NAMED, gesture_stream, stroke
 from benchmarks.report import choice
 from benchmarks.stores import sources
+from benchmarks.tally import share_interval
 from benchmarks.tradeoff.echoes import AMPLITUDE, echo, noise
 from radar_core import RadarFrame
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig, SpectrumConfig
 from radar_dsp.config import Missing
+from radar_dsp.context import CalibratedBasebandConfig
 from radar_dsp.gaps import Gaps
 from radar_dsp.spectrum import make_spectrum
 from radar_lab.evaluation.run import Evaluator
@@ -37,6 +39,7 @@ from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment
 from radar_lab.pipeline import Pipeline, PipelineConfig
 from radar_sim import Action, Scene, Simulator
 
+Random = np.random.Generator
 RATES: Final = (0.01, 0.05, 0.1)
 KINDS: Final = ("random", "bursts")
 METHODS: Final[tuple[Missing, ...]] = get_args(Missing)
@@ -138,10 +141,10 @@ def perform(scene: Scene) -> dict[str, Any]:
     """
     table, info = cases(), scene.radars[0].info
     pipelines = {
-        name: Pipeline(info, PipelineConfig(baseband=BasebandConfig(spectrum=SpectrumConfig(missing=method))))
+        name: Pipeline(info, PipelineConfig(baseband=CalibratedBasebandConfig(spectrum=SpectrumConfig(missing=method))))
         for name, (method, _, _) in table.items()
     }
-    evaluators = {name: Evaluator(info.mount, info.array.fov_azimuth, info.waveform.max_range) for name in table}
+    evaluators = {name: Evaluator(info) for name in table}
     dice = {name: np.random.default_rng([scene.seed, k]) for k, name in enumerate(table)}
     simulator = Simulator(scene)
     for number in range(simulator.n_frames):
@@ -174,15 +177,6 @@ def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
     return found
 
 
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """95 % interval of a share of k in n (Wilson, 1927)."""
-    if n == 0:
-        return 0.0, 1.0
-    z, p = 1.96, k / n
-    centre, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return max((centre - half) / (1 + z * z / n), 0.0), min((centre + half) / (1 + z * z / n), 1.0)
-
-
 def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
     """Gestures that are recognised without loss and are lost with it, for each case."""
     seeds, duration = ((SEEDS[0],), 8.0) if quick else (SEEDS, DURATION)
@@ -194,7 +188,7 @@ def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
         table[name] = {
             "recognised": float(hits.mean()) if len(hits) else 0.0,
             "lost": lost / n if n else 0.0,
-            "lost_interval": wilson(lost, n),
+            "lost_interval": share_interval(lost, n),
             "gained": int(np.sum(~known["none"] & hits)),
             "false": sum(part[name]["false"] for part in parts),
         }
