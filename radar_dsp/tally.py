@@ -13,6 +13,7 @@ from radar_core import PointCloud, Quality
 FLAWS: Final = {
     Quality.SATURATED: ("saturated_frames", "saturated: less gain, or less of a reflector near the radar; points may be false"),
     Quality.MISSING_CHIRPS: ("frames_with_missing_chirps", "with missing chirps: look at the link to the device; points are noisier"),
+    Quality.INCOMPLETE: ("incomplete_frames", "with so many missing chirps that points are not reliable: mend the link to the device"),
     Quality.NO_SIGNAL: ("frames_without_signal", "all zero: does the device transmit?"),
     Quality.CAPPED: ("capped_frames", "with more than max_detections; the weakest were left out"),
 }
