@@ -6,43 +6,43 @@ system calls are real, the kernel's part and the cable are not. The emulator run
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.signal
 
-from benchmarks.report import choice, measure_together
+from benchmarks import boards_udp
+from benchmarks.boards_udp import emulated, watched
+from benchmarks.graph import DOMAIN
+from benchmarks.report import AbsentError, choice, measure_together
 from radar_app.graph import graph
-from radar_app.supervisor import Supervisor
 from radar_driver.tinyrad import wire
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.convert import analytic
 from radar_dsp.windows import make_window
 
-_EMULATED = Path(__file__).resolve().parents[1] / "test" / "driver"
-sys.path.insert(0, str(_EMULATED))
 _FRAMES = 250
 _TRANSFERS = {"whole frame": 0, "32 KiB": 32768, "16 KiB": 16384, "4 KiB": 4096}
-_DOMAIN = 150 + os.getpid() % 80
 _WITHOUT = ("baseband", "tracking", "gestures", "hand", "visualisation")
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Measure the TinyRad over USB, and the boards over UDP where that benchmark is there."""
-    from umockdev_machine import missing
+    """Measure the TinyRad over USB, and the boards over UDP.
 
-    if missing():
-        raise SystemExit(f"boards: {missing()}")
+    Raises
+    ------
+    AbsentError
+        Outside a checkout, or when what emulates USB is not installed.
+    """
+    if missing := emulated("umockdev_machine").missing():
+        raise AbsentError(missing)
     count = 60 if quick else _FRAMES
     runs = {name: _usb(count, transfer=size) for name, size in list(_TRANSFERS.items())[: 2 if quick else None]}
     usb = runs["whole frame"]
@@ -68,24 +68,13 @@ def run(quick: bool) -> dict[str, Any]:
         for name, one in runs.items()
     ]
     choices += _conversions(repeat=20 if quick else 300)
-    return _with_udp(figures, choices, quick)
-
-
-def _with_udp(figures: dict[str, Any], choices: list[dict[str, Any]], quick: bool) -> dict[str, Any]:
-    """Add what `benchmarks.boards_udp.figures` gives: figures of other names, its part of ``cpu``, and choices."""
-    if importlib.util.find_spec("benchmarks.boards_udp") is None:
-        return {**figures, "choices": choices}
-    other = dict(importlib.import_module("benchmarks.boards_udp").figures(quick))
-    cpu = {**figures["cpu"], **other.pop("cpu", {})}
-    choices = choices + other.pop("choices", [])
-    return {**figures, **other, "cpu": cpu, "choices": choices}
+    other = boards_udp.figures(quick)
+    return {**figures, **other, "choices": choices + other["choices"]}
 
 
 @contextmanager
 def _machine() -> Iterator[Any]:
-    from umockdev_machine import Machine
-
-    machine = Machine()
+    machine = emulated("umockdev_machine").Machine()
     try:
         yield machine
     finally:
@@ -95,7 +84,7 @@ def _machine() -> Iterator[Any]:
 @contextmanager
 def _child(machine: Any, count: int, **knobs: Any) -> Iterator[Iterator[dict[str, Any]]]:
     """Run a program that reads the board; gives what it says."""
-    line = [sys.executable, str(_EMULATED / "tinyrad_child.py"), str(count), json.dumps(knobs)]
+    line = [sys.executable, emulated("tinyrad_child").__file__, str(count), json.dumps(knobs)]
     process = subprocess.Popen(line, env=machine.environment, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
@@ -138,60 +127,28 @@ def _kill(attempts: int) -> dict[str, float]:
     Seconds until the board has its next frame ready for the new driver, and until
     a subscriber has one, which the middleware has to connect anew; medians, and the worst.
     """
-    import rclpy
-    from handwave.msg import RadarFrame as RadarFrameMsg
-
-    from radar_app.supervisor import environment
-    from radar_ros import qos
-
-    os.environ.update(environment(_DOMAIN))
     with _machine() as machine:
         os.environ.update(machine.changes)
-        rclpy.init(args=[])
-        node = rclpy.create_node("boards_benchmark")
-        arrived: list[float] = []
-        node.create_subscription(RadarFrameMsg, "radar/frame", lambda _: arrived.append(time.monotonic()), qos.sensor())
         specs = graph("live", parameters={"driver": {"source": "tinyrad"}}, without=_WITHOUT)
+        times = []
         try:
-            with Supervisor(specs, domain=_DOMAIN, respawn=True, log=lambda name, line: None) as supervisor:
-                times = np.array([_killed(supervisor, machine, node, arrived) for _ in range(attempts)])
+            with watched(specs, DOMAIN) as driver:
+                for _ in range(attempts):
+                    driver.wait(600)  # 12 s: a node that lived that long is started again at once
+                    killed, seen = driver.kill()
+                    report = machine.say("report")
+                    began = next(t for t in report["began_ns"] if t * 1e-9 > killed)
+                    times.append((next(t for t in report["ready_ns"] if t > began) * 1e-9 - killed, seen - killed))
         finally:
-            node.destroy_node()
-            rclpy.try_shutdown()
             for name in machine.changes:
                 os.environ.pop(name, None)
-    median, worst = np.median(times, axis=0), times.max(axis=0)
+    median, worst = np.median(times, axis=0), np.max(times, axis=0)
     return {
         "usb_resume_kill_s": float(median[0]),
         "usb_resume_kill_worst_s": float(worst[0]),
         "usb_resume_kill_seen_s": float(median[1]),
         "usb_resume_kill_seen_worst_s": float(worst[1]),
     }
-
-
-def _killed(supervisor: Supervisor, machine: Any, node: Any, arrived: list[float]) -> tuple[float, float]:
-    import rclpy
-
-    def wait(more: int) -> None:
-        end, wanted = time.monotonic() + 40.0, len(arrived) + more
-        while len(arrived) < wanted and time.monotonic() < end:
-            supervisor.poll()
-            rclpy.spin_once(node, timeout_sec=0.05)
-        if len(arrived) < wanted:
-            raise RuntimeError("no frames within 40 s")
-
-    wait(600)  # 12 s: a node that lived that long is started again at once
-    os.kill(supervisor.pid("driver"), signal.SIGKILL)
-    killed = time.monotonic()
-    while not supervisor.poll():
-        time.sleep(0.005)
-    for _ in range(100):  # what was on its way
-        rclpy.spin_once(node, timeout_sec=0.0)
-    arrived.clear()
-    wait(1)
-    report = machine.say("report")
-    began = next(t for t in report["began_ns"] if t * 1e-9 > killed)
-    return next(t for t in report["ready_ns"] if t > began) * 1e-9 - killed, arrived[0] - killed
 
 
 def _conversions(repeat: int) -> list[dict[str, Any]]:

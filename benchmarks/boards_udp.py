@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 import json
 import math
 import os
@@ -13,28 +14,44 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rclpy
+from handwave.msg import RadarFrame as RadarFrameMsg
 
-from benchmarks.report import choice
+from benchmarks.graph import DOMAIN
+from benchmarks.report import checkout, choice
 from radar_app.graph import NodeSpec
-from radar_app.supervisor import Supervisor
+from radar_app.supervisor import Supervisor, environment
+from radar_core import HandwaveError
 from radar_driver.dca1000.board import Dca1000Source
 from radar_driver.dca1000.decode import decode_frame, frame_bytes
 from radar_driver.dca1000.receiver import Receiver
 from radar_driver.dca1000.settings import Dca1000Config
 from radar_driver.live import Reader
 from radar_ros import qos
+from radar_ros.interrupts import ros
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "driver"))  # the emulated board is the tests'
-import dca1000_emulator as emulator
-
+_PATIENCE = 60.0  # s: for frames to come
 N_FRAMES = 250
 NAPS = (0.0, 0.001, 0.002, 0.005)
 """How long packets gather before they are taken together [s]."""
+
+
+def emulated(name: str) -> Any:
+    """Import an emulated board, which is the tests'.
+
+    Raises
+    ------
+    AbsentError
+        Outside a checkout of the project: the emulated boards are not installed.
+    """
+    if (folder := str(checkout("test", "driver"))) not in sys.path:
+        sys.path.insert(0, folder)
+    return importlib.import_module(name)
 
 
 @dataclasses.dataclass
@@ -95,6 +112,7 @@ def figures(quick: bool) -> dict[str, Any]:
 
 def stream(n: int, faults: Mapping[str, float] | None = None, nap: float | None = None) -> Run:
     """Receive n frames of table 3.1's radar (131,072 bytes, 91 packets) at 50 Hz, and compare them with what was sent."""
+    emulator = emulated("dca1000_emulator")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "radar.cfg"
         path.write_text(emulator.cfg(64, 64))
@@ -116,11 +134,58 @@ def stream(n: int, faults: Mapping[str, float] | None = None, nap: float | None 
     return _judge(taken, said, source, n)
 
 
+class Watched:
+    """The frames that a subscriber gets from a driver node under a supervisor, which can be killed."""
+
+    def __init__(self, supervisor: Supervisor, node: Any, arrived: list[float]) -> None:
+        self._supervisor, self._node, self.arrived = supervisor, node, arrived
+
+    def wait(self, more: int) -> None:
+        """Wait for frames.
+
+        Raises
+        ------
+        HandwaveError
+            When they do not come.
+        """
+        end, wanted = time.monotonic() + _PATIENCE, len(self.arrived) + more
+        while len(self.arrived) < wanted:
+            if time.monotonic() > end:
+                raise HandwaveError(f"no frames of the emulated board within {_PATIENCE:g} s")
+            self._supervisor.poll()
+            rclpy.spin_once(self._node, timeout_sec=0.01)
+
+    def kill(self) -> tuple[float, float]:
+        """Kill the driver with SIGKILL; returns when that was, and when the next frame of the respawned one came [s]."""
+        os.kill(self._supervisor.pid("driver"), signal.SIGKILL)
+        killed = time.monotonic()
+        while not self._supervisor.poll():
+            time.sleep(0.005)
+        for _ in range(100):  # what was on its way
+            rclpy.spin_once(self._node, timeout_sec=0.0)
+        self.arrived.clear()
+        self.wait(1)
+        return killed, self.arrived[0]
+
+
+@contextlib.contextmanager
+def watched(specs: Sequence[NodeSpec], domain: int) -> Iterator[Watched]:
+    """Run nodes under a supervisor that starts them again, and subscribe to their frames."""
+    os.environ.update(environment(domain))
+    arrived: list[float] = []
+    with ros():
+        node = rclpy.create_node("boards_benchmark")
+        node.create_subscription(RadarFrameMsg, "radar/frame", lambda _: arrived.append(time.monotonic()), qos.sensor())
+        try:
+            with Supervisor(specs, domain=domain, respawn=True, log=lambda name, line: None) as supervisor:
+                yield Watched(supervisor, node, arrived)
+        finally:
+            node.destroy_node()
+
+
 def after_kill() -> float:
     """Kill the driver node with SIGKILL while frames come; time until a subscriber gets the next frame of the respawned one [s]."""
-    import rclpy
-    from handwave.msg import RadarFrame as RadarFrameMsg
-
+    emulator = emulated("dca1000_emulator")
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         path, tty = Path(folder) / "radar.cfg", Path(folder) / "tty"
         path.write_text(emulator.cfg(64, 64))
@@ -130,29 +195,10 @@ def after_kill() -> float:
         given = {"config": str(path), "serial_port": str(tty), "host_address": emulator.HOST, "board_address": emulator.BOARD}
         given |= {"config_port": card.config_port, "data_port": card.data_port}
         spec = NodeSpec("driver", "radar_ros.nodes.driver", {"source": "dca1000", **{f"dca1000.{k}": v for k, v in given.items()}})
-        rclpy.init(args=[])
-        stack.callback(rclpy.try_shutdown)
-        node = rclpy.create_node("watcher")
-        stack.callback(node.destroy_node)
-        came: list[float] = []
-        node.create_subscription(RadarFrameMsg, "radar/frame", lambda _: came.append(time.monotonic()), qos.sensor())
-        supervisor = stack.enter_context(Supervisor((spec,), respawn=True, log=lambda *_: None))
-
-        def until(number: int) -> None:
-            end = time.monotonic() + 60
-            while len(came) < number:
-                if time.monotonic() > end:
-                    raise TimeoutError("no frames of the emulated board")
-                rclpy.spin_once(node, timeout_sec=0.01)
-                supervisor.poll()
-
-        until(50)
-        os.kill(supervisor.pid("driver"), signal.SIGKILL)
-        died = time.monotonic()
-        while time.monotonic() < died + 0.1:  # what was on its way
-            rclpy.spin_once(node, timeout_sec=0.01)
-        until(len(came) + 1)
-        return came[-1] - died
+        driver = stack.enter_context(watched((spec,), DOMAIN))
+        driver.wait(50)
+        killed, seen = driver.kill()
+        return seen - killed
 
 
 def _receive(source: Dca1000Source, told: Any, n: int) -> list[tuple[Any, int, int]]:
@@ -182,7 +228,7 @@ def _receive(source: Dca1000Source, told: Any, n: int) -> list[tuple[Any, int, i
 
 def _judge(taken: list[tuple[Any, int, int]], said: Mapping[str, Any], source: Dca1000Source, n: int) -> Run:
     size = frame_bytes(source.info, 2)
-    sent = [decode_frame(data, source.info) for data in emulator.noise(size)]
+    sent = [decode_frame(data, source.info) for data in emulated("dca1000_emulator").noise(size)]
     n_tx, n_chirp, _, _ = source.info.cube_shape
     chirps = n_tx * n_chirp
     touched: set[tuple[int, int]] = set()

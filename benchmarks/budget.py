@@ -21,14 +21,13 @@ from handwave.msg import StageBudget
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from benchmarks.report import choice
+from benchmarks.graph import DOMAIN
 from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.tune import LEVELS, tune, write
 from radar_app.graph import graph
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment
 from radar_core import HandwaveError
-from radar_core.ladder import load_ladders
 from radar_core.paths import find_config
 from radar_ros import qos
 from radar_ros.interrupts import ros
@@ -36,7 +35,6 @@ from radar_ros.interrupts import ros
 BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled
 _PATIENCE = 40.0  # s
-_DOMAIN = 150 + os.getpid() % 80
 _STAGES = ("baseband", "tracking", "gestures", "hand")
 """Whose losses count."""
 
@@ -137,7 +135,7 @@ def running(folder: Path, stages: Sequence[str], domain: int) -> Iterator[Watch]
             watch.monitor.close()
 
 
-def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = _DOMAIN) -> dict[str, Any]:
+def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = DOMAIN) -> dict[str, Any]:
     """Slow the baseband ten times, without a budget and with one, and let it recover.
 
     Parameters
@@ -161,23 +159,22 @@ def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[s
     with running(folder, stages, domain) as watch:
         watch.set(device_factor=SLOWER)
         watch.monitor.spin(2.0)
-        without = watch.window(seconds)
+        windows = {"without": watch.window(seconds)}
         watch.set(device_factor=1.0, frame_budget_ms=BUDGET_MS, budget__tuning=str(tuning))
         watch.wait(lambda: watch.budgets, "the first level")
         watch.settle()
-        usual, first = watch.window(seconds), watch.budgets[-1]
+        windows["usual"], first = watch.window(seconds), watch.budgets[-1]
         watch.set(device_factor=SLOWER)
         settled = watch.settle()
-        slow, level = watch.window(seconds), watch.budgets[-1]
+        windows["slowed"], level = watch.window(seconds), watch.budgets[-1]
         watch.set(device_factor=1.0)
         recovered = watch.wait(lambda: watch.budgets[-1].number == first.number, "the level of before")
-        again = watch.window(seconds)
+        windows["recovered"] = watch.window(seconds)
+    slow = windows["slowed"]
     return {
-        "lost_without_budget": without.share,
-        "lost_usual": usual.share,
-        "lost_slowed": slow.share,
-        "lost_recovered": again.share,
-        "lost_by_stage": {"without": without.shares, "usual": usual.shares, "slowed": slow.shares, "recovered": again.shares},
+        "lost_without_budget": windows["without"].share,
+        **{f"lost_{name}": windows[name].share for name in ("usual", "slowed", "recovered")},
+        "lost_by_stage": {name: one.shares for name, one in windows.items()},
         "settle_s": settled,
         "recover_s": recovered,
         "level_usual": first.level,
@@ -186,34 +183,19 @@ def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[s
         "number_slowed": level.number,
         "gave_up": list(level.gave_up),
         "reason": level.reason,
-        "frames": {"without": without.frames, "usual": usual.frames, "slowed": slow.frames, "recovered": again.frames},
+        "frames": {name: one.frames for name, one in windows.items()},
         "taken_slowed": slow.finished["baseband"] + slow.lost["baseband"],
-        "latencies_ms": {
-            name: (1e3 * np.array(one.latencies)).tolist()
-            for name, one in (("without", without), ("usual", usual), ("slowed", slow), ("recovered", again))
-        },
+        "latencies_ms": {name: (1e3 * np.array(one.latencies)).tolist() for name, one in windows.items()},
     }
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Tune this machine, then run the experiment; choices are the levels."""
+    """Tune this machine, then run the experiment; choices are all that was measured for the levels."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found = tune(StudyConfig(folder, quick), progress=not quick)
         write(folder, found)
-        result = experiment(folder / LEVELS, folder, 4.0 if quick else 30.0)
-        ladders = load_ladders(folder / LEVELS)
+        result = experiment(folder / LEVELS, folder, 3.0 if quick else 30.0)
     latencies = result.pop("latencies_ms")
     result |= {f"latency_ms_{name}": float(np.median(times)) if times else None for name, times in latencies.items()}
-    choices = []
-    for tuned in found:
-        ladder = ladders[tuned.ladder.stage]
-        best = ladder.levels[0]
-        for level in ladder.levels:
-            accuracy = (ladder.figure, level.accuracy, ladder.unit)
-            choices.append(
-                choice(
-                    f"levels of the {ladder.stage}", level.name, accuracy=accuracy, times_ms=[level.cost_ms], reference_ms=[best.cost_ms]
-                )
-            )
-    return {**result, "choices": choices}
+    return {**result, "choices": [row for tuned in found for row in tuned.rows]}

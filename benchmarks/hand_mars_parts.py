@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
-from radar_core import DataError, PointCloud, RadarInfo
+from benchmarks.report import AbsentError
+from radar_core import PointCloud, RadarInfo
 from radar_driver.ti_demo.points import to_our_axes
 from radar_lab.importers import open_original
 from radar_lab.posture.model import PostureModel
@@ -76,12 +77,12 @@ def exercises(name: str) -> Exercises:
 
     Raises
     ------
-    DataError
+    AbsentError
         When the recordings are not there.
     """
     path = folder() / "mars" / f"{name}.npz"
     if not path.is_file():
-        raise DataError(f"{path}: there is no such recording; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
+        raise AbsentError(f"{path}: there is no such recording; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
     recording = open_original("mars", path)
     tracker = tracker_for(PRESETS["mars"], TRACKERS[0])
     clouds = [item.to_room(recording.info.mount) for item in recording.items if isinstance(item, PointCloud)]

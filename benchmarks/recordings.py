@@ -15,8 +15,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from benchmarks.report import choice
-from radar_core import DataError, PointCloud
+from benchmarks.report import AbsentError, choice
+from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_driver.ti_demo.points import to_our_axes
@@ -98,12 +98,12 @@ def folder() -> Path:
 
     Raises
     ------
-    DataError
+    AbsentError
         When there is none.
     """
     place = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not place.is_dir():
-        raise DataError(f"{place}: there are no recordings; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
+        raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
     return place
 
 
