@@ -21,7 +21,7 @@ import scipy.signal
 from benchmarks import boards_udp
 from benchmarks.boards_udp import emulated, watched
 from benchmarks.graph import DOMAIN
-from benchmarks.report import AbsentError, choice, measure_together
+from benchmarks.report import AbsentError, choices, measure_together
 from radar_app.graph import graph
 from radar_driver.tinyrad import wire
 from radar_driver.tinyrad.config import TinyRadConfig
@@ -57,19 +57,11 @@ def run(quick: bool) -> dict[str, Any]:
         "cpu": {"usb": usb["cpu"]},
         "load": os.getloadavg()[0],
     }
-    choices = [
-        choice(
-            "usb transfer",
-            name,
-            accuracy=("lost", one["lost"], "frames"),
-            times_ms=one["delivery_ms"],
-            reference_ms=None if one is usb else usb["delivery_ms"],
-        )
-        for name, one in runs.items()
-    ]
-    choices += _conversions(repeat=20 if quick else 300)
+    lost = {name: one["lost"] for name, one in runs.items()}
+    rows = choices("usb transfer", ("lost", "frames"), lost, {name: one["delivery_ms"] for name, one in runs.items()}, "whole frame")
+    rows += _conversions(repeat=20 if quick else 300)
     other = boards_udp.figures(quick)
-    return {**figures, **other, "choices": choices + other["choices"]}
+    return {**figures, **other, "choices": rows + other["choices"]}
 
 
 @contextmanager
@@ -163,17 +155,9 @@ def _conversions(repeat: int) -> list[dict[str, Any]]:
         "none: real samples as they are": lambda x: x.astype(np.complex64),
     }
     times = measure_together({name: (lambda call=call: call(samples)) for name, call in calls.items()}, repeat=repeat)
-    reference = times["none: real samples as they are"]
-    return [
-        choice(
-            "real to complex",
-            name,
-            accuracy=("largest ghost below 27 of 32 cells", _ghost(call, n_real), "dB"),
-            times_ms=times[name],
-            reference_ms=None if times[name] is reference else reference,
-        )
-        for name, call in calls.items()
-    ]
+    ghosts = {name: _ghost(call, n_real) for name, call in calls.items()}
+    figure = ("largest ghost below 27 of 32 cells", "dB")
+    return choices("real to complex", figure, ghosts, times, "none: real samples as they are")
 
 
 def _plain(samples: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ import rclpy
 from handwave.msg import RadarFrame as RadarFrameMsg
 
 from benchmarks.graph import DOMAIN
-from benchmarks.report import checkout, choice
+from benchmarks.report import checkout, choices
 from radar_app.graph import NodeSpec
 from radar_app.supervisor import Supervisor, environment
 from radar_core import HandwaveError
@@ -88,17 +88,9 @@ def figures(quick: bool) -> dict[str, Any]:
     """Run the emulated board without and with losses; flat figures, and `choices`: how long packets gather."""
     n = 50 if quick else N_FRAMES
     clean, lossy = stream(n), stream(n, {"lose": 0.01})
-    runs = {nap: stream(n, nap=nap) for nap in NAPS}
-    rows = [
-        choice(
-            "dca1000 receive",
-            f"gather {nap * 1e3:g} ms",
-            accuracy=("p99 delivery", float(np.percentile(run.delay, 99)), "ms"),
-            times_ms=run.cpu.tolist(),
-            reference_ms=None if nap == NAPS[0] else runs[NAPS[0]].cpu.tolist(),
-        )
-        for nap, run in runs.items()
-    ]
+    runs = {f"gather {nap * 1e3:g} ms": stream(n, nap=nap) for nap in NAPS}
+    late = {name: float(np.percentile(run.delay, 99)) for name, run in runs.items()}
+    times = {name: run.cpu.tolist() for name, run in runs.items()}
     return {
         "udp_lost": clean.lost,
         "udp_p99_ms": float(np.percentile(clean.delay, 99)),
@@ -106,7 +98,7 @@ def figures(quick: bool) -> dict[str, Any]:
         "udp_flagged": lossy.flagged,
         "udp_misplaced": clean.misplaced + lossy.misplaced,
         "udp_kill9_s": after_kill(),
-        "choices": rows,
+        "choices": choices("dca1000 receive", ("p99 delivery", "ms"), late, times, next(iter(runs))),
     }
 
 

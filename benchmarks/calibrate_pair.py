@@ -9,8 +9,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pair_clouds import APART, FRAME, SECONDS, PairStore, Stream, scene
-from benchmarks.report import choice
+from benchmarks.report import choice, kept_folder, timed
 from radar_core import Pose
 from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker, calibrate_pair
 
@@ -62,10 +60,10 @@ def lag(seed: int, name: str) -> int:
     return round(np.random.default_rng([seed, *name.encode()]).uniform(0.0, LATEST) * 1e9)
 
 
-def walker(stream: Stream, settings: PairConfig, behind_ns: int = 0) -> Walker:
+def walker(stream: Stream, config: PairConfig, behind_ns: int = 0) -> Walker:
     """Follow the person in what one radar saw; of its mount only height and tilt are told."""
     info = dataclasses.replace(stream.radar.info, mount=Pose(z=stream.radar.mount.z, tilt=stream.radar.mount.tilt))
-    result = Walker(settings, info)
+    result = Walker(config, info)
     for cloud in stream.clouds:
         result.process(dataclasses.replace(cloud, stamp_ns=cloud.stamp_ns - behind_ns))
     return result
@@ -97,27 +95,25 @@ class Case:
     offset: float
 
 
-def cases(store: PairStore, seeds: Sequence[int], settings: PairConfig, seconds: float) -> list[Case]:
+def cases(store: PairStore, seeds: Sequence[int], config: PairConfig, seconds: float) -> list[Case]:
     """Follow the person of every seed with every radar."""
     found = []
     for seed in seeds:
         drawn = scene(seed, seconds)
         left = store.read(drawn, "left")
-        first = walker(left, settings)
+        first = walker(left, config)
         for name in PAIRS:
             stream, behind = store.read(drawn, name), lag(seed, name)
             truth = true_pose(left.radar.mount, stream.radar.mount)
-            found.append(Case(name, first, walker(stream, settings, behind), truth, behind * 1e-9))
+            found.append(Case(name, first, walker(stream, config, behind), truth, behind * 1e-9))
     return found
 
 
-def calibrated(every: Sequence[Case], settings: PairConfig) -> Errors:
+def calibrated(every: Sequence[Case], config: PairConfig) -> Errors:
     """Calibrate each pair."""
     rows = []
     for case in every:
-        start = time.perf_counter_ns()
-        result = calibrate_pair(case.first, case.second, settings)
-        spent = (time.perf_counter_ns() - start) * 1e-6
+        result, spent = timed(calibrate_pair, case.first, case.second, config)
         rows.append((*error_of(result, case.truth, case.offset), spent))
     error, std, nees, times = zip(*rows, strict=True)
     return Errors(np.array(error), np.array(std), np.array(nees), tuple(times))
@@ -140,42 +136,41 @@ def figures(found: Errors, label: str) -> dict[str, Any]:
 
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure; with ``keep``, clouds stay there and are not simulated again."""
-    if keep is None:
-        with tempfile.TemporaryDirectory() as folder:
-            return run(quick, Path(folder))
+    with kept_folder(keep) as folder:
+        return measure(PairStore(folder), quick)
+
+
+def measure(store: PairStore, quick: bool) -> dict[str, Any]:
+    """Simulate what is missing, and calibrate."""
     seeds, seconds = (range(2), 12.0) if quick else (range(SEEDS), SECONDS)
-    store = PairStore(keep)
     store.fill([scene(seed, seconds) for seed in seeds], progress=sys.stdout.isatty())  # --json prints one object and nothing else
-    settings = PairConfig()
-    every = cases(store, seeds, settings, seconds)
-    chosen = calibrated(every, settings)
+    config = PairConfig()
+    every = cases(store, seeds, config, seconds)
+    chosen = calibrated(every, config)
     result: dict[str, Any] = {"seeds": len(seeds), "seconds": seconds, "frame_interval_s": FRAME} | figures(chosen, "all")
     for name in PAIRS:
         result |= figures(chosen.select([case.pair == name for case in every]), f"apart_{APART[name]:g}_m")
     result["choices"] = []
-    for label, other in variants(settings).items():
-        found = chosen if other == settings else calibrated(every, other)
+    for label, other in variants(config).items():
+        found = chosen if other == config else calibrated(every, other)
         rms = float(np.sqrt((found.distance**2).mean()) * 1e3)
-        times = list(found.times_ms)
-        reference = list(chosen.times_ms) if result["choices"] else None
-        result["choices"].append(
-            choice("calibrate_pair", label, accuracy=("position_error", rms, "mm"), times_ms=times, reference_ms=reference)
-        )
+        reference, figure = chosen.times_ms if result["choices"] else None, ("position_error", rms, "mm")
+        result["choices"].append(choice("calibrate_pair", label, accuracy=figure, times_ms=found.times_ms, reference_ms=reference))
     return result
 
 
-def variants(settings: PairConfig) -> dict[str, PairConfig]:
-    """Name settings to compare: as shipped, and one thing changed in each."""
-    own = settings.alignment
+def variants(config: PairConfig) -> dict[str, PairConfig]:
+    """Name configurations to compare: as shipped, and one thing changed in each."""
+    own = config.alignment
 
     def other(**changes: Any) -> PairConfig:
-        return dataclasses.replace(settings, alignment=dataclasses.replace(own, **changes))
+        return dataclasses.replace(config, alignment=dataclasses.replace(own, **changes))
 
     return {
-        "as shipped": settings,
+        "as shipped": config,
         "loss=huber": other(loss="huber"),
         "loss=none": other(loss="none"),
         "depth=estimated": other(depth="estimated"),
-        "surface=0": dataclasses.replace(settings, surface=0.0),
+        "surface=0": dataclasses.replace(config, surface=0.0),
         "clock=false": other(clock=False),
     }

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -27,7 +25,8 @@ from benchmarks.hand_runs import (
     settling,
     track,
 )  # fmt: skip
-from benchmarks.report import choice
+from benchmarks.report import choice, kept_folder, varied
+from radar_core.config import load, nest
 from radar_sim import Scene
 from radar_tracking import HandConfig
 
@@ -59,11 +58,10 @@ def tuning_scenes(quick: bool) -> list[Scene]:
     return [scene(script, seed, far, body) for seed, far in _TUNING_SEEDS[: 1 if quick else None] for script in chosen]
 
 
-def settings(name: str, process_noise: float, position_std: float) -> HandConfig:
-    """Give the defaults another estimator."""
-    default = HandConfig()
-    estimator = dataclasses.replace(default.estimator, name=name, process_noise=process_noise)
-    return dataclasses.replace(default, estimator=estimator, position_std=position_std)
+def configured(name: str, process_noise: float, position_std: float) -> HandConfig:
+    """Configure another estimator."""
+    knobs = {"estimator.name": name, "estimator.process_noise": process_noise, "position_std": position_std}
+    return load(HandConfig, nest(knobs))
 
 
 def tune(tracked: Sequence[Tracked], names: Sequence[str], quick: bool) -> dict[str, HandConfig]:
@@ -71,8 +69,8 @@ def tune(tracked: Sequence[Tracked], names: Sequence[str], quick: bool) -> dict[
     grid = list(itertools.product(*GRID.values()))[:: 6 if quick else 1]
     found = {}
     for name in names:
-        error = [rms(residual(t, follow(t, settings(name, *noise)))[counts(t)] for t in tracked) for noise in grid]
-        found[name] = settings(name, *grid[int(np.argmin(error))])
+        error = [rms(residual(t, follow(t, configured(name, *noise)))[counts(t)] for t in tracked) for noise in grid]
+        found[name] = configured(name, *grid[int(np.argmin(error))])
     return found
 
 
@@ -87,17 +85,7 @@ def errors(found: Runs, masks: Sequence[Any], axes: int = 3) -> list[Any]:
 
 
 def figures_of(found: Runs, sure: Sequence[Any], slow: Sequence[bool]) -> dict[str, float]:
-    """Errors of one estimator.
-
-    Parameters
-    ----------
-    found : sequence of (Tracked, Followed)
-        Every scene.
-    sure : sequence of ndarray of bool
-        Clouds of fast parts in which the snapshot tells the velocity across.
-    slow : sequence of bool
-        Which of the scenes are slow lines.
-    """
+    """Errors of one estimator; ``sure``: clouds of fast parts in which the snapshot tells the velocity across; ``slow``: slow lines."""
     every, quickly = [counts(t) for t, _ in found], [fast(t) for t, _ in found]
     lines = [run for run, own in zip(found, slow, strict=True) if own]
     turns = [value for run in found for value in settling(*run)]
@@ -113,29 +101,23 @@ def figures_of(found: Runs, sure: Sequence[Any], slow: Sequence[bool]) -> dict[s
     }
 
 
-def knobs() -> dict[str, HandConfig]:
-    """Every knob of the measurement and the split that is measured; each differs from the default, which stands first, in one thing."""
-    default = HandConfig()
-    made = {"default": default}
-    own: Mapping[str, Sequence[Any]] = {"hand_length": (0.04, 0.16), "extent": (0.04, 0.16), "angle_std": (0.06,), "rest_speed": (0.1,)}
-    for knob, values in own.items():
-        made |= {f"{knob}={value}": dataclasses.replace(default, **{knob: value}) for value in values}
-    parts: Mapping[str, Mapping[str, Sequence[Any]]] = {
-        "snapshot": {"spin": (0.0, 5.0), "iterations": (1,), "spread": (0.06, 0.24), "common": (0.0, 0.1), "max_std": (0.3, 1.2)},
-        "split": {
-            "gate": (0.25, 0.6),
-            "gate_sigmas": (3.0, 6.0),
-            "torso_depth": (0.1, 0.3),
-            "inward": (0.1, 0.9),
-            "hand_radius": (0.15, 0.3),
-        },
-    }
-    for part, several in parts.items():
-        for knob, values in several.items():
-            for value in values:
-                changed = dataclasses.replace(getattr(default, part), **{knob: value})
-                made[f"{part}.{knob}={value}"] = dataclasses.replace(default, **{part: changed})
-    return made
+KNOBS: Final[Mapping[str, Sequence[Any]]] = {
+    "hand_length": (0.04, 0.16),
+    "extent": (0.04, 0.16),
+    "angle_std": (0.06,),
+    "rest_speed": (0.1,),
+    "snapshot.spin": (0.0, 5.0),
+    "snapshot.iterations": (1,),
+    "snapshot.spread": (0.06, 0.24),
+    "snapshot.common": (0.0, 0.1),
+    "snapshot.max_std": (0.3, 1.2),
+    "split.gate": (0.25, 0.6),
+    "split.gate_sigmas": (3.0, 6.0),
+    "split.torso_depth": (0.1, 0.3),
+    "split.inward": (0.1, 0.9),
+    "split.hand_radius": (0.15, 0.3),
+}
+"""Knobs of the measurement and of the split that are measured."""
 
 
 def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracked]) -> list[dict[str, Any]]:
@@ -209,7 +191,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     chosen = {"linear": tuned["linear"], **{name: tuned[name] for name in names if name != "linear"}}
     return {
         **result,
-        "choices": rows("hand estimator", chosen, both) + rows("hand", knobs() if not quick else {"default": HandConfig()}, both),
+        "choices": rows("hand estimator", chosen, both) + rows("hand", varied(HandConfig, {} if quick else KNOBS), both),
     }
 
 
@@ -254,7 +236,7 @@ def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
     for deviation in SMOOTH:
         row = found[f"{deviation:g}"] = {}
         for name, short in (("linear", "kf"), ("mm_vel_est", "mmvelest")):
-            off = errors(runs(quick, settings(name, 1.0, deviation)), [fast(t) for t in quick])
+            off = errors(runs(quick, configured(name, 1.0, deviation)), [fast(t) for t in quick])
             row |= {f"{short}_max_m": float(np.median([one.max() for one in off])), f"{short}_p95_m": percentile(off)}
     return found
 
@@ -277,8 +259,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         by the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``;
         ``tuned_for_slow_hands``; ``choices``.
     """
-    n_jobs = 1 if quick else os.cpu_count() or 1
-    if keep is not None:
-        return measure(keep, quick, n_jobs)
-    with tempfile.TemporaryDirectory() as folder:
-        return measure(Path(folder), quick, n_jobs)
+    with kept_folder(keep) as folder:
+        return measure(folder, quick, 1 if quick else os.cpu_count() or 1)

@@ -11,12 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.stores import Store, pack, unpack
+from benchmarks.stores import Store, clouds_of, pack, room_effects, unpack
 from radar_core import PointCloud, Pose
 from radar_core.config import plain
-from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Scene, Simulator, Truth
-from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
+from radar_dsp import BasebandConfig
+from radar_sim import Scene, Truth
 from radar_sim.people import Action, Draw, Person, Reach
 from radar_sim.scene import SceneRadar
 
@@ -119,11 +118,7 @@ def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset
         SceneRadar(frame_id=f"{name}/radar", mount=Pose(y=y, z=HEIGHT), trigger_offset=late)
         for name, y, late in (("left", BASELINE / 2, 0.0), ("right", -BASELINE / 2, offset))
     )
-    effects = Effects(
-        doppler_in_chirp=True, noise=NoiseConfig(noise_figure=noise), losses=LossesConfig(level=20.0), coupling=CouplingConfig(level=-60.0),
-        pattern=PatternConfig(edge=-3.0), occlusion=OcclusionConfig(),
-    )  # fmt: skip
-    return Scene(duration=script.duration, seed=seed, radars=radars, effects=effects, people=(person,))
+    return Scene(duration=script.duration, seed=seed, radars=radars, effects=room_effects(noise), people=(person,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +149,7 @@ class Stream:
 
 
 class HandStore(Store):
-    """Streams of scenes on disk, one file for each radar.
-
-    Parameters
-    ----------
-    folder : Path
-        Where files go.
-    """
+    """Streams of scenes in a folder, one file for each radar."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, "hands", _simulate, [plain(BasebandConfig())])
@@ -176,17 +165,6 @@ class HandStore(Store):
         return Stream(unpack(columns, made.radars[radar].frame_id), *truth)
 
 
-def _simulate(made: Scene, radar: int) -> dict[str, NDArray[Any]]:
-    simulator = Simulator(made, made.radars[radar].frame_id)
-    baseband = Baseband(BasebandConfig(), simulator.info)
-    clouds, truths = [], []
-    for number in range(simulator.n_frames):
-        frame = simulator.process(number)
-        clouds.append(baseband.process(frame.frame))
-        truths.append(frame.truth)
-    return _packed(clouds, truths)
-
-
 def visible(truth: Truth) -> tuple[Float64Array, float]:
     """Centroid of what a radar sees of the acting hand [m], and its cross-section towards the radar [m^2]; NaN and 0: nothing."""
     away = truth.scatterer_position.astype(np.float64) - truth.hand_position[0]
@@ -196,7 +174,8 @@ def visible(truth: Truth) -> tuple[Float64Array, float]:
     return (truth.hand_position[0] + weight @ away[own] / total, total) if total > 0 else (np.full(3, np.nan), 0.0)
 
 
-def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
+def _simulate(made: Scene, radar: int) -> dict[str, NDArray[Any]]:
+    clouds, truths = clouds_of(made, radar)
     seen = [visible(truth) for truth in truths]
     return pack(clouds) | {
         "true_centroid": np.array([place for place, _ in seen]),

@@ -26,7 +26,7 @@ from benchmarks.hand_mars_parts import (
     recording_of,
     rms,
 )  # fmt: skip
-from benchmarks.report import choice
+from benchmarks.report import choice, timed
 from radar_lab.posture.features import PostureFeatureConfig
 from radar_lab.posture.model import PostureModel
 from radar_lab.posture.training import HandRecording, PostureSamples, PostureTrainingConfig, fit_postures, samples_of
@@ -131,17 +131,17 @@ def over_tests(split: Split, model: PostureModel) -> dict[str, Estimated]:
     return {name: estimate(model, name) for name in split.test}
 
 
-def evaluate(split: Split, settings: PostureTrainingConfig) -> tuple[dict[str, Any], PostureModel]:
+def evaluate(split: Split, config: PostureTrainingConfig) -> tuple[dict[str, Any], PostureModel]:
     """Train, and give the figures of every test file."""
     start = time.perf_counter()
-    model = fit_postures(samples_of(split.recordings, settings.features, settings.block), settings)
+    model = fit_postures(samples_of(split.recordings, config.features, config.block), config)
     took = time.perf_counter() - start
     files = {name: figures_of(split, name, found) for name, found in over_tests(split, model).items()}
     about = {"training_s": took, "samples": model.figures["samples"], "kinect_m": split.kinect.tolist(), "parameters": model.n_parameters}
     return {"files": files, "worst_ratio": max(one["ratio"] for one in files.values()), **about}, model
 
 
-def settings_of(quick: bool) -> dict[str, PostureTrainingConfig]:
+def configs_of(quick: bool) -> dict[str, PostureTrainingConfig]:
     """Everything that is varied; each differs from the default, which stands first, in one thing."""
     default = _QUICK if quick else PostureTrainingConfig()
 
@@ -162,19 +162,19 @@ def rows(split: Split, quick: bool) -> list[dict[str, Any]]:
     made: list[dict[str, Any]] = []
     reference: list[float] | None = None
     samples: dict[PostureFeatureConfig, PostureSamples] = {}
-    for name, settings in settings_of(quick).items():
-        own = settings.features
-        samples[own] = samples.get(own) or samples_of(split.recordings, own, settings.block)
-        found = over_tests(split, fit_postures(samples[own], dataclasses.replace(settings, folds=2)))
+    for name, config in configs_of(quick).items():
+        own = config.features
+        samples[own] = samples.get(own) or samples_of(split.recordings, own, config.block)
+        found = over_tests(split, fit_postures(samples[own], dataclasses.replace(config, folds=2)))
         times = [value for one in found.values() for value in one.times_ms]
         error = split.ratio({name: one.position - split.truth(name) for name, one in found.items()})
         made.append(choice("posture", name, accuracy=("error over the mean pose's", error, ""), times_ms=times, reference_ms=reference))
         reference = reference or times
     assert reference is not None
-    return made + other_models(split, settings_of(quick)["default"], reference, quick)
+    return made + other_models(split, configs_of(quick)["default"], reference, quick)
 
 
-def other_models(split: Split, settings: PostureTrainingConfig, reference: list[float], quick: bool) -> list[dict[str, Any]]:
+def other_models(split: Split, config: PostureTrainingConfig, reference: list[float], quick: bool) -> list[dict[str, Any]]:
     """Other kinds of models on the same features, as scikit-learn runs them: what the perceptron costs or gains."""
     from sklearn.ensemble import ExtraTreesRegressor
     from sklearn.linear_model import Ridge
@@ -185,8 +185,8 @@ def other_models(split: Split, settings: PostureTrainingConfig, reference: list[
         "model ridge": lambda: make_pipeline(StandardScaler(), Ridge(alpha=1000.0)),
         "model extra trees, 200": lambda: ExtraTreesRegressor(10 if quick else 200, min_samples_leaf=3, max_features=0.3, random_state=0),
     }
-    train = samples_of(split.recordings, settings.features)
-    test = {name: samples_of([recording_of(name, split.kinect)], settings.features) for name in split.test}
+    train = samples_of(split.recordings, config.features)
+    test = {name: samples_of([recording_of(name, split.kinect)], config.features) for name in split.test}
     made = []
     for label, make in makers.items():
         model = make().fit(train.features, train.hand)
@@ -208,9 +208,7 @@ def _times(model: Any, features: Float64Array, before: float) -> list[float]:
     """Time one cloud at a time, two hands each, on top of what comes ``before`` the model [ms]."""
     times = []
     for k in range(0, len(features) - 1, 2):
-        start = time.perf_counter_ns()
-        model.predict(features[k : k + 2])
-        times.append(before + (time.perf_counter_ns() - start) * 1e-6)
+        times.append(before + timed(model.predict, features[k : k + 2])[1])
     return times
 
 
@@ -234,10 +232,10 @@ def run(quick: bool = False) -> dict[str, Any]:
     DataError
         When the recordings are not there.
     """
-    settings = settings_of(quick)["default"]
+    config = configs_of(quick)["default"]
     known = Split.of(*KNOWN)
-    figures, _ = evaluate(known, settings)
-    strangers = [evaluate(Split.of(*names), settings)[0] for names in STRANGERS[: 1 if quick else None]]
+    figures, _ = evaluate(known, config)
+    strangers = [evaluate(Split.of(*names), config)[0] for names in STRANGERS[: 1 if quick else None]]
     return {
         "known_worst_ratio": figures["worst_ratio"],
         "held_out_worst_ratio": max(one["worst_ratio"] for one in strangers),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
-from benchmarks.report import AbsentError
+from benchmarks.report import AbsentError, timed
 from radar_core import PointCloud, RadarInfo
 from radar_driver.ti_demo.points import to_our_axes
 from radar_lab.importers import open_original
@@ -172,9 +171,8 @@ def estimate(model: PostureModel, name: str) -> Estimated:
     position, times = np.full((len(one.clouds), 2, 3), np.nan), []
     std = position.copy()
     for k, tracked in enumerate(one.clouds):
-        start = time.perf_counter_ns()
-        found = tracker.process(tracked)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        found, spent = timed(tracker.process, tracked)
+        times.append(spent)
         if found.people:
             position[k], std[k] = found.people[0].position, found.people[0].std
     return Estimated(position, std, tuple(times))

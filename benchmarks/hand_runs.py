@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from benchmarks.hand_clouds import STAND, HandStore
+from benchmarks.report import timed
 from radar_core import PointCloud, RadarInfo, merge
 from radar_core.linalg import canonical_svd
 from radar_sim import Scene
@@ -134,9 +134,7 @@ def follow(tracked: Tracked, config: HandConfig | None = None) -> Followed:
     snapshots: list[SnapshotVelocity | None] = []
     times: list[float] = []
     for k, cloud in enumerate(tracked.clouds):
-        start = time.perf_counter_ns()
-        hand = tracker.process(cloud)
-        spent = (time.perf_counter_ns() - start) * 1e-6
+        hand, spent = timed(tracker.process, cloud)
         snapshots.append(None if tracker.measured is None else tracker.measured.snapshot)
         if hand is not None and hand.active:
             position[k], velocity[k], covariance[k], value[k] = hand.position, hand.velocity, hand.covariance, hand.value

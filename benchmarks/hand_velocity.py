@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
-import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +16,7 @@ from benchmarks import velocity_scenes
 from benchmarks.hand import scenes
 from benchmarks.hand_clouds import DISTANCES, HandStore
 from benchmarks.hand_runs import track
-from benchmarks.report import choice
+from benchmarks.report import choice, kept_folder, timed
 from benchmarks.velocity_draws import HEIGHT, Hand, draw, forearm, mounts, torso
 from benchmarks.velocity_room import Errors, draws, estimate, maps, pseudo_inverse, ratios, room, summary
 from radar_tracking.estimators import Snapshot, SnapshotConfig
@@ -81,19 +79,18 @@ def rows(n: int) -> list[dict[str, Any]]:
         hands += [draw(rng, np.array([x, y, HEIGHT]), mounts(0.5), default, spoil=forearm, share=0.1) for _ in range(n)]
     axes = [estimate(hand, Snapshot()).axes[1] for hand in hands]  # the same for all, told or not
     every = dataclasses.replace(default, max_std=100.0)
-    settings = {"default": every} | {
+    configs = {"default": every} | {
         f"{name}={value:g}": dataclasses.replace(every, **{name: value})
         for name, value in (("iterations", 1), ("iterations", 10), ("huber", 1.5), ("huber", 3.0), ("spin", 0.0), ("common", 0.0))
     }
     calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": pseudo_inverse}
-    calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in settings.items()}
+    calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in configs.items()}
     made, reference = [], None
     for name, call in calls.items():
         off, times = [], []
         for hand, axis in zip(hands, axes, strict=True):
-            start = time.perf_counter_ns()
-            velocity = call(hand)
-            times.append((time.perf_counter_ns() - start) * 1e-6)
+            velocity, spent = timed(call, hand)
+            times.append(spent)
             off.append(float(axis @ (velocity - hand.velocity)))
         error = float(np.sqrt(np.mean(np.square(off))))
         made.append(choice("hand velocity", name, accuracy=("rms error across", error, "m/s"), times_ms=times, reference_ms=reference))
@@ -152,6 +149,6 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     }
     if quick and keep is None:
         return figure
-    with tempfile.TemporaryDirectory() as folder:
-        other = in_scenes(keep if keep is not None else Path(folder), quick)
+    with kept_folder(keep) as folder:
+        other = in_scenes(folder, quick)
     return {**figure, **other, "choices": figure["choices"] + other["choices"]}

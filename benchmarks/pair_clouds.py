@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from benchmarks.gesture_scenes import fitted
 from benchmarks.scenarios import person, walk
-from benchmarks.stores import Store, pack, unpack
+from benchmarks.stores import Store, clouds_of, pack, room_effects, unpack
 from radar_core import PointCloud, Pose
-from radar_dsp import Baseband, BasebandConfig
-from radar_sim import Scene, Simulator
-from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
+from radar_sim import Scene
 from radar_sim.people import Action
 from radar_sim.scene import Fidelity, SceneRadar
 
@@ -56,14 +54,7 @@ def scene(seed: int, seconds: float = SECONDS) -> Scene:
         seed=seed,
         radars=tuple(radars),
         people=(fitted(walker, seconds, seed, more, (0.0, 0.0)),),
-        effects=Effects(
-            doppler_in_chirp=True,
-            noise=NoiseConfig(noise_figure=15.0),
-            losses=LossesConfig(level=20.0),
-            coupling=CouplingConfig(level=-60.0),
-            pattern=PatternConfig(edge=-3.0),
-            occlusion=OcclusionConfig(),
-        ),
+        effects=room_effects(),
         fidelity=Fidelity(model="separable"),
     )
 
@@ -88,13 +79,7 @@ class Stream:
 
 
 class PairStore(Store):
-    """Clouds of scenes on disk, one file for each radar.
-
-    Parameters
-    ----------
-    folder : Path
-        Where files go.
-    """
+    """Clouds of scenes in a folder, one file for each radar."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, "pairs", _simulate)
@@ -111,11 +96,5 @@ class PairStore(Store):
 
 
 def _simulate(drawn: Scene, radar: int) -> dict[str, NDArray[Any]]:
-    simulator = Simulator(drawn, drawn.radars[radar].frame_id)
-    baseband = Baseband(BasebandConfig(), simulator.info)
-    clouds, truth = [], []
-    for number in range(simulator.n_frames):
-        made = simulator.process(number)
-        clouds.append(baseband.process(made.frame))
-        truth.append(made.truth.position[0])
-    return pack(clouds) | {"truth": np.array(truth)}
+    clouds, truths = clouds_of(drawn, radar)
+    return pack(clouds) | {"truth": np.array([truth.position[0] for truth in truths])}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import choice, measure, measure_together
+from benchmarks.report import choices, measure, measure_together
 from radar_core import SPEED_OF_LIGHT, RadarInfo
 from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.blocks import Blocks
@@ -156,16 +156,8 @@ def dial(quick: bool) -> list[dict[str, Any]]:
         calls: dict[str, Callable[[], Any]] = {"bare complex64 product": bare_product(n)}
         calls |= {str(step): partial(models[step].process, echoes) for step in steps}
         times = measure_together(calls, repeat=3 if quick else 15)
-        for step in steps:
-            rows.append(
-                choice(
-                    f"propagation of {n} echoes",
-                    str(step),
-                    accuracy=(LABEL, error(models[step].process(echoes), truth), ""),
-                    times_ms=times[str(step)],
-                    reference_ms=times["bare complex64 product"],
-                )
-            )
+        values = {str(step): error(models[step].process(echoes), truth) for step in steps}
+        rows += choices(f"propagation of {n} echoes", (LABEL, ""), values, times, "bare complex64 product")
     return rows
 
 
@@ -179,9 +171,8 @@ def automatic(quick: bool) -> list[dict[str, Any]]:
         calls: dict[str, Callable[[], Any]] = {"bare complex64 product": bare_product(n)}
         calls |= {name: partial(model.process, echoes) for name, model in models.items()}
         times = measure_together(calls, repeat=3 if quick else 30)
-        for name, model in models.items():
-            accuracy, reference = (LABEL, error(model.process(echoes), truth), ""), times["bare complex64 product"]
-            rows.append(choice(f"fidelity auto of {n} echoes", name, accuracy=accuracy, times_ms=times[name], reference_ms=reference))
+        values = {name: error(model.process(echoes), truth) for name, model in models.items()}
+        rows += choices(f"fidelity auto of {n} echoes", (LABEL, ""), values, times, "bare complex64 product")
     return rows
 
 
@@ -200,11 +191,9 @@ def crossover(quick: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
         truth = np.sum([separable_float64(echoes.select(np.arange(k, min(k + MANY, n)))) for k in range(0, n, MANY)], axis=0)
         repeat = 3 if quick else max(5, min(200, 200_000 // n))
         times = measure_together({"separable": partial(separable.process, echoes), "nufft": partial(nufft.process, echoes)}, repeat=repeat)
-        for name, model in (("separable", separable), ("nufft", nufft)):
-            accuracy = ("relative rms error against the separable model in float64", error(model.process(echoes), truth), "")
-            rows.append(
-                choice("crossover", name, accuracy=accuracy, times_ms=times[name], reference_ms=times["separable"], at=("echoes", n))
-            )
+        values = {name: error(model.process(echoes), truth) for name, model in (("separable", separable), ("nufft", nufft))}
+        label = "relative rms error against the separable model in float64"
+        rows += choices("crossover", (label, ""), values, times, "separable", at=("echoes", n))
         gaps.append(math.log(np.median(times["separable"]) / np.median(times["nufft"])))
     # Between two sizes both grow as powers, so the gap is linear in the logarithms.
     return {"separable_nufft_crossover": float(np.exp(np.interp(0.0, gaps, np.log(sizes))))}, rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from benchmarks.report import AbsentError, choice
+from benchmarks.report import AbsentError, choice, timed
 from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -41,13 +40,8 @@ _REACHES = (3.0, 2.0, 1.5, 1.0, 0.8, 0.8, 0.8, 0.8)  # m: points this near to th
 class Tracker(Protocol):
     """Anything that follows people through clouds in ``room``."""
 
-    def reset(self) -> None:
-        """Forget everything."""
-        ...
-
-    def process(self, cloud: PointCloud) -> Tracks:
-        """Take in one cloud."""
-        ...
+    def reset(self) -> None: ...  # noqa: D102
+    def process(self, cloud: PointCloud) -> Tracks: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +110,8 @@ def clouds_of(kind: str, name: str) -> list[PointCloud]:
 def follow(tracker: Tracker, clouds: Sequence[PointCloud]) -> Run:
     """Run a tracker, from its reset on."""
     tracker.reset()
-    results, times = [], []
-    for cloud in clouds:
-        start = time.perf_counter_ns()
-        results.append(tracker.process(cloud))
-        times.append((time.perf_counter_ns() - start) * 1e-6)
-    return Run(tuple(results), tuple(times))
+    results, times = zip(*(timed(tracker.process, cloud) for cloud in clouds), strict=True)
+    return Run(results, times)
 
 
 def paths(name: str, clouds: Sequence[PointCloud]) -> tuple[Path2D, ...]:
@@ -260,29 +250,8 @@ def mars(tracker: Tracker, names: Sequence[str] = MARS) -> dict[str, dict[str, f
 
 def tracker_for(preset: str, name: str) -> PeopleTracker:
     """Make one of `TRACKERS` with a preset of config/tracking; ``default``: with none."""
-    settings = TrackerConfig() if preset == "default" else load_file(TrackerConfig, find_config(preset, "tracking", ".yaml"))
-    return PeopleTracker(replace(settings, tracker=name))
-
-
-def draw_walkers(axes: Any, clouds: Sequence[PointCloud], run: Run) -> None:
-    """Draw y over time: points grey, each confirmed identity a line; the longest two are named."""
-    seconds = np.array([(cloud.stamp_ns - clouds[0].stamp_ns) * 1e-9 for cloud in clouds])
-    axes.plot(np.repeat(seconds, [len(c) for c in clouds]), np.concatenate([c.y for c in clouds]), ",", color="0.75", rasterized=True)
-    for place, (identity, _) in enumerate(run.people().most_common()):
-        axes.plot(seconds, run.path(identity)[:, 1], lw=2 if place < 2 else 1, label=f"track {identity}" if place < 2 else None)
-    axes.set(ylim=(-6, 6), xlabel="time [s]", ylabel="y, left [m]")
-    axes.legend(loc="upper left")
-
-
-def draw_spine(axes: Any, name: str, run: Run, axis: int) -> None:
-    """Draw one coordinate (0: x, 1: y) of the longest identity, less its mean difference, and of the spine over the clouds."""
-    body = spine(name)[:, axis]
-    people = run.people()
-    track = run.path(people.most_common(1)[0][0])[:, axis] if people else np.full(len(body), np.nan)
-    axes.plot(body, lw=1.5, label="Kinect spine")
-    axes.plot(track - np.nanmean(track - body), lw=1, label="track, mean difference removed")
-    axes.set(xlabel="cloud", ylabel=("x, forward [m]", "y, left [m]")[axis], title=name)
-    axes.legend(loc="upper right")
+    config = TrackerConfig() if preset == "default" else load_file(TrackerConfig, find_config(preset, "tracking", ".yaml"))
+    return PeopleTracker(replace(config, tracker=name))
 
 
 def run(quick: bool) -> dict[str, Any]:

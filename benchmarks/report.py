@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from radar_core import DataError
+from radar_core.config import load, nest
 
 if TYPE_CHECKING:
     from radar_lab.training.validation import Validation
@@ -36,6 +39,13 @@ def checkout(*parts: str) -> Path:
     if not path.exists():
         raise AbsentError(f"{path}: not there; this needs a checkout of the project, start it from there")
     return path
+
+
+@contextmanager
+def kept_folder(keep: Path | None) -> Iterator[Path]:
+    """Folder for what is simulated: that of ``--keep``; None: one that is thrown away."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) if keep is None else keep
 
 
 def timed(call: Callable[..., T], *arguments: Any) -> tuple[T, float]:
@@ -103,6 +113,20 @@ def choice(
     }
 
 
+def choices(
+    stage: str, figure: tuple[str, str], values: Mapping[str, float], times_ms: Mapping[str, Sequence[float]], reference: str, **more: Any
+) -> list[Row]:
+    """Rows of several settings that were measured together: name and unit of their figure, its values, their times, whose is the reference.
+
+    See `choice`; the reference need not be one of the settings.
+    """
+    beside = times_ms[reference]
+    return [
+        choice(stage, name, accuracy=(figure[0], value, figure[1]), times_ms=times_ms[name], reference_ms=beside, **more)
+        for name, value in values.items()
+    ]
+
+
 @dataclass(frozen=True)
 class Panel:
     """Choices of one knob that are compared with each other: one figure of accuracy, one reference.
@@ -140,6 +164,12 @@ class Panel:
             default=name == self.default, reference=self.reference, margin=float(margin), **more,
         )  # fmt: skip
 
+    def rows(
+        self, values: Mapping[str, float], times_ms: Mapping[str, Sequence[float]], margin: Callable[[float], float] = lambda value: 0.0
+    ) -> list[Row]:
+        """Make rows of choices that were measured together with the bare reference, whose times are those of ``""``."""
+        return [self.row(name, value, times_ms[name], times_ms[""], margin=margin(value)) for name, value in values.items()]
+
 
 @dataclass
 class Found:
@@ -171,6 +201,12 @@ def scaled(rows: Sequence[Row], factor: float) -> list[Row]:
     """Multiply all times by a factor; ratios stay."""
     keys = ("time_ms", "parts")
     return [{**row, **{key: {name: value * factor for name, value in row[key].items()} for key in keys if key in row}} for row in rows]
+
+
+def varied(cls: type[T], knobs: Mapping[str, Sequence[Any]]) -> dict[str, T]:
+    """Give a configuration of all defaults, which stands first, and others that differ from it in one knob: ``dotted.name=value``."""
+    made = {"default": cls()}
+    return made | {f"{knob}={value}": load(cls, nest({knob: value})) for knob, values in knobs.items() for value in values}
 
 
 def join(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:

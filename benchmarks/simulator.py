@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import propagation, synthesis
-from benchmarks.report import choice, measure_together
+from benchmarks.propagation import error
+from benchmarks.report import choices, measure_together
 from radar_core import RadarFrame
 from radar_sim import (
     Action,
@@ -109,11 +110,8 @@ def whole(quick: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
         "frame_ms_one_person_mesh": float(np.median(times["body=mesh"])),
     }
     mesh = cross_section(simulators["body=mesh"])
-    rows = []
-    for name, simulator in simulators.items():
-        beside = ("cross-section against the mesh's", 10 * math.log10(cross_section(simulator) / mesh), "dB")
-        rows.append(choice("bodies", name, accuracy=beside, times_ms=times[name], reference_ms=times["plain"]))
-    return keys, rows
+    values = {name: 10 * math.log10(cross_section(simulator) / mesh) for name, simulator in simulators.items()}
+    return keys, choices("bodies", ("cross-section against the mesh's", "dB"), values, times, "plain")
 
 
 def cross_section(simulator: Simulator) -> float:
@@ -132,8 +130,8 @@ def effects(quick: bool) -> list[dict[str, Any]]:
         k = with_it.n_frames // 2
         pair = {"with": lambda s=with_it, k=k: s.process(k), "without": lambda s=without, k=k: s.process(k)}
         times = measure_together(pair, repeat=3 if quick else 30)
-        change = ("rms change of the samples", probe.change(name), "")
-        rows.append(choice("effects", f"effect={name}", accuracy=change, times_ms=times["with"], reference_ms=times["without"]))
+        times[f"effect={name}"] = times.pop("with")
+        rows += choices("effects", ("rms change of the samples", ""), {f"effect={name}": probe.change(name)}, times, "without")
     return rows
 
 
@@ -149,12 +147,7 @@ def ghosts(quick: bool) -> list[dict[str, Any]]:
     times = measure_together({name: (lambda s=s: s.process(MIDDLE)) for name, s in simulators.items()}, repeat=3 if quick else 30)
     cubes = {name: simulator.process(MIDDLE).frame.cube for name, simulator in simulators.items()}
     every = f"multipath level={levels[-1]:g} dB"
-    rows = []
-    for name, cube in cubes.items():
-        lost = float(np.linalg.norm(cube - cubes[every]) / np.linalg.norm(cubes[every]))
-        accuracy = ("rms error against all paths", lost, "")
-        rows.append(choice("multipath", name, accuracy=accuracy, times_ms=times[name], reference_ms=times[every]))
-    return rows
+    return choices("multipath", ("rms error against all paths", ""), {n: error(c, cubes[every]) for n, c in cubes.items()}, times, every)
 
 
 def crowd_memory(frames: int, points: int = 50_000) -> dict[str, float]:

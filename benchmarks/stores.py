@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import plain
+from radar_dsp import Baseband, BasebandConfig
 from radar_lab.datasets.samples import open_folder, sample_path, write_chunk
 from radar_lab.datasets.workers import work_through
-from radar_sim import Scene
+from radar_sim import Scene, Simulator, Truth
+from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -104,17 +106,17 @@ class Store:
         What that folder's name begins with.
     simulate : callable
         Makes the columns of a scene's part of some number; a function of a module, so that it can be sent to other processes.
-    settings : sequence
+    config : sequence
         What else decides about the columns, plain values.
     """
 
-    def __init__(self, folder: Path, name: str, simulate: Callable[[Scene, int], Columns], settings: Sequence[Any] = ()) -> None:
+    def __init__(self, folder: Path, name: str, simulate: Callable[[Scene, int], Columns], config: Sequence[Any] = ()) -> None:
         self._folder = folder.absolute() / f"{name}_{sources()}"
-        self._name, self._simulate, self._settings = name, simulate, list(settings)
+        self._name, self._simulate, self._config = name, simulate, list(config)
 
     def path(self, scene: Scene, part: int) -> Path:
         """File of a part of a scene."""
-        text = json.dumps([plain(scene), *self._settings], sort_keys=True)
+        text = json.dumps([plain(scene), *self._config], sort_keys=True)
         return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{part:03d}.npz"
 
     def make(self, parts: Sequence[tuple[Scene, int]], *, n_jobs: int = 1, progress: bool = True) -> list[tuple[Scene, int]]:
@@ -149,6 +151,22 @@ class Store:
 
 def _write(store: Store, parts: Sequence[tuple[Scene, int]], number: int) -> None:
     store.write(*parts[number])
+
+
+def room_effects(noise: float = 15.0) -> Effects:
+    """Effects of a room with a receiver of some noise figure [dB], without reflections by walls."""
+    return Effects(
+        doppler_in_chirp=True, noise=NoiseConfig(noise_figure=noise), losses=LossesConfig(level=20.0), coupling=CouplingConfig(level=-60.0),
+        pattern=PatternConfig(edge=-3.0), occlusion=OcclusionConfig(),
+    )  # fmt: skip
+
+
+def clouds_of(scene: Scene, radar: int) -> tuple[list[PointCloud], list[Truth]]:
+    """Simulate a scene as one of its radars sees it, and put it through the default baseband; clouds are in the sensor's frame."""
+    simulator = Simulator(scene, scene.radars[radar].frame_id)
+    baseband = Baseband(BasebandConfig(), simulator.info)
+    made = [(baseband.process(one.frame), one.truth) for one in map(simulator.process, range(simulator.n_frames))]
+    return [cloud for cloud, _ in made], [truth for _, truth in made]
 
 
 def pack(clouds: Sequence[PointCloud], names: Sequence[str] = ARRAY_FIELDS) -> dict[str, NDArray[Any]]:

@@ -77,7 +77,7 @@ def draw(
     rng: np.random.Generator,
     place: Float64Array,
     sensors: Float64Array,
-    settings: SnapshotConfig,
+    config: SnapshotConfig,
     *,
     speed: float | None = None,
     angle_std: float = 0.0,
@@ -90,20 +90,16 @@ def draw(
     ----------
     rng : numpy.random.Generator
         Of everything drawn.
-    place : ndarray of float64, shape (3,)
-        Of the hand [m].
-    sensors : ndarray of float64, shape (n_sensors, 3)
-        Where they stand [m].
-    settings : SnapshotConfig
+    place, sensors : ndarray of float64, shapes (3,), (n_sensors, 3)
+        Of the hand and of the radars [m].
+    config : SnapshotConfig
         Its `spread`, `common` and `spin` are those that are drawn.
     speed : float or None
         Of the hand [m/s]; None: drawn, up to `FASTEST`. The direction is always drawn.
     angle_std : float
         Error of the measured directions, the same across and up [rad]; the model leaves it out.
-    share : float
-        Probability of a point to be no part of the hand.
-    spoil : Spoil or None
-        What those are; None: false alarms, with any range rate.
+    share, spoil : float, Spoil or None
+        Probability of a point to be no part of the hand, and what such a point is; None: a false alarm, with any range rate.
     """
     sensor = np.repeat(np.arange(len(sensors)), rng.integers(POINTS[0], POINTS[1] + 1, len(sensors)))
     n = len(sensor)
@@ -112,7 +108,7 @@ def draw(
     offset = SIDE * facing[sensor] + EXTENT * rng.normal(size=(n, 3))
     heading = rng.normal(size=3)
     velocity = heading / np.linalg.norm(heading) * (rng.uniform(0.0, FASTEST) if speed is None else speed)
-    own = velocity + np.cross(settings.spin * rng.normal(size=3), offset)
+    own = velocity + np.cross(config.spin * rng.normal(size=3), offset)
     other = rng.random(n) < share
     if spoil is not None:
         offset[other], own[other] = spoil(rng, offset[other], place, velocity)
@@ -121,8 +117,8 @@ def draw(
     away = place + offset - sensors[sensor]
     distance = np.linalg.norm(away, axis=1)
     direction = away / distance[:, None]
-    rate = (direction * own).sum(axis=1) + settings.common * rng.normal(size=len(sensors))[sensor]
-    rate += errors(rate_std, amplitude, settings) * rng.normal(size=n)
+    rate = (direction * own).sum(axis=1) + config.common * rng.normal(size=len(sensors))[sensor]
+    rate += errors(rate_std, amplitude, config) * rng.normal(size=n)
     if spoil is None:
         rate[other] = rng.uniform(-4.0, 4.0, np.count_nonzero(other))
     if angle_std > 0:
@@ -132,9 +128,9 @@ def draw(
     return Hand(direction, offset, sensor, rate, rate_std, amplitude, velocity)
 
 
-def errors(rate_std: Float64Array, amplitude: Float64Array, settings: SnapshotConfig) -> Float64Array:
+def errors(rate_std: Float64Array, amplitude: Float64Array, config: SnapshotConfig) -> Float64Array:
     """Give the standard deviations of what each point has alone, shape (n,) [m/s]."""
-    return np.sqrt(rate_std**2 + settings.spread**2 * amplitude.mean() / amplitude)
+    return np.sqrt(rate_std**2 + config.spread**2 * amplitude.mean() / amplitude)
 
 
 def across(direction: Float64Array) -> Float64Array:
@@ -144,25 +140,18 @@ def across(direction: Float64Array) -> Float64Array:
     return np.stack([level, np.cross(direction, level)], axis=1)
 
 
-def bound(hand: Hand, settings: SnapshotConfig) -> Float64Array:
-    """Cramer-Rao bound on the velocity, shape (3, 3) [m^2/s^2].
+def bound(hand: Hand, config: SnapshotConfig) -> Float64Array:
+    """Cramer-Rao bound on the velocity, shape (3, 3) [m^2/s^2]; `spread`, `common` and `spin` of ``config`` are the truth, and not zero.
 
     All unknowns stand in one Gaussian model: the velocity, of which nothing is known before, the turn rate, and an error of each radar; the
     last two are known before to their standard deviations. It is the block of the velocity in the inverse of the Fisher information of
     all, a bound on the mean over those that are drawn (Van Trees 1968, 2.4.3).
-
-    Parameters
-    ----------
-    hand : Hand
-        Which points there are.
-    settings : SnapshotConfig
-        Its `spread`, `common` and `spin` are the truth, and not zero.
     """
     n_sensors = int(hand.sensor.max()) + 1
     # d rate / d turn: u . (w x o) = w . (o x u)
     slope = np.hstack([hand.direction, np.cross(hand.offset, hand.direction), np.eye(n_sensors)[hand.sensor]])
-    prior = np.concatenate([np.zeros(3), np.full(3, settings.spin**-2.0), np.full(n_sensors, settings.common**-2.0)])
-    own = errors(hand.rate_std, hand.amplitude, settings)
+    prior = np.concatenate([np.zeros(3), np.full(3, config.spin**-2.0), np.full(n_sensors, config.common**-2.0)])
+    own = errors(hand.rate_std, hand.amplitude, config)
     information = slope.T @ (slope / own[:, None] ** 2) + np.diag(prior)
     return np.asarray(np.linalg.solve(information, np.eye(len(information), 3))[:3])
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -10,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.report import timed
 from benchmarks.velocity_draws import HEIGHT, Hand, bound, draw, in_view, mounts
 from radar_tracking.estimators import Snapshot, SnapshotConfig, SnapshotVelocity
 from radar_tracking.metrics.consistency import chi_square_band
@@ -88,9 +88,8 @@ def draws(
     times = []
     for k in range(n):
         hand = draw(rng, place, sensors, truth, **changes)
-        start = time.perf_counter_ns()
-        made = estimate(hand, snapshot)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        made, spent = timed(estimate, hand, snapshot)
+        times.append(spent)
         told, P = np.isfinite(made.along), bound(hand, truth)
         found[k], std[k] = made.along - made.axes @ hand.velocity, made.std
         limit[k] = np.sqrt(((made.axes @ P) * made.axes).sum(axis=1))

@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
 
-from benchmarks.hand import settings
+from benchmarks.hand import configured
 from benchmarks.hand_clouds import DISTANCES, SCRIPTS, HandStore, scene
 from benchmarks.hand_runs import SETTLED, Followed, Tracked, counts, follow, residual, track
 from radar_tracking import HandConfig
@@ -49,7 +49,7 @@ def positions(store: HandStore, tuned: Mapping[str, Any], path: Path) -> None:
         panels[axis].plot(tracked.time[own], tracked.hand[own, axis], color="0.2", lw=1.2, label="visible hand")
         panels[axis].set_ylabel(label)
     for name, colour in COLOURS.items():
-        followed = follow(tracked, settings(name, **tuned[name]))
+        followed = follow(tracked, configured(name, **tuned[name]))
         for axis in range(3):
             panels[axis].plot(tracked.time[own], followed.position[own, axis], color=colour, lw=0.9, label=NAMES[name])
         panels[3].plot(tracked.time[own], residual(tracked, followed)[own], color=colour, lw=0.9, label=NAMES[name])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,32 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks a
 
 from benchmarks import hand_mars, recordings
 from benchmarks.hand_mars_parts import KNOWN, estimate, exercises
+from radar_core import PointCloud
 from radar_lab.posture.training import train_postures
 
 WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
 SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")
+
+
+def draw_walkers(axes: Any, clouds: Sequence[PointCloud], run: recordings.Run) -> None:
+    """Draw y over time: points grey, each confirmed identity a line; the longest two are named."""
+    seconds = np.array([(cloud.stamp_ns - clouds[0].stamp_ns) * 1e-9 for cloud in clouds])
+    axes.plot(np.repeat(seconds, [len(c) for c in clouds]), np.concatenate([c.y for c in clouds]), ",", color="0.75", rasterized=True)
+    for place, (identity, _) in enumerate(run.people().most_common()):
+        axes.plot(seconds, run.path(identity)[:, 1], lw=2 if place < 2 else 1, label=f"track {identity}" if place < 2 else None)
+    axes.set(ylim=(-6, 6), xlabel="time [s]", ylabel="y, left [m]")
+    axes.legend(loc="upper left")
+
+
+def draw_spine(axes: Any, name: str, run: recordings.Run, axis: int) -> None:
+    """Draw one coordinate (0: x, 1: y) of the longest identity, less its mean difference, and of the spine over the clouds."""
+    body = recordings.spine(name)[:, axis]
+    people = run.people()
+    track = run.path(people.most_common(1)[0][0])[:, axis] if people else np.full(len(body), np.nan)
+    axes.plot(body, lw=1.5, label="Kinect spine")
+    axes.plot(track - np.nanmean(track - body), lw=1, label="track, mean difference removed")
+    axes.set(xlabel="cloud", ylabel=("x, forward [m]", "y, left [m]")[axis], title=name)
+    axes.legend(loc="upper right")
 
 
 def draw_two_people(out: Path) -> None:
@@ -35,7 +58,7 @@ def draw_two_people(out: Path) -> None:
     clouds = recordings.clouds_of("crossing", "two_people")
     fig, panels = plt.subplots(1, len(recordings.TRACKERS), figsize=(13, 4), sharey=True)
     for axes, name in zip(panels, recordings.TRACKERS, strict=True):
-        recordings.draw_walkers(axes, clouds, recordings.follow(recordings.tracker_for("dense", name), clouds))
+        draw_walkers(axes, clouds, recordings.follow(recordings.tracker_for("dense", name), clouds))
         axes.set_title(name)
     for axes in panels[1:]:
         axes.set_ylabel("")
@@ -47,7 +70,7 @@ def draw_exercises(out: Path, name: str = "subject1_test") -> None:
     run = recordings.follow(recordings.tracker_for(recordings.PRESETS["mars"], recordings.TRACKERS[0]), recordings.clouds_of("mars", name))
     fig, panels = plt.subplots(2, 1, figsize=(11, 6), sharex=True)
     for coordinate, axes in enumerate(panels):
-        recordings.draw_spine(axes, name, run, coordinate)
+        draw_spine(axes, name, run, coordinate)
     panels[0].set_xlabel("")
     panels[1].set_title("")
     save(fig, out / "mars_spine.png")

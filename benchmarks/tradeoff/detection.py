@@ -75,9 +75,8 @@ def _cfar(study: StudyConfig) -> Found:
     calls |= {name: partial(detector.detect, power) for name, detector in detectors.items()}
     times = measure_together(calls, repeat=study.pick(15, 200))
     for panel, cases in ((ALONE, alone), (BESIDE, beside)):
-        for name, detector in detectors.items():
-            share = float(np.mean([detector.detect(given)[cell] for given, cell in cases]))
-            found.rows.append(panel.row(name, share, times[name], times[""], margin=of_share(share, n)))
+        shares = {name: float(np.mean([one.detect(given)[cell] for given, cell in cases])) for name, one in detectors.items()}
+        found.rows += panel.rows(shares, times, lambda share: of_share(share, n))
     return found
 
 
@@ -106,12 +105,11 @@ def _kept(study: StudyConfig) -> Found:
         calls: dict[str, Callable[[], Any]] = {"": partial(scipy.fft.fft2, one.cube, axes=(1, 3))}
         calls |= {name: partial(chain.process, one) for name, chain in chains.items()}
         times = measure_together(calls, repeat=study.pick(15, 100))
-        for name, chain in chains.items():
-            share = _echoes_found(chain, frames)
-            found.rows.append(panel.row(name, share, times[name], times[""], margin=of_share(share, n)))
+        shares = {name: _echoes_found(chain, frames) for name, chain in chains.items()}
+        found.rows += panel.rows(shares, times, lambda share: of_share(share, n))
     return found
 
 
 def measure(study: StudyConfig) -> Found:
     """Compare CFAR algorithms and windows, caps and groupings on frames of known echoes."""
-    return Found(_cfar(study).rows + _kept(study).rows)
+    return _cfar(study) + _kept(study)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -101,21 +102,22 @@ def measure(study: StudyConfig) -> Found:
     """Compare grids, methods and refinement on single echoes and on pairs."""
     found, frames = Found(), single(study.pick(60, 500), [study.seed, 6])
     configs = grids()
+
+    def error(value: float) -> float:
+        return of_rms(value, len(frames))
+
     times = _times(configs, study)
-    for name, config in configs.items():
-        value = float(over_bound(BasebandConfig(doa=config, grouping="peak"), frames)[2])
-        found.rows.append(GRID.row(name, value, times[name], times[""], margin=of_rms(value, len(frames))))
+    values = {name: float(over_bound(BasebandConfig(doa=config, grouping="peak"), frames)[2]) for name, config in configs.items()}
+    found.rows += GRID.rows(values, times, error)
     methods = {f"method={name}": DoaConfig(method=name) for name in ("dml", "dml2", "capon")}
     times, n = _times(methods, study), study.pick(80, 800)
-    for name, config in methods.items():
-        share = resolved(config.method, n, [study.seed, 7])
-        found.rows.append(METHOD.row(name, share, times[name], times[""], margin=of_share(share, n)))
+    shares = {name: resolved(config.method, n, [study.seed, 7]) for name, config in methods.items()}
+    found.rows += METHOD.rows(shares, times, lambda share: of_share(share, n))
     crowded = busy(np.random.default_rng(study.seed))[1]
     refine = {f"refine={name}": BasebandConfig(refine=name) for name in ("none", "ml")}
     calls: dict[str, Callable[[], Any]] = {"": lambda: scipy.fft.fft2(crowded.cube, axes=(1, 3))}
     calls |= {name: partial(Baseband(config, INFO).process, crowded) for name, config in refine.items()}
     times = measure_together(calls, repeat=study.pick(5, 40))
-    for name, chosen in refine.items():
-        value = float(over_bound(BasebandConfig(refine=chosen.refine, grouping="peak"), frames)[0])
-        found.rows.append(REFINE.row(name, value, times[name], times[""], margin=of_rms(value, len(frames))))
+    values = {name: float(over_bound(replace(config, grouping="peak"), frames)[0]) for name, config in refine.items()}
+    found.rows += REFINE.rows(values, times, error)
     return found

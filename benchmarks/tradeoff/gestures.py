@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import importlib.util
 import tempfile
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import Found, Panel, measure_together, of_share
+from benchmarks.report import Found, Panel, measure_together, of_share, timed
 from benchmarks.stores import sources
 from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.echoes import INFO, busy
@@ -77,9 +76,7 @@ def _stage_ms(config: GestureConfig, study: StudyConfig) -> list[float]:
     """Milliseconds of events and features, cloud by cloud."""
     stage, times = EventStage(config, INFO.mount), []
     for tracked in _tracked(study):
-        start = time.perf_counter_ns()
-        stage.process(tracked)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        times.append(timed(stage.process, tracked)[1])
     return times[5:]  # the first ones compile
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import timed
+from benchmarks.report import Panel, Row, timed
 from benchmarks.tradeoff.config import StudyConfig
 from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
@@ -102,6 +102,13 @@ class Judge:
         both = [key for key in self._by_second if key in default._by_second]
         apart = [float(np.mean(self._by_second[key]) - np.mean(default._by_second[key])) for key in both]
         return float(2 * np.std(apart) / max(len(both), 1) ** 0.5)
+
+
+def rows(panel: Panel, judges: Mapping[str, Judge], reference_ms: Sequence[float] | None = None) -> list[Row]:
+    """Rows of a panel whose figure is GOSPA, beside its default; reference: that of the times, None: the default's."""
+    default = judges[panel.default]
+    reference = default.times_ms if reference_ms is None else reference_ms
+    return [panel.row(name, one.mean, one.times_ms, reference, margin=one.margin(default)) for name, one in judges.items()]
 
 
 def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:

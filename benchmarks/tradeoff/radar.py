@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from benchmarks.report import Found, Panel, timed
 from benchmarks.tradeoff.config import StudyConfig
-from benchmarks.tradeoff.people import Judge, frames, scenes, track, visible
+from benchmarks.tradeoff.people import Judge, frames, rows, scenes, track, visible
 from radar_core import RadarFrame, RadarInfo
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
@@ -52,10 +54,8 @@ def _transmitters(study: StudyConfig) -> Found:
                 judge = judges.setdefault(name, Judge())
                 judge.times_ms.append(spent)
                 judge.compare(scene, made.truth, seen, tracks)
-    most = next(iter(judges.values()))
-    for name, judge in judges.items():
-        found.rows.append(TRANSMITTERS.row(name, judge.mean, judge.times_ms, most.times_ms, margin=judge.margin(most)))
-    return found
+    panel = replace(TRANSMITTERS, default=next(iter(judges)))  # a user's scene may have more
+    return Found(rows(panel, judges), found.left_out)
 
 
 def measure(study: StudyConfig) -> Found:

@@ -60,6 +60,6 @@ def measure(study: StudyConfig) -> Found:
     calls |= {name: partial(model.process, echoes) for name, model in models.items()}
     times = measure_together(calls, repeat=study.pick(15, 60))
     slow = measure_together({"": calls[""], "reference": partial(reference.process, echoes)}, repeat=study.pick(1, 3), warmup=0)
-    rows = [PANEL.row(name, error(model.process(echoes), truth), times[name], times[""]) for name, model in models.items()]
+    rows = PANEL.rows({name: error(model.process(echoes), truth) for name, model in models.items()}, times)
     rows.append(PANEL.row("reference", error(reference.process(echoes), truth), slow["reference"], slow[""]))
     return Found(rows)

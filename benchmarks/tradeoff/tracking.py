@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.report import Found, Panel
 from benchmarks.tradeoff.config import StudyConfig
-from benchmarks.tradeoff.people import track
+from benchmarks.tradeoff.people import rows, track
 from radar_core.config import load, nest
 from radar_tracking import TrackerConfig
 
@@ -31,12 +31,6 @@ KNOBS: dict[Panel, dict[str, dict[str, str]]] = {
 
 def measure(study: StudyConfig) -> Found:
     """Compare trackers, estimators and clusterings within the tracker on the same clouds."""
-    found = Found()
     configs = {f"{panel.name}: {name}": load(TrackerConfig, nest(knobs)) for panel, own in KNOBS.items() for name, knobs in own.items()}
     judges, _, baseband = track(configs, study)
-    for panel, own in KNOBS.items():
-        default = judges[f"{panel.name}: {panel.default}"]
-        for name in own:
-            judge = judges[f"{panel.name}: {name}"]
-            found.rows.append(panel.row(name, judge.mean, judge.times_ms, baseband, margin=judge.margin(default)))
-    return found
+    return Found([row for panel, own in KNOBS.items() for row in rows(panel, {n: judges[f"{panel.name}: {n}"] for n in own}, baseband)])

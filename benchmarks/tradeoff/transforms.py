@@ -50,7 +50,6 @@ def measure(study: StudyConfig) -> Found:
     calls |= {name: partial(spectrum.process, cube) for name, spectrum in spectra.items()}
     times = measure_together(calls, repeat=study.pick(15, 200))
     for panel, names in ((SAMPLES, kinds), (BACK_ENDS, spectra)):
-        for name in names:
-            off = float(np.linalg.norm(calls[name]() - truth) / norm)
-            found.rows.append(panel.row(name, off, times[name], times[""], margin=0.5 * off))  # half of it is chance of rounding
+        off = {name: float(np.linalg.norm(calls[name]() - truth) / norm) for name in names}
+        found.rows += panel.rows(off, times, lambda value: 0.5 * value)  # half of it is chance of rounding
     return found
