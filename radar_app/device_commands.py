@@ -178,7 +178,7 @@ def probe(
     source = _source(board, _parse(settings, "--set"), scene)
     with Progress(console=Console(stderr=True), disable=as_json, transient=True) as bar:
         task = bar.add_task(f"listening to {board}", total=1.0)
-        found = listen(source, duration, settings=limits, progress=lambda share: bar.update(task, completed=share))
+        found = listen(source, duration, config=limits, progress=lambda share: bar.update(task, completed=share))
     if as_json:
         checks = [
             {"check": c.name, "value": c.value, "unit": c.unit, "text": c.text, "verdict": c.verdict.value, "advice": c.advice}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, PointCloud, Pose, RadarInfo
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
-from radar_driver.clouds import cloud_source_info
+from radar_driver.clouds import cloud_source_info, make_cloud
 from radar_driver.ti_demo.items import decibel
 from radar_driver.ti_demo.points import to_our_axes
 
@@ -27,12 +27,12 @@ class ForeignConfig:
     x: str = knob("x", doc="field with the first coordinate [m]")
     y: str = knob("y", doc="field with the second coordinate [m]")
     z: str = knob("z", doc="field with the third coordinate [m]; empty: the radar measures no height, all points are at its own")
-    axes: str = knob("ros", choices=("ros", "ti"), doc="ros: forward, left, up; ti: right, forward, up")
+    axes: Literal["ros", "ti"] = knob("ros", doc="ros: forward, left, up; ti: right, forward, up")
     doppler: str = knob("velocity", doc="field with the radial speed [m/s]; empty: not there")
-    doppler_sign: int = knob(1, choices=(1, -1), doc="1: receding is positive; -1: approaching is positive")
+    doppler_sign: Literal[1, -1] = knob(1, doc="1: receding is positive; -1: approaching is positive")
     intensity: str = knob("intensity", doc="field with the strength of an echo; empty: not there")
-    intensity_unit: str = knob("db", choices=("db", "power", "amplitude"), doc="db; or a ratio of powers or of amplitudes")
-    stamp: str = knob("message", choices=("message", "arrival"), doc="when a cloud was measured: as its message says, or when it arrives")
+    intensity_unit: Literal["db", "power", "amplitude"] = knob("db", doc="db; or a ratio of powers or of amplitudes")
+    stamp: Literal["message", "arrival"] = knob("message", doc="when a cloud was measured: as its message says, or when it arrives")
     latency: float = knob(0.0, unit="s", low=0.0, high=2.0, doc="from the middle of the acquisition to that time")
     frame_id: str = knob("radar", doc="name of the sensor frame; empty: as the first message says")
     frame_interval: float = knob(0.1, unit="s", low=1e-3, high=10.0, doc="from one cloud to the next, roughly")
@@ -58,7 +58,7 @@ class ForeignConfig:
 
 
 def foreign_cloud(
-    values: Mapping[str, Float64Array], settings: ForeignConfig, stamp_ns: int, sequence: int, frame_id: str
+    values: Mapping[str, Float64Array], config: ForeignConfig, stamp_ns: int, sequence: int, frame_id: str
 ) -> tuple[PointCloud, int]:
     """Make a cloud of the values of somebody's fields.
 
@@ -66,7 +66,7 @@ def foreign_cloud(
     ----------
     values : mapping of str to ndarray, shape (n,)
         ``x``, ``y`` and, where they are there, ``z``, ``doppler``, ``intensity``.
-    settings : ForeignConfig
+    config : ForeignConfig
         What they mean.
     stamp_ns, sequence : int
         Of the cloud.
@@ -83,16 +83,15 @@ def foreign_cloud(
     flat = "z" not in values
     xyz = np.stack([values["x"], values["y"], np.zeros(len(values["x"])) if flat else values["z"]], axis=-1)
     good = np.asarray((np.abs(xyz) < _FAR).all(axis=1))
-    position = to_our_axes(xyz[good]) if settings.axes == "ti" else xyz[good]
+    position = to_our_axes(xyz[good]) if config.axes == "ti" else xyz[good]
     distance, azimuth, elevation = cartesian_to_spherical(position)
     unknown = np.full(len(position), np.nan)
-    speed = settings.doppler_sign * values["doppler"][good] if "doppler" in values else unknown
-    strength = _decibel(values["intensity"][good], settings.intensity_unit) if "intensity" in values else unknown
-    x, y, z = position.T
-    columns = {"x": x, "y": y, "z": z, "range": distance, "azimuth": azimuth, "elevation": unknown if flat else elevation}
-    columns |= {"radial_speed": _sane(speed), "snr": _sane(strength)}
-    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in columns.items()}
-    return PointCloud(stamp_ns, sequence, frame_id, **named), int(len(good) - good.sum())
+    speed = config.doppler_sign * values["doppler"][good] if "doppler" in values else unknown
+    strength = _decibel(values["intensity"][good], config.intensity_unit) if "intensity" in values else unknown
+    measured = {"range": distance, "azimuth": azimuth, "radial_speed": _sane(speed), "snr": _sane(strength)}
+    if not flat:
+        measured["elevation"] = elevation
+    return make_cloud(stamp_ns, sequence, frame_id, position, measured), int(len(good) - good.sum())
 
 
 def _decibel(value: Float64Array, unit: str) -> Float64Array:

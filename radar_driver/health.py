@@ -1,6 +1,6 @@
-"""Health of a radar from a few seconds of what it gives: each check a measured value, a verdict and what to do.
+"""Health of a radar from a few seconds of its data: each check has a measured value, a verdict and what to do.
 
-Nothing here talks to a device: frames or clouds go in, with when they arrived, and the source's own report.
+Nothing here talks to a device: frames or clouds go in, with the times of their arrival, and the source's own report.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ Float64Array = NDArray[np.float64]
 _ROUNDING: Final = 1e-6  # of the largest sample; less is no noise but the rounding of single precision
 _LINE: Final = 300  # frames that the line is made of; it takes the square of them
 _ENOUGH: Final = 3  # frames; with fewer there is no rate and no jitter
+_LOST_FRAMES: Final = "the machine or the link is too slow: close other programs, use a port of its own, or a lower frame rate"
+_LOST_CHIRPS: Final = "the link loses data: use a shorter cable, a port of its own, larger network buffers (net.core.rmem_max)"
+_SATURATED: Final = "the converter is at its limit and makes false points: lower the receiver's gain, or move strong reflectors away"
 
 
 class Verdict(Enum):
@@ -45,10 +48,8 @@ class Check:
         Of the check.
     value : float or None
         What was measured, in ``unit``; None: nothing could be.
-    unit : str
-        Of the value.
-    text : str
-        The value for people.
+    unit, text : str
+        Of the value; the value for people.
     verdict : Verdict
         Whether it is all right.
     advice : str
@@ -130,12 +131,12 @@ class Health:
     ----------
     info : RadarInfo
         Of the source.
-    settings : HealthConfig
-        The limits.
+    config : HealthConfig or None
+        The limits; None: the defaults.
     """
 
-    def __init__(self, info: RadarInfo, settings: HealthConfig | None = None) -> None:
-        self._info, self._settings = info, settings if settings is not None else HealthConfig()
+    def __init__(self, info: RadarInfo, config: HealthConfig | None = None) -> None:
+        self._info, self._config = info, config if config is not None else HealthConfig()
         self._arrivals = Arrivals()
         self._spectra: Spectra | None = None
         self._chirps = self._chirps_lost = 0
@@ -144,13 +145,7 @@ class Health:
         self._problem = ""
 
     def process(self, data: RadarFrame | PointCloud, arrived_ns: int) -> None:
-        """Take in a frame or a cloud that arrived then [ns, any clock].
-
-        Raises
-        ------
-        DataError
-            When a frame contradicts the radar's description.
-        """
+        """Take in a frame or a cloud that arrived then [ns, any clock]; a `DataError` says that it contradicts the radar's description."""
         if isinstance(data, RadarFrame):
             data.check(self._info)
             if self._spectra is None:
@@ -190,7 +185,11 @@ class Health:
             found += [*self._noise(self._spectra, levels), self._coupling(self._spectra, levels), self._saturation(self._spectra)]
         else:
             found += [self._cloud_sizes(), self._strength()]
-        return (*found, *self._rate(), self._lost_frames(), *self._lost_chirps())
+        lost, n = self._arrivals.lost, len(self._arrivals)
+        found += [*self._rate(), self._losses("lost frames", lost, lost + n, _LOST_FRAMES)]
+        if self._spectra is not None:
+            found.append(self._losses("lost chirps", self._chirps_lost, self._chirps, _LOST_CHIRPS))
+        return tuple(found)
 
     def _link(self, seconds: float) -> Check:
         n = len(self._arrivals)
@@ -202,7 +201,7 @@ class Health:
         return Check("link", float(n), what, text, Verdict.WARN if self._problem else Verdict.OK, self._problem)
 
     def _temperature(self, report: Mapping[str, Any]) -> list[Check]:
-        limits = self._settings
+        limits = self._config
         named = {key: value for key, value in report.items() if key.rpartition(".")[2] == "temperature"}
         found = []
         for key, value in named.items():
@@ -226,7 +225,7 @@ class Health:
         verdict, advice = Verdict.OK, ""
         if len(dead):
             verdict, advice = Verdict.FAIL, f"receiver {', '.join(str(k + 1) for k in dead)} gives zeros: broken, or switched off"
-        elif spread > self._settings.channel_spread:
+        elif spread > self._config.channel_spread:
             low, high = int(np.nanargmin(level)) + 1, int(np.nanargmax(level)) + 1
             verdict, advice = Verdict.WARN, f"receiver {low} hears {spread:.1f} dB less noise than receiver {high}: one of them is bad"
         return [
@@ -245,7 +244,7 @@ class Health:
         over = f", {10 * math.log10(levels.near / floor):.0f} dB over the noise of a sample" if floor > 0 else ""
         if not self._info.full_scale:
             return Check("coupling", level, "dB", f"{level:.1f} dB{over}", Verdict.UNKNOWN)
-        verdict = _above(level, self._settings.coupling_warn, self._settings.coupling_fail)
+        verdict = _above(level, self._config.coupling_warn, self._config.coupling_fail)
         advice = "something right before the antennas (a cover, a table) throws the signal back, or the gain is too high: change either"
         return Check("coupling", level, "dBFS", f"{level:.1f} dBFS{over}", verdict, advice if verdict is not Verdict.OK else "")
 
@@ -253,13 +252,8 @@ class Health:
         share = spectra.saturated
         if share is None:
             return Check("saturation", None, "", "the converter's limit is not known", Verdict.UNKNOWN)
-        verdict = Verdict.FAIL if share > self._settings.saturated_fail else Verdict.WARN if share > 0 else Verdict.OK
-        advice = (
-            "the converter is at its limit and makes false points: lower the receiver's gain, or move strong reflectors away"
-            if share > 0
-            else ""
-        )
-        return Check("saturation", share, "", f"{share:.2%} of the samples at full scale", verdict, advice)
+        verdict = _above(share, 0.0, self._config.saturated_fail)
+        return Check("saturation", share, "", f"{share:.2%} of the samples at full scale", verdict, _SATURATED if share > 0 else "")
 
     def _rate(self) -> list[Check]:
         interval = self._info.waveform.frame_interval
@@ -268,32 +262,21 @@ class Health:
         measured, late = self._arrivals.pace()
         rate = 1 / measured if measured > 0 else float("inf")
         off = abs(rate * interval - 1)
-        verdict = _above(off, self._settings.rate_warn, self._settings.rate_fail)
+        verdict = _above(off, self._config.rate_warn, self._config.rate_fail)
         advice = ""
         if verdict is not Verdict.OK:
             advice = f"the radar's description says {1 / interval:.4g} Hz: correct that (.cfg, frame_interval), or the link is too slow"
         jitter = float(np.percentile(late, 99))
-        shaky = _above(jitter / interval, self._settings.jitter_warn, self._settings.jitter_fail)
+        shaky = _above(jitter / interval, self._config.jitter_warn, self._config.jitter_fail)
         hint = "data comes in bursts: another USB port without a hub, or less load on this machine" if shaky is not Verdict.OK else ""
         return [
             Check("frame rate", rate, "Hz", f"{rate:.2f} Hz (expected {1 / interval:.2f})", verdict, advice),
             Check("jitter", jitter * 1e3, "ms", f"{jitter * 1e3:.1f} ms late at most (99 %)", shaky, hint),
         ]
 
-    def _lost_frames(self) -> Check:
-        lost, n = self._arrivals.lost, len(self._arrivals)
-        advice = "the machine or the link is too slow: close other programs, use a port of its own, or a lower frame rate"
-        return self._losses("lost frames", lost, lost + n, advice)
-
-    def _lost_chirps(self) -> list[Check]:
-        if self._spectra is None:
-            return []
-        advice = "the link loses data: use a shorter cable, a port of its own, larger network buffers (net.core.rmem_max)"
-        return [self._losses("lost chirps", self._chirps_lost, self._chirps, advice)]
-
     def _losses(self, name: str, lost: int, total: int, advice: str) -> Check:
         share = lost / total if total else 0.0
-        verdict = Verdict.FAIL if share > self._settings.lost_fail else Verdict.WARN if lost else Verdict.OK
+        verdict = _above(share, 0.0, self._config.lost_fail)
         return Check(name, share, "", f"{lost} of {total}", verdict, advice if lost else "")
 
     def _cloud_sizes(self) -> Check:
@@ -314,9 +297,9 @@ def _noiseless(peak: float) -> Check:
     """Say what it means that there is no noise."""
     if peak == 0:
         advice = "all samples are zero: is the radar configured, and does it transmit? Power it off and on, then try again"
-        return Check("noise floor", None, "dB", "none", Verdict.FAIL, advice)
-    advice = "there is no noise at all: a simulation without the effect noise, or a board in a test mode"
-    return Check("noise floor", None, "dB", "none", Verdict.WARN, advice)
+    else:
+        advice = "there is no noise at all: a simulation without the effect noise, or a board in a test mode"
+    return Check("noise floor", None, "dB", "none", Verdict.FAIL if peak == 0 else Verdict.WARN, advice)
 
 
 def _above(value: float, warn: float, fail: float) -> Verdict:

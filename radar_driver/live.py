@@ -58,8 +58,8 @@ class Reader:
         DeviceError
             When the source does not resume.
         """
-        self._source.resume()
         self._stop.clear()
+        self._source.resume()
         self._thread = threading.Thread(target=self._work, name="device reader", daemon=True)
         self._thread.start()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from radar_core import DeviceError
@@ -36,7 +36,7 @@ class Probe:
 
 
 def probe(
-    source: Source, seconds: float, *, settings: HealthConfig | None = None, progress: Callable[[float], None] = lambda _: None
+    source: Source, seconds: float, *, config: HealthConfig | None = None, progress: Callable[[float], None] = lambda _: None
 ) -> Probe:
     """Power a source up, listen to it, and power it down again, whatever happens.
 
@@ -46,8 +46,8 @@ def probe(
         Powered down.
     seconds : float
         How long to listen [s].
-    settings : HealthConfig
-        The limits.
+    config : HealthConfig or None
+        The limits; None: the defaults.
     progress : callable
         Called with the share of the time that has passed.
 
@@ -61,7 +61,7 @@ def probe(
     DataError
         When frames contradict the source's description.
     """
-    health = Health(source.info, settings)
+    health = Health(source.info, config)
     started = time.monotonic()
     report: dict[str, Any] = {}
     lost = False
@@ -89,9 +89,5 @@ def probe(
     progress(1.0)
     checks = health.checks(report, time.monotonic() - started)
     if lost:
-        checks = (_failed(checks[0]), *checks[1:])
+        checks = (replace(checks[0], verdict=Verdict.FAIL), *checks[1:])
     return Probe(checks, report)
-
-
-def _failed(link: Check) -> Check:
-    return Check(link.name, link.value, link.unit, link.text, Verdict.FAIL, link.advice)

@@ -46,10 +46,9 @@ class BagFrames:
             self._reader = AnyReader([path])
             self._reader.open()
             self._open = True
+            place = self._radar(path, namespace.strip("/"))
         except (AnyReaderError, OSError) as error:
             raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
-        try:
-            place = self._radar(path, namespace.strip("/"))
         except DataError:
             self.close()
             raise

@@ -32,8 +32,8 @@ class Feed:
 
     def start(self) -> None:
         """Let the source send; a `DeviceError` says why it does not."""
-        self._reader.start()
         self._running = True
+        self._reader.start()
 
     def stop(self) -> None:
         """Let it be silent; its thread has ended when this returns. May be called twice."""
@@ -46,18 +46,15 @@ class Feed:
         self._node.destroy_guard_condition(self._guard)
 
     def _arrived(self) -> None:
-        started = time.monotonic_ns()
-        self._tell(self._reader.problem)
-        reading = self._reader.take()
-        if reading is not None and self._running:
-            self._publish(reading, started)
-
-    def _tell(self, problem: str) -> None:
+        started, problem = time.monotonic_ns(), self._reader.problem
         if problem:
             self._node.problem(problem)
         elif self._told:
             self._node.get_logger().info("the device sends again")
         self._told = problem
+        reading = self._reader.take()
+        if reading is not None and self._running:
+            self._publish(reading, started)
 
     def figures(self) -> tuple[dict[str, Any], list[str]]:
         """Give the source's report and the reader's counts, for diagnostics; and what to warn of."""

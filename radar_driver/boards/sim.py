@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @config
 class SimConfig:
-    """What is simulated."""
+    """Which scene."""
 
     scene: str = knob("demo", doc="source sim: scene file, or one of ours by name")
 
@@ -57,11 +57,11 @@ class SimFrames:
         """Nothing is held."""
 
 
-def open_sim(settings: SimConfig, context: Context) -> Paced:
+def open_sim(config: SimConfig, context: Context) -> Paced:
     """Make the source of a scene."""
     from radar_driver.paced import Paced
 
-    return Paced(SimFrames(settings.scene, context.namespace), context)
+    return Paced(SimFrames(config.scene, context.namespace), context)
 
 
 BOARD = Board("sim", "simulated radar in a scene", SimConfig, open_sim, prefix="", paced=True)

@@ -31,7 +31,7 @@ class CaptureBoard(Component):
 
     Parameters
     ----------
-    settings : Dca1000Config
+    config : Dca1000Config
         Addresses, lanes, delays.
     size : int
         Bytes of a frame.
@@ -39,18 +39,18 @@ class CaptureBoard(Component):
 
     name = "capture board"
 
-    def __init__(self, settings: Dca1000Config, size: int) -> None:
-        self._settings = settings
-        self.port = Receiver(settings.host_address, settings.board_address, settings.data_port, size)
-        self._control = Control(settings.host_address, settings.board_address, settings.config_port, settings.timeout)
+    def __init__(self, config: Dca1000Config, size: int) -> None:
+        self._config = config
+        self.port = Receiver(config.host_address, config.board_address, config.data_port, size)
+        self._control = Control(config.host_address, config.board_address, config.config_port, config.timeout)
 
     def power_up(self) -> None:
         """Open both ports, and set the board up."""
         try:
             self.port.open()
-            if self._settings.control:
+            if self._config.control:
                 self._control.open()
-                self._control.configure(Lvds.TWO_LANES if self._settings.lanes == 2 else Lvds.FOUR_LANES, self._settings.packet_delay)
+                self._control.configure(Lvds.TWO_LANES if self._config.lanes == 2 else Lvds.FOUR_LANES, self._config.packet_delay)
         except DeviceError:
             self.power_down()
             raise
@@ -63,12 +63,12 @@ class CaptureBoard(Component):
     def resume(self) -> None:
         """Record: the next sample of the sensor is the first of a frame."""
         self.port.start_afresh()
-        if self._settings.control:
+        if self._config.control:
             self._control.start()
 
     def suspend(self) -> None:
         """Record no more."""
-        if self._settings.control:
+        if self._config.control:
             self._control.stop()
 
     def events(self) -> tuple[Event, ...]:
@@ -85,16 +85,16 @@ class Sensor(Component):
 
     Parameters
     ----------
-    settings : Dca1000Config
+    config : Dca1000Config
         Port, time, .cfg file.
     """
 
     name = "sensor"
 
-    def __init__(self, settings: Dca1000Config) -> None:
-        self._file = settings.config
-        self._cli = SerialCli(settings.serial_port, settings.cli_timeout)
-        self._lines = [(number, line) for number, line in cli_lines(Path(settings.config)) if line.split()[0] not in _OWN_LINES]
+    def __init__(self, config: Dca1000Config) -> None:
+        self._file = config.config
+        self._cli = SerialCli(config.serial_port, config.cli_timeout)
+        self._lines = [(number, line) for number, line in cli_lines(Path(config.config)) if line.split()[0] not in _OWN_LINES]
         self._configured = self._running = False
 
     def power_up(self) -> None:
@@ -147,7 +147,7 @@ class Dca1000Source(Radar):
 
     Parameters
     ----------
-    settings : Dca1000Config
+    config : Dca1000Config
         Where they are and what they do.
 
     Raises
@@ -156,20 +156,20 @@ class Dca1000Source(Radar):
         When the .cfg is missing, does not stream raw samples for ever, or contradicts the settings; naming file and line.
     """
 
-    def __init__(self, settings: Dca1000Config) -> None:
-        if not settings.config:
+    def __init__(self, config: Dca1000Config) -> None:
+        if not config.config:
             raise ConfigError(
                 "dca1000.config is empty; name the sensor's .cfg file, e.g. from TI's visualizer, with lvdsStreamCfg -1 0 1 0"
             )
-        ti = read_ti_config(Path(settings.config))
-        self.info: RadarInfo = radar_info(ti, frame_id=settings.frame_id, mount=settings.mount)
-        self._settings = settings
-        size = frame_bytes(self.info, settings.lanes)
-        check_settings(settings, ti, size)
-        self._board = CaptureBoard(settings, size)
-        parts: list[Component] = [self._board] + ([Sensor(settings)] if settings.serial_port else [])
+        ti = read_ti_config(Path(config.config))
+        self.info: RadarInfo = radar_info(ti, frame_id=config.frame_id, mount=config.mount)
+        self._config = config
+        size = frame_bytes(self.info, config.lanes)
+        check_settings(config, ti, size)
+        self._board = CaptureBoard(config, size)
+        parts: list[Component] = [self._board] + ([Sensor(config)] if config.serial_port else [])
         super().__init__(parts)
-        self._silence = max(settings.silence, 3 * ti.frame_interval)
+        self._silence = max(config.silence, 3 * ti.frame_interval)
         self._stamps = Stamps(self.info.waveform)
         self._resumed = 0.0
         self._heard = False
@@ -186,7 +186,7 @@ class Dca1000Source(Radar):
         """Give what both know; ``advice`` where something should be changed."""
         values = super().report()
         if self._mirrored:
-            other = ORDERS[1 - ORDERS.index(self._settings.order)]
+            other = ORDERS[1 - ORDERS.index(self._config.order)]
             values["advice"] = f"the echoes lie at negative ranges: I and Q seem to be swapped; set order to {other}"
         return values
 
@@ -201,12 +201,12 @@ class Dca1000Source(Radar):
                 return None
             if not self._heard:
                 self._first(raw)
-            if raw.received >= self._settings.min_received * len(raw.data):
+            if raw.received >= self._config.min_received * len(raw.data):
                 return Reading(self._decode(raw))
 
     def _decode(self, raw: RawFrame) -> RadarFrame:
         n_tx, n_chirp, _, _ = self.info.cube_shape
-        cube = decode_frame(raw.data, self.info, order=self._settings.order, lanes=self._settings.lanes)
+        cube = decode_frame(raw.data, self.info, order=self._config.order, lanes=self._config.lanes)
         if not self._heard:
             self._mirrored = looks_mirrored(cube)
             self._heard = True
@@ -215,7 +215,7 @@ class Dca1000Source(Radar):
     def _first(self, raw: RawFrame) -> None:
         """Refuse samples of a sensor that ran before the recording began: nobody knows where its frames begin."""
         wait = _SETTLE + self.info.waveform.frame_interval
-        if self._settings.control and not self._settings.serial_port and raw.arrived_ns * 1e-9 < self._resumed + wait:
+        if self._config.control and not self._config.serial_port and raw.arrived_ns * 1e-9 < self._resumed + wait:
             raise DeviceError(
                 "samples came as soon as the recording began: the sensor was running already, so that nobody knows where its frames begin. "
                 "Stop the sensor, and start it when this driver waits for it; or set serial_port, and the driver does it",
@@ -226,24 +226,24 @@ class Dca1000Source(Radar):
         events = self._board.events()
         told = advice(events)
         if told:
-            raise DeviceError(told, gone=self._settings.control and not _ENDS.isdisjoint(events))
+            raise DeviceError(told, gone=self._config.control and not _ENDS.isdisjoint(events))
 
     def _judge_silence(self) -> None:
         heard = self._board.port.heard
         if time.monotonic() - max(heard, self._resumed) < self._silence:
             return
         self._board.port.after_silence()
-        if not self._settings.control:
+        if not self._config.control:
             raise DeviceError(
-                f"no samples come to UDP port {self._settings.data_port} of {self._settings.host_address}: start the capture board's "
+                f"no samples come to UDP port {self._config.data_port} of {self._config.host_address}: start the capture board's "
                 "recording, then the sensor, with the program that controls them"
             )
-        if not self._settings.serial_port and not heard:
+        if not self._config.serial_port and not heard:
             raise DeviceError(
                 "the capture board records, and waits for the sensor: start it now (or set serial_port, and this driver does it)"
             )
         raise DeviceError(
             f"no samples for {self._silence:g} s: all is set up anew. If that does not help: does lanes suit the sensor, is the 60-pin "
-            f"cable between both boards plugged in, do both have power, does a firewall drop UDP port {self._settings.data_port}?",
+            f"cable between both boards plugged in, do both have power, does a firewall drop UDP port {self._config.data_port}?",
             gone=True,
         )

@@ -15,6 +15,7 @@ _COMMAND: Final = struct.Struct("<HHH")  # mark, code, bytes of data that follow
 _REPLY: Final = struct.Struct("<HHHH")  # mark, code, status, mark
 _LONGEST: Final = 504  # bytes of data of one command
 _TICKS: Final = 125  # of the packet delay in a microsecond
+_RAW, _CAPTURE, _ETHERNET, _BITS_16 = 1, 1, 2, 3  # of 1 raw, 2 multi; 1 capture, 2 playback; 1 SD card, 2 Ethernet; 12, 14, 16 bits
 
 
 class Code(IntEnum):
@@ -36,40 +37,11 @@ class Code(IntEnum):
     READ_VERSION = 0x0E
 
 
-class Log(IntEnum):
-    """What the samples are wrapped in."""
-
-    RAW = 1
-    MULTI = 2
-
-
 class Lvds(IntEnum):
     """Lanes between sensor and capture board."""
 
     FOUR_LANES = 1
     TWO_LANES = 2
-
-
-class Transfer(IntEnum):
-    """Where samples come from."""
-
-    CAPTURE = 1
-    PLAYBACK = 2
-
-
-class Capture(IntEnum):
-    """Where samples go."""
-
-    ETHERNET = 2
-    SD_CARD = 1
-
-
-class Format(IntEnum):
-    """Bits of a sample."""
-
-    BITS_12 = 1
-    BITS_14 = 2
-    BITS_16 = 3
 
 
 class Event(IntEnum):
@@ -131,13 +103,7 @@ class Reply:
 
 
 def encode_command(code: Code, data: bytes = b"") -> bytes:
-    """Pack a command.
-
-    Raises
-    ------
-    ConfigError
-        When there is more data than one command can carry.
-    """
+    """Pack a command; a `ConfigError` says that there is more data than one command can carry."""
     if len(data) > _LONGEST:
         raise ConfigError(f"command {code.name} has {len(data)} bytes of data; at most {_LONGEST} fit")
     return _COMMAND.pack(_HEADER, code, len(data)) + data + struct.pack("<H", _FOOTER)
@@ -151,36 +117,18 @@ def decode_reply(datagram: bytes) -> Reply | None:
     return Reply(code, status) if (header, footer) == (_HEADER, _FOOTER) else None
 
 
-def fpga_settings(
-    *,
-    lvds: Lvds,
-    log: Log = Log.RAW,
-    transfer: Transfer = Transfer.CAPTURE,
-    capture: Capture = Capture.ETHERNET,
-    data_format: Format = Format.BITS_16,
-    timer: int = 30,
-) -> bytes:
-    """Pack the data of CONFIGURE_FPGA; ``timer`` is the time after which missing samples are told of [s]."""
+def fpga_settings(*, lvds: Lvds, timer: int = 30) -> bytes:
+    """Pack the data of CONFIGURE_FPGA: raw samples of 16 bits over Ethernet.
+
+    ``timer`` is the time after which missing samples are reported [s].
+    """
     if not 0 <= timer <= 255:
         raise ConfigError(f"the capture board's timer is {timer} s; it must be between 0 and 255")
-    return bytes((log, lvds, transfer, capture, data_format, timer))
+    return bytes((_RAW, lvds, _CAPTURE, _ETHERNET, _BITS_16, timer))
 
 
 def packet_settings(delay: float, *, largest: int = 1470) -> bytes:
-    """Pack the data of CONFIGURE_PACKETS.
-
-    Parameters
-    ----------
-    delay : float
-        Between packets, 5 to 500 us [s].
-    largest : int
-        Bytes of the largest packet, head included.
-
-    Raises
-    ------
-    ConfigError
-        When the board cannot keep that delay.
-    """
+    """Pack the data of CONFIGURE_PACKETS: delay between packets, 5 to 500 us [s], and bytes of the largest packet, head included."""
     if not 5e-6 <= delay <= 500e-6:
         raise ConfigError(f"packet_delay is {delay * 1e6:g} us; the capture board can do 5 to 500 us")
     return struct.pack("<HHH", largest, round(delay * 1e6 * _TICKS), 0)

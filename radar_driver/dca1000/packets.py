@@ -20,7 +20,7 @@ _LONGEST: Final = 1472  # bytes: what an Ethernet frame holds
 _SEEN: Final = b"\x01" * _LONGEST
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RawFrame:
     """The bytes of one frame.
 
@@ -32,18 +32,18 @@ class RawFrame:
         As sent; 0 where packets were lost.
     seen : bytearray
         1 for every byte that arrived.
-    received : int
-        Bytes that arrived.
     arrived_ns, sent : int
         When the first packet with bytes of this frame came [ns], and how many of its bytes had been sent by then.
+    received : int
+        Bytes that arrived.
     """
 
     number: int
     data: bytearray
     seen: bytearray
-    received: int
     arrived_ns: int
     sent: int
+    received: int = 0
 
     def missing(self, n_chirp: int) -> NDArray[np.uint32]:
         """Numbers of the chirps that lack bytes, ascending, of ``n_chirp`` that the frame has in all, shape (n_missing,)."""
@@ -79,17 +79,6 @@ class Counts:
     garbled: int = 0
     jumps: int = 0
     restarts: int = 0
-
-
-@dataclass
-class _Open:
-    """A frame that is being filled."""
-
-    data: bytearray
-    seen: bytearray
-    arrived_ns: int
-    sent: int
-    received: int = 0
 
 
 class _Packet(NamedTuple):
@@ -149,7 +138,7 @@ class Reassembler:
         if frame_bytes < 1:
             raise ValueError(f"frame_bytes is {frame_bytes}; a frame has at least one byte")
         self._size, self._window = frame_bytes, window
-        self._pending: dict[int, _Open] = {}
+        self._pending: dict[int, RawFrame] = {}
         self._line: _Line | None = None
         self._doubtful: _Packet | None = None
         self._next = 0  # number of the frame that leaves next
@@ -284,7 +273,7 @@ class Reassembler:
             end = start + len(part)
             frame = self._pending.get(number)
             if frame is None:
-                frame = self._pending[number] = _Open(bytearray(self._size), bytearray(self._size), new.stamp_ns, end)
+                frame = self._pending[number] = RawFrame(number, bytearray(self._size), bytearray(self._size), new.stamp_ns, end)
             frame.data[start:end] = part
             frame.seen[start:end] = _SEEN[: len(part)]
             frame.received += len(part)
@@ -324,7 +313,7 @@ class Reassembler:
     def _leave(self, number: int) -> RawFrame:
         frame = self._pending.pop(number)
         self._wait_for(number + 1)
-        return RawFrame(number, frame.data, frame.seen, frame.received, frame.arrived_ns, frame.sent)
+        return frame
 
     def _wait_for(self, number: int) -> None:
         self._next = number

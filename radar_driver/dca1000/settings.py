@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from radar_core import ConfigError, Pose
 from radar_core.config import config, knob
-from radar_driver.dca1000.decode import LANES, ORDERS
 from radar_driver.dca1000.packets import LARGEST
 from radar_driver.dca1000.ti_config import TiConfig
 
@@ -20,8 +21,8 @@ class Dca1000Config:
     control: bool = knob(
         True, doc="set up and start the capture board; off: somebody else does (mmWave Studio), its samples are listened to"
     )
-    lanes: int = knob(2, choices=LANES, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
-    order: str = knob("q_first", choices=ORDERS, doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
+    lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
+    order: Literal["q_first", "i_first"] = knob("q_first", doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
     host_address: str = knob("192.168.33.30", doc="this computer's address on the capture board's network")
     board_address: str = knob("192.168.33.180", doc="the capture board's address")
     config_port: int = knob(4096, low=1, high=65535, doc="UDP port of its commands, on both sides")
@@ -33,12 +34,12 @@ class Dca1000Config:
     min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; lost chirps of others are marked")
 
 
-def check_settings(settings: Dca1000Config, ti: TiConfig, size: int) -> None:
+def check_settings(config: Dca1000Config, ti: TiConfig, size: int) -> None:
     """Refuse what could only give silence or nonsense.
 
     Parameters
     ----------
-    settings : Dca1000Config
+    config : Dca1000Config
         Of the boards.
     ti : TiConfig
         Of the .cfg that they name.
@@ -51,21 +52,19 @@ def check_settings(settings: Dca1000Config, ti: TiConfig, size: int) -> None:
         Naming file and setting.
     """
     four = ti.platform.lower().startswith(("xwr14", "xwr12"))
-    if ti.platform and four != (settings.lanes == 4):
-        raise ConfigError(
-            f"{settings.config} is for {ti.platform}, which has {4 if four else 2} lanes, but dca1000.lanes is {settings.lanes}"
-        )
+    if ti.platform and four != (config.lanes == 4):
+        raise ConfigError(f"{config.config} is for {ti.platform}, which has {4 if four else 2} lanes, but dca1000.lanes is {config.lanes}")
     packets = -(-size // LARGEST)
-    if packets * settings.packet_delay > ti.frame_interval:
+    if packets * config.packet_delay > ti.frame_interval:
         raise ConfigError(
-            f"dca1000.packet_delay: {packets} packets a frame, {settings.packet_delay * 1e6:g} us apart, take longer than a frame "
+            f"dca1000.packet_delay: {packets} packets a frame, {config.packet_delay * 1e6:g} us apart, take longer than a frame "
             f"({ti.frame_interval * 1e3:g} ms); lower it"
         )
-    if not settings.serial_port:
+    if not config.serial_port:
         return
     if not ti.streams:
-        raise ConfigError(f"{settings.config}: the sensor would not send its raw samples; add the line: lvdsStreamCfg -1 0 1 0")
+        raise ConfigError(f"{config.config}: the sensor would not send its raw samples; add the line: lvdsStreamCfg -1 0 1 0")
     if ti.n_frame:
-        raise ConfigError(f"{settings.config}: frameCfg ends after {ti.n_frame} frames; make its fourth number 0, so that it goes on")
-    if settings.lanes == 2 and ti.order not in ("", settings.order):
-        raise ConfigError(f"{settings.config}: adcbufCfg gives samples in the order {ti.order}, but dca1000.order is {settings.order}")
+        raise ConfigError(f"{config.config}: frameCfg ends after {ti.n_frame} frames; make its fourth number 0, so that it goes on")
+    if config.lanes == 2 and ti.order not in ("", config.order):
+        raise ConfigError(f"{config.config}: adcbufCfg gives samples in the order {ti.order}, but dca1000.order is {config.order}")

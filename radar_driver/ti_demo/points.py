@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import PointCloud, Quality
-from radar_core.geometry import cartesian_to_spherical
+from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
+from radar_driver.clouds import make_cloud
 
 Float32Array = NDArray[np.float32]
 
@@ -30,7 +31,7 @@ def amplitude_db(intensity: NDArray[Any]) -> Float32Array:
 def cloud_from_ti(
     stamp_ns: int,
     sequence: int,
-    xyz: NDArray[Any],
+    xyz: NDArray[Any] | None,
     radial_speed: NDArray[Any],
     snr: NDArray[Any],
     *,
@@ -39,14 +40,14 @@ def cloud_from_ti(
     frame_id: str = "radar",
     quality: Quality = Quality.GOOD,
 ) -> PointCloud:
-    """Make a cloud in the sensor frame.
+    """Make a cloud in the sensor frame, of positions or of ranges and angles or of both.
 
     Parameters
     ----------
     stamp_ns, sequence : int
         Of the cloud.
-    xyz : ndarray, shape (n, 3)
-        Right, forward, up [m].
+    xyz : ndarray, shape (n, 3), or None
+        Right, forward, up [m]; None: as ``spherical`` says, a radar without elevation sees all at its own height.
     radial_speed : ndarray, shape (n,)
         Positive = receding, as TI has it too [m/s].
     snr : ndarray, shape (n,)
@@ -60,13 +61,13 @@ def cloud_from_ti(
     quality : Quality
         Of the cloud.
     """
-    position = to_our_axes(xyz)
+    position = np.empty((0, 3)) if xyz is None else to_our_axes(xyz)
     if spherical is None:
         distance, azimuth, elevation = cartesian_to_spherical(position)
     else:
         distance, azimuth, elevation = spherical[:, 0], -spherical[:, 1], spherical[:, 2]
-    x, y, z = position.T
-    columns = {"x": x, "y": y, "z": z, "range": distance, "azimuth": azimuth, "elevation": elevation}
-    columns |= {"radial_speed": radial_speed, "snr": snr, "noise": np.broadcast_to(noise, len(snr))}
-    named: dict[str, Any] = {name: np.ascontiguousarray(column, np.float32) for name, column in columns.items()}
-    return PointCloud(stamp_ns, sequence, frame_id, quality=quality, **named)
+        if xyz is None:
+            position = spherical_to_cartesian(distance, azimuth, np.nan_to_num(elevation, nan=0.0))
+    noise = np.broadcast_to(noise, len(snr))
+    measured = {"range": distance, "azimuth": azimuth, "elevation": elevation, "radial_speed": radial_speed, "snr": snr, "noise": noise}
+    return make_cloud(stamp_ns, sequence, frame_id, position, measured, quality)

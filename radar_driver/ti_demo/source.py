@@ -13,7 +13,6 @@ import numpy as np
 
 from radar_core import ConfigError, DeviceError, PointCloud, Pose, Quality, RadarInfo
 from radar_core.config import config, knob
-from radar_core.geometry import spherical_to_cartesian
 from radar_driver.clouds import cloud_source_info
 from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.serial_cli import SerialCli
@@ -57,27 +56,6 @@ class TiDemoConfig:
 
 SendConfig = Callable[[str, Path], None]
 """Sends a .cfg to the command port of that path; a `DeviceError` says which line the radar refused."""
-
-
-class _Port(Component):
-    """The data port."""
-
-    name = "data port"
-
-    def __init__(self, uart: Uart) -> None:
-        self._uart = uart
-
-    def power_up(self) -> None:
-        self._uart.open()
-
-    def power_down(self) -> None:
-        self._uart.close()
-
-    def resume(self) -> None:
-        self._uart.flush()
-
-    def report(self) -> Report:
-        return self._uart.report()
 
 
 class _Sensor(Component):
@@ -137,7 +115,7 @@ class TiDemo(Radar):
     def __init__(self, config: TiDemoConfig, send: SendConfig = send_config) -> None:
         self._config = config
         self._uart = Uart(config.port, config.baud)
-        super().__init__((_Port(self._uart), _Sensor(config, send)))
+        super().__init__((self._uart, _Sensor(config, send)))
         fov = (config.fov_azimuth, config.fov_elevation)
         self.info: RadarInfo = replace(cloud_source_info(config.frame_interval, fov, config.mount), frame_id=config.frame_id)
         self._half, self._quality = 0, Quality.GOOD
@@ -228,18 +206,14 @@ class TiDemo(Radar):
 
     def _cloud(self, packet: Packet, stamp_ns: int) -> PointCloud:
         points = packet.points if packet.points is not None else Points(np.empty((0, 3)), None, *(np.empty(0),) * 3)
-        place, spherical = points.cartesian, points.spherical
-        if place is None:
-            assert spherical is not None
-            place = _right_forward_up(spherical)
         return cloud_from_ti(
             stamp_ns,
             packet.number,
-            place,
+            points.cartesian,
             points.radial_speed,
             points.snr,
             noise=points.noise,
-            spherical=spherical,
+            spherical=points.spherical,
             frame_id=self.info.frame_id,
             quality=self._quality,
         )
@@ -256,10 +230,3 @@ class TiDemo(Radar):
             "garbage_bytes": parser["garbage_bytes"],
             "items_not_used": ", ".join(f"{name[5:]}: {count}" for name, count in sorted(parser.items()) if name.startswith("item_")),
         }
-
-
-def _right_forward_up(spherical: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Positions of ranges, azimuths (right positive) and elevations; a radar that measures no elevation sees all at its own height."""
-    distance, azimuth, elevation = spherical.T
-    ours = spherical_to_cartesian(distance, -azimuth, np.nan_to_num(elevation, nan=0.0))
-    return np.stack([-ours[:, 1], ours[:, 0], ours[:, 2]], axis=-1)

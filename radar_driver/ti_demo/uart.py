@@ -8,13 +8,13 @@ from typing import Final
 import serial
 
 from radar_core import DeviceError
-from radar_driver.components import Device, Report
+from radar_driver.components import Component, Report
 from radar_driver.serial_ports import GONE, open_port, ti_ports
 
 _CHUNK: Final = 1 << 16  # bytes: as much as the longest packet
 
 
-class Uart(Device):
+class Uart(Component):
     """A serial port of which nobody else reads.
 
     Parameters
@@ -31,7 +31,7 @@ class Uart(Device):
         self._wanted, self.port, self.baud = port, port, baud
         self._serial: serial.Serial | None = None
 
-    def open(self) -> None:
+    def power_up(self) -> None:
         """Open the port for this program alone.
 
         Raises
@@ -39,11 +39,11 @@ class Uart(Device):
         DeviceError
             When it is not there, may not be opened, or another program holds it; with what to do.
         """
-        self.close()
+        self.power_down()
         self.port = self._wanted or _only_port()
         self._serial = open_port(self.port, self.baud, timeout=0)
 
-    def close(self) -> None:
+    def power_down(self) -> None:
         """Close the port."""
         held, self._serial = self._serial, None
         if held is not None:
@@ -76,7 +76,7 @@ class Uart(Device):
                 gone=True,
             ) from None
 
-    def flush(self) -> None:
+    def resume(self) -> None:
         """Throw away what has come so far."""
         if self._serial is None:
             raise DeviceError(f"{self.port} is not open", gone=True)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any, Final
 
 from radar_core import DeviceError
-from radar_driver.components import Component, Device
+from radar_driver.components import Component
 from radar_driver.tinyrad import eeprom, registers, wire
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import UsbLink
@@ -16,21 +15,6 @@ _AFTER_RESET: Final = 0.2  # s: the board takes that long
 _STOP: Final = 0.3  # s: so long may a command take that stops it; a board that hangs must not hold up the end of the program
 FIRMWARE: Final = 3
 """Major version of the firmware whose protocol this is."""
-
-
-class Chip(Device):
-    """A radio chip behind the board's serial bus; a reset of the board takes its registers away."""
-
-    def __init__(self, name: str, link: UsbLink, number: wire.Chip, groups: Sequence[Sequence[int]]) -> None:
-        self.name, self._link, self._number, self._groups = name, link, number, groups
-
-    def open(self) -> None:
-        """Write its registers."""
-        for group in self._groups:
-            self._link.ask(wire.registers(self._number, group))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
 
 class Controller(Component):
@@ -120,19 +104,18 @@ class Controller(Component):
 
 
 class FrontEnd(Component):
-    """Receiver and transmitter; the transmitter radiates from `resume` on."""
+    """Receiver (ADF5904) and transmitter (ADF5901); the transmitter radiates from `resume` on."""
 
     name = "front_end"
 
     def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
-        self.receiver = Chip("ADF5904", link, wire.Chip.RECEIVER, (registers.receiver(),))
-        self.transmitter = Chip("ADF5901", link, wire.Chip.TRANSMITTER, registers.transmitter(config.power))
-        self._config = config
+        self._link, self._config = link, config
 
     def resume(self) -> None:
-        """Set up both chips."""
-        self.receiver.open()
-        self.transmitter.open()
+        """Write the registers of both chips."""
+        self._link.ask(wire.registers(wire.Chip.RECEIVER, registers.receiver()))
+        for group in registers.transmitter(self._config.power):
+            self._link.ask(wire.registers(wire.Chip.TRANSMITTER, group))
 
     def report(self) -> dict[str, Any]:
         """Say how strong it sends."""
@@ -168,17 +151,16 @@ class Converter(Component):
 
 
 class Synthesiser(Component):
-    """The chip that makes the chirps."""
+    """The chip that makes the chirps (ADF4159)."""
 
     name = "synthesiser"
 
     def __init__(self, link: UsbLink, config: TinyRadConfig) -> None:
-        words = registers.synthesiser(config.start_frequency, config.bandwidth, config.ramp)
-        self.chip = Chip("ADF4159", link, wire.Chip.SYNTHESISER, (words,))
+        self._link, self._words = link, registers.synthesiser(config.start_frequency, config.bandwidth, config.ramp)
 
     def resume(self) -> None:
-        """Set it up."""
-        self.chip.open()
+        """Write its registers."""
+        self._link.ask(wire.registers(wire.Chip.SYNTHESISER, self._words))
 
 
 class Sequencer(Component):

@@ -48,7 +48,7 @@ class DriverNode(StageMixin, LifecycleNode):
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
         if self._at_end not in AT_END:
             raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
-        self._board, self._settings = self._known_board(kind)
+        self._board, self._config = self._known_board(kind)
         self._source: Source | None = None
         self._feed: Feed | None = None
         self._timer: Any = None
@@ -67,8 +67,7 @@ class DriverNode(StageMixin, LifecycleNode):
             found = boards.board(name)
         except ConfigError as error:
             raise ConfigError(f"parameter source of node {self.get_name()} is {name!r}: {error}") from None
-        declared = [boards.board(always) for always in _ALWAYS if always != name]
-        for other in declared:
+        for other in (boards.board(always) for always in _ALWAYS if always != name):
             declare_config(self, other.config, other.parameter())
         return found, declare_config(self, found.config, found.parameter())
 
@@ -84,21 +83,16 @@ class DriverNode(StageMixin, LifecycleNode):
         nap = _NAP if clock.ros_time_is_active else math.inf
         context = Context(self.get_namespace(), lambda: int(clock.now().nanoseconds), self._speed, nap)
         try:
-            self._source = self._board.source(self._settings, context)
+            self._source = self._board.source(self._config, context)
             self._source.power_up()
             self._info, measured = self._mounted(self._source.info)
         except HandwaveError as error:
-            self._power_down()
+            self.close()
             return self._fail(error)
         self._feed = Feed(self, self._source, self._publish)
         self._count = 0
         self._announcer.start(self._info, measured)
         return TransitionCallbackReturn.SUCCESS
-
-    def _fail(self, error: HandwaveError) -> TransitionCallbackReturn:
-        self._failure = error
-        self.get_logger().error(str(error))
-        return TransitionCallbackReturn.FAILURE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Resume: frames come from now on, or from when they are read."""
@@ -107,19 +101,17 @@ class DriverNode(StageMixin, LifecycleNode):
             self._met_ns = 0  # when all readers were there for the first time
             self._timer = self.create_timer(_LOOK, self._await_readers)
             return super().on_activate(state)
+        assert self._feed is not None
         try:
-            self._start_feed()
+            self._feed.start()
         except HandwaveError as error:
             return self._fail(error)
         return super().on_activate(state)
 
-    def _start_feed(self) -> None:
-        assert self._feed is not None
-        try:
-            self._feed.start()
-        except HandwaveError:
-            self._feed.stop()
-            raise
+    def _fail(self, error: HandwaveError) -> TransitionCallbackReturn:
+        self._failure = error
+        self.get_logger().error(str(error))
+        return TransitionCallbackReturn.FAILURE
 
     def _await_readers(self) -> None:
         """Begin when the wanted readers have been connected for a moment; a reader knows of it a little later than its writer."""
@@ -131,7 +123,8 @@ class DriverNode(StageMixin, LifecycleNode):
         elif now - self._met_ns >= _SETTLE_NS:
             self._stop_timer()
             self._announcer.say()  # so that the readers know the radar before its first frame
-            self._start_feed()
+            assert self._feed is not None
+            self._feed.start()
 
     def _publish(self, reading: Reading, started_ns: int) -> None:
         """Publish what the source gave, stamped with the node's clock."""
@@ -185,24 +178,20 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power down: let go of the source."""
-        self._power_down()
+        self.close()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power down for good."""
-        self._power_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    def close(self) -> None:
-        """Power down when the node ends."""
-        self._power_down()
+        return self.on_cleanup(state)
 
     def _stop_timer(self) -> None:
         if self._timer is not None:
             self.destroy_timer(self._timer)
             self._timer = None
 
-    def _power_down(self) -> None:
+    def close(self) -> None:
+        """Power down; also when the node ends."""
         self._stop_timer()
         self._announcer.stop()
         if self._feed is not None:

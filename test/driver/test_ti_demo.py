@@ -227,7 +227,7 @@ def test_a_killed_program_leaves_the_port_free(board):
 import sys
 from radar_driver.ti_demo.uart import Uart
 uart = Uart(sys.argv[1], 921600)
-uart.open()
+uart.power_up()
 print("open", flush=True)
 uart.read(60)
 """
@@ -249,7 +249,7 @@ def test_a_port_without_permission(monkeypatch):
     refused = PermissionError(13, "Permission denied", "/dev/ttyACM1")
     monkeypatch.setattr("serial.Serial", lambda *_, **__: (_ for _ in ()).throw(refused))
     with pytest.raises(DeviceError, match=r"sudo usermod -aG dialout \$USER, then log in again"):
-        Uart("/dev/ttyACM1", 921600).open()
+        Uart("/dev/ttyACM1", 921600).power_up()
 
 
 @pytest.fixture

@@ -121,7 +121,7 @@ def test_knobs_are_parameters():
         make(**{"source": "tinyrad", "tinyrad.power": 101})
     node = make(**{"source": "tinyrad", "autostart": False, "tinyrad.sequence": [2, 1], "tinyrad.mount.z": 0.8})
     assert list(node.get_parameter("tinyrad.sequence").value) == [2, 1]
-    assert node._settings.sequence == (2, 1)
-    assert node._settings.mount.z == 0.8
+    assert node._config.sequence == (2, 1)
+    assert node._config.mount.z == 0.8
     assert "[s]" in node.describe_parameter("tinyrad.timeout").description
     node.destroy_node()

@@ -75,7 +75,7 @@ def test_a_frame_without_bytes_is_refused():
 
 
 def raw(number, arrived, sent=1, size=100):
-    return RawFrame(number, bytearray(size), bytearray(size), size, arrived, sent)
+    return RawFrame(number, bytearray(size), bytearray(size), arrived, sent, size)
 
 
 def test_stamps_over_a_day():
