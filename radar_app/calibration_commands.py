@@ -1,17 +1,63 @@
-"""Commands that calibrate radars to each other."""
+"""Commands that calibrate a radar's array, and radars to each other."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from radar_app.parameters import Domain, Namespace, Params, parse_parameters
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
     from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker
+
+
+def calibrate(
+    recordings: Annotated[list[Path], typer.Argument(help="one recording of a turntable, or one per sweep, azimuth first")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="file for the calibration (.npz); a picture is drawn beside it")],
+    azimuth: Annotated[str | None, typer.Option(help="start:stop:step in degrees; default: turntable.yaml in the recording")] = None,
+    elevation: Annotated[str | None, typer.Option(help="the same of the sweep in elevation")] = None,
+    dwell: Annotated[float, typer.Option(help="with these: seconds at each angle")] = 1.0,
+    settle: Annotated[float, typer.Option(help="with these: seconds at either end of a dwell that are left out")] = 0.0,
+    distance: Annotated[float, typer.Option(help="where the reflector stands [m]; 0: the strongest echo")] = 0.0,
+    offsets: Annotated[bool, typer.Option("--offsets", help="also fit constant mounting offsets")] = False,
+    method: Annotated[str, typer.Option(help="fit; or outer: also the thesis's table of both sweeps")] = "fit",
+) -> None:
+    """Find gain, phase and position of every channel from a corner reflector on a turntable (docs/calibration.md).
+
+    Examples: `handwave calibrate chamber -o array.npz` · `handwave calibrate az el -o a.npz --azimuth -60:60:1 --elevation -30:30:1`
+    """
+    from radar_lab.arrays.calibration import Calibration
+    from radar_lab.arrays.sweeps import sweep_options
+    from radar_ros.turntables import calibrate as fit
+
+    chosen = Calibration(method=method, distance=distance, offsets=offsets)
+    report = fit(recordings, out, sweep_options(azimuth, elevation, dwell, settle), chosen)
+    print("\n".join(report.lines()))
+    print(f"calibration in {out}, ambiguity functions in {out.with_suffix('.png')}")
+
+
+def turntable(
+    out: Annotated[Path, typer.Option(help="folder of the new bag")],
+    config: Annotated[Path | None, typer.Option("--config", "-c", help="YAML with the knobs of radar_sim.turntable.Turntable")] = None,
+) -> None:
+    """Simulate a recording of a corner reflector seen from a turntable by a radar with errors, for `handwave calibrate`."""
+    from rich.progress import track
+
+    from radar_core.config import load_file
+    from radar_ros.turntables import record_turntable
+    from radar_sim.turntable import Turntable, TurntableSimulator
+
+    chosen = load_file(Turntable, config) if config is not None else Turntable()
+    total = TurntableSimulator(chosen).n_frames
+    for _ in track(record_turntable(chosen, out), total=total, description="turning"):
+        pass
+    print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
 def calibrate_pair(
@@ -22,35 +68,46 @@ def calibrate_pair(
     config: Annotated[Path | None, typer.Option("--config", "-c", help="YAML with knobs of radar_lab.alignment.pair.PairConfig")] = None,
     picture: Annotated[Path | None, typer.Option(help="also draw both trajectories, before and after (.png)")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
-    domain: Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)] = None,
-    namespace: Annotated[str, typer.Option(help="namespace of the graph")] = "",
+    param: Params = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
 ) -> None:
     """Find where the second radar stands, from one person who walks before both for a minute (docs/calibration.md).
 
     Walk alone, 1 to 5 m in front of the radars, to and fro and across, where both see you. Height and tilt are taken as given. The file
-    goes to the drivers: `handwave up two_radars --param driver.calibration=right.yaml`.
+    goes to the drivers: `handwave up two_radars --param driver.calibration=right.yaml`. Raw frames of a recording go through basebands that
+    take parameters as in the graph: `--param left/baseband.calibration=left.npz`.
 
     Examples: `handwave calibrate-pair walk -o right.yaml --picture walk.png` · `handwave calibrate-pair -o right.yaml --duration 60`
     """
-    from radar_app.calibrate_pair import draw, rows
     from radar_core.config import load_file
     from radar_lab.alignment.pair import PairConfig
     from radar_lab.alignment.pair import calibrate_pair as fit
+    from radar_lab.alignment.pair_report import as_json as report
+    from radar_lab.alignment.pair_report import draw
 
     names = [name.strip() for name in radars.split(",") if name.strip()]
     if len(names) != 2 or names[0] == names[1]:
         raise ConfigError(f"--radars {radars!r}: name two radars, e.g. left,right")
-    settings = load_file(PairConfig, config) if config is not None else PairConfig()
-    first, second = _follow(bag, names, settings, duration, domain, namespace, quiet=as_json)
-    result = fit(first, second, settings)
+    chosen = load_file(PairConfig, config) if config is not None else PairConfig()
+    with _progress("reading" if bag is not None else "walk now", quiet=as_json) as progress:
+        first, second = _follow(bag, names, chosen, progress, parse_parameters(param), duration, domain, namespace)
+    result = fit(first, second, chosen)
     result.mount.save(out)
     if picture is not None:
         draw(result, picture)
     if as_json:
-        print(json.dumps(_plain(result)))
+        print(json.dumps(report(result)))
         return
+    _show(result)
+    print(f"mount in {out}" + (f", picture in {picture}" if picture is not None else ""))
+
+
+def _show(result: PairCalibration) -> None:
     from rich.console import Console
     from rich.table import Table
+
+    from radar_lab.alignment.pair_report import rows
 
     table = Table("", "measured", "standard deviation", title=f"{result.mount.radar}, beside {result.mount.reference}")
     for row in rows(result):
@@ -59,53 +116,44 @@ def calibrate_pair(
     console.print(table)
     for note in result.notes():
         console.print(f"note: {note}", markup=False, highlight=False)
-    console.print(f"mount in {out}" + (f", picture in {picture}" if picture is not None else ""), markup=False, highlight=False)
 
 
-def _follow(
-    bag: Path | None, names: list[str], settings: PairConfig, duration: float, domain: int | None, namespace: str, *, quiet: bool
-) -> tuple[Walker, Walker]:
-    """Take in a recording or a running graph, with progress on the terminal."""
-    import os
-
+@contextmanager
+def _progress(title: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """Show how far it is on the terminal; yields what is told the share, 0..1."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from radar_app.calibrate_pair import Listener, from_bag
+    with Progress(console=Console(stderr=True), disable=quiet) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def _follow(
+    bag: Path | None,
+    names: list[str],
+    config: PairConfig,
+    progress: Callable[[float], None],
+    parameters: dict[str, dict[str, Any]],
+    duration: float,
+    domain: int | None,
+    namespace: str,
+) -> tuple[Walker, Walker]:
+    """Take in a recording or a running graph."""
+    import os
+
     from radar_app.supervisor import environment
     from radar_ros.interrupts import ros
+    from radar_ros.walks import Listener, from_bag
 
-    with Progress(console=Console(stderr=True), disable=quiet) as bar:
-        task = bar.add_task("reading" if bag is not None else "walk now", total=1.0)
-
-        def progress(share: float) -> None:
-            bar.update(task, completed=share)
-
-        if bag is not None:
-            return from_bag(bag, names, settings, progress)
-        os.environ.update(environment(domain))
-        with ros():
-            listener = Listener(names, settings, namespace)
-            try:
-                return listener.listen(duration, progress)
-            finally:
-                listener.close()
-
-
-def _plain(result: PairCalibration) -> dict[str, object]:
-    from radar_core.config import plain
-
-    found = result.alignment
-    return {
-        **plain(result.mount),
-        "std": dict(zip(("x", "y", "yaw"), result.std, strict=True)),
-        "pairs": found.pairs,
-        "n_effective": found.n_effective,
-        "correlation_time": found.correlation_time,
-        "inlier_share": found.inlier_share,
-        "rms": found.rms,
-        "condition": found.condition,
-        "seconds": result.seconds,
-        "height_difference": result.height_difference,
-        "notes": result.notes(),
-    }
+    if bag is not None:
+        return from_bag(bag, names, config, progress, parameters)
+    if parameters:
+        raise ConfigError("--param sets the baseband of a recording; a running graph has its own")
+    os.environ.update(environment(domain))
+    with ros():
+        listener = Listener(names, config, namespace)
+        try:
+            return listener.listen(duration, progress)
+        finally:
+            listener.close()

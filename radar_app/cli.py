@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_app import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
+from radar_app.parameters import Configs, Domain, Namespace, Params, parse_parameters, split
 from radar_core import HandwaveError
 
 app = typer.Typer(
@@ -20,17 +21,6 @@ app = typer.Typer(
     help="Touchless interface from mmWave radar: people, arm gestures and a hand, as ROS 2 nodes.\n\n"
     "Start with `handwave demo`: a simulated room, everything running, a report at the end.",
 )
-
-Domain = Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
-Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per radar, e.g. left")]
-Params = Annotated[
-    list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
-]
-
-Configs = Annotated[
-    list[str] | None,
-    typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
-]
 
 
 def main() -> None:
@@ -95,7 +85,7 @@ def up(
     Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
     """
     from radar_app.graph import graph
-    from radar_app.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed
+    from radar_app.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed, supervise
 
     parameters = parse_parameters(param, config)
     if variant in ("live", "demo") or scene is not None:
@@ -112,90 +102,6 @@ def up(
     raise typer.Exit(supervise(supervisor))
 
 
-def supervise(supervisor: Any) -> int:
-    """Run nodes until interrupted or until none is left; a node that dies leaves the others running.
-
-    Returns
-    -------
-    int
-        0 when no node died, 1 when one did, 2 when a node refused its settings (which ends all).
-    """
-    import signal
-    import threading
-
-    told = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: told.set())
-    with supervisor:
-        while not told.wait(0.2):
-            for name, code in supervisor.poll():
-                if code == 2:
-                    print(f"handwave: node {name} refused its settings, see above; everything is stopped", file=sys.stderr)
-                    return 2
-                if not supervisor.respawn:
-                    advice = "" if code == 0 else "; the others go on, --respawn would start it again"
-                    print(f"handwave: node {name} ended with status {code}{advice}", file=sys.stderr)
-            if not supervisor.active:
-                break
-    return int(bool(supervisor.crashes) and not supervisor.respawn)
-
-
-def _settings_of(node: str, name: str) -> dict[str, Any]:
-    """Read a configuration file of a node; nested settings get dots, as ROS parameters are named."""
-    import yaml
-
-    from radar_core import ConfigError
-    from radar_core.paths import find_config
-
-    path = find_config(name, node, ".yaml")
-    try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: this is no YAML ({error})") from None
-    if not isinstance(settings, dict):
-        raise ConfigError(f"{path}: must hold knobs of the node {node}, one 'name: value' a line")
-
-    def flat(values: dict[str, Any], prefix: str) -> dict[str, Any]:
-        result: dict[str, Any] = {}
-        for key, value in values.items():
-            result.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value})
-        return result
-
-    return flat(settings, "")
-
-
-def split(names: str | None) -> tuple[str, ...]:
-    """Read a comma-separated list."""
-    return tuple(name.strip() for name in (names or "").split(",") if name.strip())
-
-
-def parse_parameters(given: list[str] | None, files: list[str] | None = None) -> dict[str, dict[str, Any]]:
-    """Read ``node.parameter=value`` settings and ``node=file`` configurations; the single settings win.
-
-    Raises
-    ------
-    ConfigError
-        When one is not of that form, or a file is missing or no mapping.
-    """
-    import yaml
-
-    from radar_core import ConfigError
-
-    result: dict[str, dict[str, Any]] = {}
-    for text in files or []:
-        node, equals, name = text.partition("=")
-        if not (equals and node and name):
-            raise ConfigError(f"--config {text!r}: write node=file, e.g. tracking=dense")
-        result.setdefault(node, {}).update(_settings_of(node, name))
-    for text in given or []:
-        name, equals, value = text.partition("=")
-        node, dot, parameter = name.partition(".")
-        if not (equals and dot and node and parameter):
-            raise ConfigError(f"--param {text!r}: write node.parameter=value, e.g. tracking.association.gate=1.2")
-        result.setdefault(node, {})[parameter] = yaml.safe_load(value)
-    return result
-
-
 @app.command()
 def record(
     out: Annotated[Path, typer.Argument(help="folder of the new bag")],
@@ -205,7 +111,7 @@ def record(
 ) -> None:
     """Record a running graph into a rosbag2 MCAP until Ctrl-C; a crash loses at most the last half second."""
     from radar_app.graph import NODES, replace_parameters
-    from radar_app.supervisor import Supervisor, default_log_sink
+    from radar_app.supervisor import Supervisor, default_log_sink, supervise
 
     settings: dict[str, Any] = {"bag": str(out)}
     if topics:
@@ -333,54 +239,10 @@ def import_(
     print(import_recording(kind, source, out, **options))
 
 
-@app.command()
-def calibrate(
-    recordings: Annotated[list[Path], typer.Argument(help="one recording of a turntable, or one per sweep, azimuth first")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="file for the calibration (.npz); a picture is drawn beside it")],
-    azimuth: Annotated[str | None, typer.Option(help="start:stop:step in degrees; default: turntable.yaml in the recording")] = None,
-    elevation: Annotated[str | None, typer.Option(help="the same of the sweep in elevation")] = None,
-    dwell: Annotated[float, typer.Option(help="with these: seconds at each angle")] = 1.0,
-    settle: Annotated[float, typer.Option(help="with these: seconds at either end of a dwell that are left out")] = 0.0,
-    distance: Annotated[float, typer.Option(help="where the reflector stands [m]; 0: the strongest echo")] = 0.0,
-    offsets: Annotated[bool, typer.Option("--offsets", help="also fit constant mounting offsets")] = False,
-    method: Annotated[str, typer.Option(help="fit; or outer: also the thesis's table of both sweeps")] = "fit",
-) -> None:
-    """Find gain, phase and position of every channel from a corner reflector on a turntable (docs/calibration.md).
-
-    Examples: `handwave calibrate chamber -o array.npz` · `handwave calibrate az el -o a.npz --azimuth -60:60:1 --elevation -30:30:1`
-    """
-    from radar_app.calibrate import calibrate as fit
-    from radar_app.calibrate import sweep_options
-    from radar_lab.arrays.calibration import Calibration
-
-    settings = Calibration(method=method, distance=distance, offsets=offsets)
-    report = fit(recordings, out, sweep_options(azimuth, elevation, dwell, settle), settings)
-    print("\n".join(report.lines()))
-    print(f"calibration in {out}, ambiguity functions in {out.with_suffix('.png')}")
-
-
-@app.command()
-def turntable(
-    out: Annotated[Path, typer.Option(help="folder of the new bag")],
-    config: Annotated[Path | None, typer.Option("--config", "-c", help="YAML with the knobs of radar_sim.turntable.Turntable")] = None,
-) -> None:
-    """Simulate a recording of a corner reflector seen from a turntable by a radar with errors, for `handwave calibrate`."""
-    from rich.progress import track
-
-    from radar_app.calibrate import record_turntable
-    from radar_core.config import load_file
-    from radar_sim.turntable import Turntable, TurntableSimulator
-
-    settings = load_file(Turntable, config) if config is not None else Turntable()
-    total = TurntableSimulator(settings).n_frames
-    for _ in track(record_turntable(settings, out), total=total, description="turning"):
-        pass
-    print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
-
-
+_CALIBRATIONS = (calibration_commands.calibrate, calibration_commands.turntable)
 _SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
 _DEVICES = (device_commands.devices, device_commands.probe)
-_COMMANDS = (*_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate)
+_COMMANDS = (*_CALIBRATIONS, *_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)

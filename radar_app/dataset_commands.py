@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from radar_app.parameters import Params, parse_parameters
 from radar_core import ConfigError, DataError, PointCloud
 
 if TYPE_CHECKING:
+    from radar_dsp.context import CalibratedBasebandConfig
     from radar_lab.datasets.labelled import Moment
     from radar_lab.datasets.samples import SampleSet
     from radar_lab.evaluation.scoring import TruthSegment
@@ -160,22 +162,27 @@ def import_(
         Path | None, typer.Option(help="CSV file with the columns start,end,gesture,person; without it: the recording's own truth")
     ] = None,
     one_tx: Annotated[bool, typer.Option("--one-tx", help="of raw frames: also keep what one transmitter alone saw")] = False,
+    param: Params = None,
 ) -> None:
     """Cut labelled gestures out of a recording and add them to a data set, one file each.
 
     Start and end are seconds from the recording's first frame. A simulated recording says itself what was performed, and by whom. Raw
-    frames go through the baseband with its usual settings. A label that was imported before is left out.
+    frames go through the baseband, which takes parameters as in the graph: `--param baseband.calibration=array.npz`. A label that was
+    imported before is left out.
 
     Examples: `handwave dataset import living_room people --labels labels.csv` · `handwave dataset import my_demo strokes`
     """
     from radar_lab.datasets.labelled import import_labelled, read_labels
-    from radar_ros.offline import open_recording
+    from radar_ros.offline import baseband_config, open_recording
 
+    baseband = baseband_config(parse_parameters(param))
     recording = open_recording(bag)
     if one_tx and recording.topic != "radar/frame":
         raise ConfigError(f"--one-tx needs raw frames, and {bag} only has point clouds")
     wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording))
-    report = import_labelled(folder, recording.info, _moments(recording, one_tx), wanted, source=bag.resolve().name, one_tx=one_tx)
+    report = import_labelled(
+        folder, recording.info, _moments(recording, one_tx, baseband), wanted, source=bag.resolve().name, one_tx=one_tx
+    )
     print(f"{report.n_written} samples added to {folder}, in {report.n_found} of them the gesture is found")
     if report.n_known:
         print(f"{report.n_known} were there already")
@@ -207,17 +214,18 @@ def _own_labels(bag: Path) -> tuple[TruthSegment, ...]:
     return found
 
 
-def _moments(recording: Recording, one_tx: bool) -> Iterator[Moment]:
+def _moments(recording: Recording, one_tx: bool, config: CalibratedBasebandConfig) -> Iterator[Moment]:
     """Clouds of a recording, with the truth of the same stamps where there is some."""
     from radar_core import RadarFrame
     from radar_core.transmitters import one_transmitter, one_transmitter_frame
-    from radar_dsp import Baseband, BasebandConfig
+    from radar_dsp import Baseband
+    from radar_dsp.context import load_context
     from radar_lab.datasets.labelled import Moment
 
     places = {truth.stamp_ns: dict(zip(truth.person_id.tolist(), truth.position, strict=True)) for truth in _truths(recording.path)}
-    info = recording.info
-    baseband = Baseband(BasebandConfig(), info) if recording.topic == "radar/frame" else None
-    single = Baseband(BasebandConfig(), one_transmitter(info)) if one_tx else None
+    info = load_context(recording.info, config.calibration).radar
+    baseband = Baseband(config, info) if recording.topic == "radar/frame" else None
+    single = Baseband(config, one_transmitter(info)) if one_tx else None
     for _, item in recording.messages():
         one: PointCloud | None = None
         if isinstance(item, RadarFrame):

@@ -220,6 +220,31 @@ class Supervisor:
             child.reader.join(timeout=0.5)
 
 
+def supervise(supervisor: Supervisor) -> int:
+    """Run nodes until interrupted or until none is left; a node that dies leaves the others running.
+
+    Returns
+    -------
+    int
+        0 when no node died, 1 when one did, 2 when a node refused its configuration (which ends all).
+    """
+    told = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: told.set())
+    with supervisor:
+        while not told.wait(0.2):
+            for name, code in supervisor.poll():
+                if code == 2:
+                    print(f"handwave: node {name} refused its configuration, see above; everything is stopped", file=sys.stderr)
+                    return 2
+                if not supervisor.respawn:
+                    advice = "" if code == 0 else "; the others go on, --respawn would start it again"
+                    print(f"handwave: node {name} ended with status {code}{advice}", file=sys.stderr)
+            if not supervisor.active:
+                break
+    return int(bool(supervisor.crashes) and not supervisor.respawn)
+
+
 def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, grace: float) -> list[subprocess.Popen[str]]:
     """Send a signal and wait; return the processes that live all the same."""
     now = time.monotonic()

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import load, nest, plain
 from radar_core.mounting import MountCalibration
+from radar_dsp.context import CalibratedBasebandConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
@@ -111,6 +112,28 @@ def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConf
         # consistency of tracking is for the diagnostics of a running node
         given[node] = nest({name: value for name, value in values.items() if (node, name.split(".")[0]) != ("tracking", "consistency")})
     return load(PipelineConfig, given, "--param")
+
+
+def baseband_config(parameters: Mapping[str, Mapping[str, Any]], namespace: str = "") -> CalibratedBasebandConfig:
+    """Make the configuration of the baseband that a command puts raw frames through; no other stage has parameters there.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Parameters of ``baseband``, or of one radar's as ``left/baseband``, which win.
+    namespace : str
+        Of the radar, e.g. ``left``.
+
+    Raises
+    ------
+    ConfigError
+        Naming what there is not.
+    """
+    for node in parameters:
+        if node.rpartition("/")[2] != "baseband":
+            raise ConfigError(f"there is no stage {node!r} to set here; stages: baseband")
+    own = {**parameters.get("baseband", {}), **parameters.get(f"{namespace}/baseband", {})}
+    return load(CalibratedBasebandConfig, nest(own), "--param")
 
 
 def process_recording(path: Path, config: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:

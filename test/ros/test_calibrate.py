@@ -6,10 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from radar_app.calibrate import SWEEPS_FILE, calibrate, parse_sweep, record_turntable
 from radar_core import ConfigError, DataError
 from radar_dsp.array_file import load_array
 from radar_lab.arrays.calibration import Calibration
+from radar_lab.arrays.sweeps import SWEEPS_FILE, parse_sweep
+from radar_ros.turntables import calibrate, record_turntable
 from radar_sim.turntable import ChannelErrors, Sweep, Turntable, TurntableSimulator
 
 SWEEPS = (Sweep(step=4.0), Sweep(axis="elevation", start=-30.0, stop=30.0, step=4.0))
@@ -89,4 +90,4 @@ def test_recordings_of_different_radars_are_refused(recordings, tmp_path):
     for _ in record_turntable(Turntable(radar=other, sweeps=(Sweep(step=60.0),)), tmp_path / "other"):
         pass
     with pytest.raises(DataError, match="another radar"):
-        calibrate([recordings / "azimuth", tmp_path / "other"], tmp_path / "a.npz", settings=Calibration())
+        calibrate([recordings / "azimuth", tmp_path / "other"], tmp_path / "a.npz", config=Calibration())

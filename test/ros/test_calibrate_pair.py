@@ -20,7 +20,6 @@ from tf2_msgs.msg import TFMessage
 from typer.testing import CliRunner
 
 import radar_ros.nodes.driver
-from radar_app.calibrate_pair import from_bag
 from radar_app.cli import app
 from radar_core import ConfigError, DataError, Pose
 from radar_core.mounting import MountCalibration, load_mount
@@ -29,6 +28,7 @@ from radar_lab.alignment.pair import PairConfig, calibrate_pair
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_from_msg, info_to_msg
+from radar_ros.walks import from_bag
 from radar_sim import Scene, Simulator
 from radar_sim.effects.config import Effects, NoiseConfig
 from radar_sim.people import Action, Person, Walk
@@ -168,7 +168,7 @@ def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
 
 def test_a_graph_that_is_not_there(ros, monkeypatch):
     """After a while it says which radar is silent, and what to do."""
-    from radar_app import calibrate_pair as module
+    from radar_ros import walks as module
 
     monkeypatch.setattr(module, "_WAIT", 0.3)
     listener = module.Listener(["left", "right"], PairConfig())

@@ -6,9 +6,10 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from radar_app.cli import app, main, parse_parameters
+from radar_app.cli import app, main
+from radar_app.parameters import parse_parameters
 from radar_core import ConfigError
-from radar_ros.offline import pipeline_config
+from radar_ros.offline import baseband_config, pipeline_config
 
 COMMANDS = sorted(command.name or command.callback.__name__ for command in app.registered_commands)
 
@@ -103,6 +104,16 @@ def test_configuration_files_that_make_no_sense(tmp_path, files, message):
     (tmp_path / "torn.yaml").write_text("a: [1,\n")
     with pytest.raises(ConfigError, match=message):
         parse_parameters([], [name.format(tmp=tmp_path) for name in files])
+
+
+def test_one_baseband_of_several_takes_its_own_parameters():
+    """As in the graph: those of one radar win over those of all; a command without other stages refuses them."""
+    given = {"baseband": {"calibration": "a.npz", "refine": "ml"}, "left/baseband": {"calibration": "left.npz"}}
+    assert baseband_config(given, "left").calibration == "left.npz"
+    assert baseband_config(given, "right").calibration == "a.npz"
+    assert baseband_config(given, "left").refine == "ml"
+    with pytest.raises(ConfigError, match="there is no stage 'tracking' to set here"):
+        baseband_config({"tracking": {}})
 
 
 def test_the_library_takes_the_settings_of_the_nodes():

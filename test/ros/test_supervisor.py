@@ -133,7 +133,7 @@ def test_a_node_that_cannot_start_says_why(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "nowhere.yaml: there is no such file" in done.stdout
-    assert "node driver refused its settings" in done.stderr
+    assert "node driver refused its configuration" in done.stderr
     assert "Traceback" not in done.stdout + done.stderr
 
 

@@ -1,26 +1,26 @@
-"""Two radars' calibration from a recording or a running graph: what `handwave calibrate-pair` does."""
+"""What two radars saw of one person who walks: read from a recording, or from a running graph."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import rclpy
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.executors import SingleThreadedExecutor
 
-from radar_core import ConfigError, DataError, PointCloud, RadarInfo
-from radar_dsp import Baseband, BasebandConfig
-from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker
+from radar_core import DataError, PointCloud, RadarInfo
+from radar_dsp import Baseband
+from radar_dsp.context import CalibratedBasebandConfig, load_context
+from radar_lab.alignment.pair import PairConfig, Walker
 from radar_ros import qos
 from radar_ros.bags import contents, local, read
 from radar_ros.messages.convert import cloud_from_msg, frame_from_msg, info_from_msg
-from radar_ros.offline import parse
+from radar_ros.offline import baseband_config, parse
 
 Progress = Callable[[float], None]
 """Told the share that is done, 0..1."""
@@ -31,9 +31,10 @@ _WAIT = 10.0  # s: for radar/info of both radars
 class _Radar:
     """One radar of a recording or graph: its walker, and its baseband where there are raw frames only."""
 
-    def __init__(self, info: RadarInfo, settings: PairConfig) -> None:
+    def __init__(self, info: RadarInfo, config: PairConfig, baseband: CalibratedBasebandConfig | None = None) -> None:
         self.info = info
-        self.walker = Walker(settings, info)
+        self.walker = Walker(config, info)
+        self._config = baseband or CalibratedBasebandConfig()
         self._baseband: Baseband | None = None
 
     def cloud(self, msg: Any) -> PointCloud:
@@ -43,11 +44,17 @@ class _Radar:
     def from_frame(self, msg: Any) -> PointCloud:
         """Read a raw frame and make its cloud."""
         if self._baseband is None:
-            self._baseband = Baseband(BasebandConfig(), self.info)
+            self._baseband = Baseband(self._config, load_context(self.info, self._config.calibration).radar)
         return self._baseband.process(frame_from_msg(msg))
 
 
-def from_bag(path: Path, names: Sequence[str], settings: PairConfig, progress: Progress = lambda share: None) -> tuple[Walker, Walker]:
+def from_bag(
+    path: Path,
+    names: Sequence[str],
+    config: PairConfig,
+    progress: Progress = lambda share: None,
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+) -> tuple[Walker, Walker]:
     """Follow the person in a recording of both radars.
 
     Parameters
@@ -56,16 +63,21 @@ def from_bag(path: Path, names: Sequence[str], settings: PairConfig, progress: P
         Bag with ``radar/info`` and ``radar/points`` (or else ``radar/frame``) of both.
     names : sequence of str
         Namespaces of the first and the second radar, e.g. left and right.
-    settings : PairConfig
+    config : PairConfig
         Knobs.
     progress : callable
         Told the share that is done.
+    parameters : mapping
+        Of the basebands that raw frames go through, as in the graph: of ``baseband``, or of one as ``left/baseband``.
 
     Raises
     ------
+    ConfigError
+        Naming the parameter that makes no sense.
     DataError
         Naming what is not in the recording.
     """
+    basebands = {name: baseband_config(parameters or {}, _space(name)) for name in names}
     counts = contents(path)
     topics = {name: _topic(path, counts, name) for name in names}
     total = sum(counts[topic] for topic in topics.values())
@@ -83,7 +95,7 @@ def from_bag(path: Path, names: Sequence[str], settings: PairConfig, progress: P
             info = info_from_msg(msg)
             if name in radars and radars[name].info != info:
                 raise DataError(f"{path}: radar/info of {name} changes within the recording; cut it where the radar was changed")
-            radars.setdefault(name, _Radar(info, settings))
+            radars.setdefault(name, _Radar(info, config, basebands[name]))
             continue
         done += 1
         progress(done / total)
@@ -118,17 +130,17 @@ class Listener:
     ----------
     names : sequence of str
         Namespaces of the first and the second radar.
-    settings : PairConfig
+    config : PairConfig
         Knobs.
     namespace : str
         Of the whole graph.
     """
 
-    def __init__(self, names: Sequence[str], settings: PairConfig, namespace: str = "") -> None:
+    def __init__(self, names: Sequence[str], config: PairConfig, namespace: str = "") -> None:
         self.node = rclpy.create_node("handwave_calibrate_pair", namespace=namespace, start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        self._names, self._settings = tuple(_space(name) for name in names), settings
+        self._names, self._config = tuple(_space(name) for name in names), config
         self._radars: dict[str, _Radar] = {}
         self.refused: list[str] = []
         for name in self._names:
@@ -139,7 +151,7 @@ class Listener:
         def take(msg: Any) -> None:
             info = info_from_msg(msg)
             if name not in self._radars:
-                self._radars[name] = _Radar(info, self._settings)
+                self._radars[name] = _Radar(info, self._config)
             elif self._radars[name].info != info:
                 self.refused.append(f"radar/info of {name} changed meanwhile")
 
@@ -192,50 +204,3 @@ class Listener:
         """Leave the graph."""
         self._executor.shutdown()
         self.node.destroy_node()
-
-
-def rows(result: PairCalibration) -> Iterator[tuple[str, str, str]]:
-    """Name, value and standard deviation of everything worth telling."""
-    mount, found = result.mount.mount, result.alignment
-    x, y, yaw = result.std
-    yield "x", f"{mount.x:.4f} m", f"{x * 1e3:.1f} mm"
-    yield "y", f"{mount.y:.4f} m", f"{y * 1e3:.1f} mm"
-    yield "yaw", f"{np.degrees(mount.yaw):.3f} degrees", f"{np.degrees(yaw):.3f} degrees"
-    yield "height", f"{mount.z:.3f} m", "as given"
-    yield "tilt", f"{np.degrees(mount.tilt):.2f} degrees", "as given"
-    if "offset" in found.names:
-        yield "clock offset", f"{found.offset * 1e3:.1f} ms", f"{found.std['offset'] * 1e3:.1f} ms"
-    yield "pairs", f"{found.pairs} in {result.seconds:.1f} s", f"worth {found.n_effective:.0f} independent ones"
-    yield "agreeing", f"{found.inlier_share:.0%}", f"rms {found.rms * 1e3:.0f} mm"
-    yield "condition", f"{found.condition:.1f}", f"rank {found.rank} of {len(found.names)}"
-
-
-def draw(result: PairCalibration, path: Path) -> None:
-    """Draw both trajectories before and after, in the first radar's levelled frame.
-
-    Raises
-    ------
-    ConfigError
-        When the picture cannot be written.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    FigureCanvasAgg(figure)
-    first, second, found = result.first.position, result.second.position, result.alignment
-    good = found.weight >= 0.5
-    pictures = (("before: each radar at the origin", second), (f"after: rms {found.rms * 1e3:.0f} mm", found.apply(second)))
-    for axes, (title, moved) in zip(figure.subplots(1, 2), pictures, strict=True):
-        axes.plot(first[:, 1], first[:, 0], ".", markersize=3, label=result.mount.reference)
-        axes.plot(moved[:, 1], moved[:, 0], ".", markersize=3, label=result.mount.radar)
-        axes.set(title=title, xlabel="y [m]", ylabel="x [m]")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.invert_xaxis()  # as seen from above, the radar's left on the left
-    wrong = found.apply(second[found.used[~good]])
-    axes.plot(wrong[:, 1], wrong[:, 0], "x", color="0.5", markersize=3, label="not used")
-    axes.legend(loc="lower right")
-    try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: the picture cannot be written ({error}); give a file that ends in .png, .svg or .pdf") from None
