@@ -28,7 +28,9 @@ HEAD = """# What accuracy costs in time
 
 Every accuracy knob with what it achieves and what it takes, measured in one run per stage; the last column is the ratio to the one that
 stands first. Absolute times drift from machine to machine, ratios less so. Made by `python -m benchmarks.document` on {machine};
-one stage alone: `python -m benchmarks NAME` (`--json`, `--plot PNG`).
+one stage alone: `python -m benchmarks NAME` (`--json`, `--plot PNG`); all of them with little data, to see that they run:
+`python -m benchmarks --all --quick --json`. What is not on a machine (recordings, emulated boards) is left out with a message. The same
+choices beside bare references, and which of them are worth their time: [accuracy and time](accuracy-and-time.md).
 """
 
 
