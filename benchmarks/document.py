@@ -16,7 +16,7 @@ from typing import Any
 
 from rich.progress import track
 
-from benchmarks.plot import draw, scalars, tables
+from benchmarks.plot import draw, markdown, scalars, tables
 from benchmarks.report import Row, checkout, join
 from benchmarks.tradeoff.document import machine
 
@@ -37,14 +37,15 @@ choices beside bare references, and which of them are worth their time: [accurac
 def table(choices: list[Row]) -> str:
     """One Markdown row per choice."""
     several = len({row["stage"] for row in choices}) > 1
-    rows = ["| choice | accuracy | median ms | p95 ms | x reference |", "|---|---|---:|---:|---:|"]
+    rows = []
     for row in choices:
         accuracy, taken = row["accuracy"], row["time_ms"]
         name = f"{row['stage']}: {row['choice']}" if several else row["choice"]
         name += f", {row['at']['value']:g} {row['at']['name']}" if "at" in row else ""
         value = f"{accuracy['name']} {accuracy['value']:.4g} {accuracy['unit']}".rstrip()
-        rows.append(f"| {name} | {value} | {taken['median']:.3f} | {taken['p95']:.3f} | {row['ratio']:.2f} |")
-    return "\n".join(rows)
+        rows.append((name, value, f"{taken['median']:.3f}", f"{taken['p95']:.3f}", f"{row['ratio']:.2f}"))
+    header = ("choice", "accuracy", "median ms", "p95 ms", "x reference")
+    return "\n".join(markdown(header, rows, ("---", "---", "---:", "---:", "---:")))
 
 
 def figures(result: dict[str, Any]) -> str:
@@ -52,8 +53,7 @@ def figures(result: dict[str, Any]) -> str:
     flat = [(key, value) for key, value in scalars(result, levels=3) if not isinstance(value, list)]
     found = "\n".join(f"* `{key}`: {value:.4g}" if isinstance(value, float) else f"* `{key}`: {value}" for key, value in flat)
     for head, *body in tables(result):
-        lines = [head, ["---"] * 2 + ["---:"] * (len(head) - 2), *body]
-        found += "\n\n" + "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+        found += "\n\n" + "\n".join(markdown(head, body, ["---"] * 2 + ["---:"] * (len(head) - 2)))
     return found
 
 

@@ -19,6 +19,7 @@ from benchmarks.hand_runs import track
 from benchmarks.report import choice, kept_folder, timed
 from benchmarks.velocity_draws import HEIGHT, Hand, draw, forearm, mounts, torso
 from benchmarks.velocity_room import Errors, draws, estimate, maps, pseudo_inverse, ratios, room, summary
+from radar_core.config import load
 from radar_tracking.estimators import Snapshot, SnapshotConfig
 
 Float64Array = NDArray[np.float64]
@@ -78,11 +79,9 @@ def rows(n: int) -> list[dict[str, Any]]:
         rng = np.random.default_rng([9, k])
         hands += [draw(rng, np.array([x, y, HEIGHT]), mounts(0.5), default, spoil=forearm, share=0.1) for _ in range(n)]
     axes = [estimate(hand, Snapshot()).axes[1] for hand in hands]  # the same for all, told or not
-    every = dataclasses.replace(default, max_std=100.0)
-    configs = {"default": every} | {
-        f"{name}={value:g}": dataclasses.replace(every, **{name: value})
-        for name, value in (("iterations", 1), ("iterations", 10), ("huber", 1.5), ("huber", 3.0), ("spin", 0.0), ("common", 0.0))
-    }
+    changes = [("iterations", 1), ("iterations", 10), ("huber", 1.5), ("huber", 3.0), ("spin", 0.0), ("common", 0.0)]
+    configs = {"default": dataclasses.replace(default, max_std=100.0)}
+    configs |= {f"{name}={value:g}": load(SnapshotConfig, {"max_std": 100.0, name: value}) for name, value in changes}
     calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": pseudo_inverse}
     calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in configs.items()}
     made, reference = [], None

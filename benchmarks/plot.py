@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,6 +52,12 @@ def tables(result: dict[str, Any]) -> Iterator[list[list[str]]]:
         columns = list(dict.fromkeys(name for figures in rows.values() for name in figures))
         body = [[a, b, *("" if figures.get(c) is None else f"{figures[c]:.4g}" for c in columns)] for (a, b), figures in rows.items()]
         yield [[key, "", *columns], *body]
+
+
+def markdown(header: Sequence[str], body: Iterable[Sequence[str]], align: Sequence[str] = ()) -> list[str]:
+    """Lines of a Markdown table; columns without an alignment go to the left."""
+    rules = [*align, *["---"] * (len(header) - len(align))]
+    return [f"| {' | '.join(cells)} |" for cells in (header, rules, *body)]
 
 
 def _is_table(value: dict[str, Any]) -> bool:

@@ -25,15 +25,7 @@ from radar_sim.scatterers import THING, Echoes, Motion
 
 MANY, FEW = 5000, 100
 SIMPLE = Physics(doppler_in_chirp=True)
-DIAL = (
-    Step("blocks", 1, 0),
-    Step("blocks", 1, 1),
-    Step("blocks", 1, 2),
-    Step("blocks", 2, 2),
-    Step("blocks", 4, 2),
-    Step("blocks", 8, 2),
-    Step("exact"),
-)
+DIAL = (*(Step("blocks", b, o) for b, o in ((1, 0), (1, 1), (1, 2), (2, 2), (4, 2), (8, 2))), Step("exact"))
 """What is published, after the product (few echoes) or the transform (many): each has less error than the one before."""
 BESIDE = tuple(Step("blocks", b, o) for b, o in ((2, 0), (2, 1), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1), (16, 2)))
 """Settings off the dial: another one has less error in no more time."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ from benchmarks.hand_clouds import BASELINE
 from benchmarks.hand_runs import Followed, Tracked, counts, follow, rms
 from benchmarks.report import choice
 from benchmarks.velocity_draws import in_view, mounts
+from radar_core.config import load
 from radar_tracking import HandConfig
 
 Float64Array = NDArray[np.float64]
@@ -113,20 +114,12 @@ def tables(found: Judged, distances: Sequence[float]) -> dict[str, dict[str, dic
 
 def knobs() -> dict[str, HandConfig]:
     """Give the defaults, which stand first, and what else could be believed of the errors of range rates."""
-    default = HandConfig()
-    changes: Mapping[str, Mapping[str, float]] = {
-        "default": {},
-        "spread=0.12": {"spread": 0.12},
-        "spread=0.06": {"spread": 0.06},
-        "common=0.03": {"common": 0.03},
-        "common=0.1": {"common": 0.1},
-        "spin=1.5": {"spin": 1.5},
-        "spin=5": {"spin": 5.0},
-        "common=0.03, spin=1.5": {"common": 0.03, "spin": 1.5},
-        "huber=1.5": {"huber": 1.5},
-        "iterations=1": {"iterations": 1},
+    one = {"spread": (0.12, 0.06), "common": (0.03, 0.1), "spin": (1.5, 5.0), "huber": (1.5,), "iterations": (1,)}
+    changes: list[dict[str, float]] = [{knob: value} for knob, values in one.items() for value in values]
+    changes = [{}, *changes, {"common": 0.03, "spin": 1.5}]
+    return {
+        ", ".join(f"{knob}={value:g}" for knob, value in own.items()) or "default": load(HandConfig, {"snapshot": own}) for own in changes
     }
-    return {name: dataclasses.replace(default, snapshot=dataclasses.replace(default.snapshot, **own)) for name, own in changes.items()}
 
 
 def measure(tracked: Sequence[Tracked], distances: Sequence[float], quick: bool) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.front import beaten_by, kept, panels
+from benchmarks.plot import markdown
 from benchmarks.report import Row
 from benchmarks.tradeoff.reasons import REASONS
 from benchmarks.tradeoff.stages import STAGES, Stage
@@ -90,7 +91,8 @@ def report(results: Sequence[dict[str, Any]], *, command: str, quick: bool, fact
         notes.append(f"All times are multiplied by {factor:g}: those of a device so much slower than the machine that was measured.")
     head = _HEAD.format(command=command, machine=machine(), amount=amount, notes="\n" + "\n\n".join(notes) + "\n" if notes else "")
     rows = [row for result in results for row in result["rows"]]
-    parts = [head.rstrip(), "", "## The defaults", "", *_verdict_table(rows), ""]
+    told = [(found.panel, found.default, found.text) for found in verdicts(rows)]
+    parts = [head.rstrip(), "", "## The defaults", "", *markdown(("knob", "default", ""), told), ""]
     for result in results:
         parts += _section(STAGES[result["stage"]], result, pictures)
     return "\n".join(parts).rstrip() + "\n"
@@ -99,11 +101,6 @@ def report(results: Sequence[dict[str, Any]], *, command: str, quick: bool, fact
 def machine() -> str:
     """Describe what was measured on, without its name."""
     return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-
-
-def _verdict_table(rows: Sequence[Row]) -> list[str]:
-    lines = ["| knob | default | |", "|---|---|---|"]
-    return lines + [f"| {found.panel} | {found.default} | {found.text} |" for found in verdicts(rows)]
 
 
 def _section(stage: Stage, result: dict[str, Any], pictures: str) -> list[str]:
@@ -116,9 +113,10 @@ def _section(stage: Stage, result: dict[str, Any], pictures: str) -> list[str]:
             "",
             f"Accuracy: {figure['name']}, {own[0]['better']} is better. The reference is {own[0]['reference']}.",
             "",
-            f"| | choice | {figure['name']}{unit} | ± | time [ms] | x reference |",
-            "|---|---|---|---|---|---|",
-            *(_line(row, bool(on_front)) for row, on_front in zip(own, kept(own), strict=True)),
+            *markdown(
+                ("", "choice", f"{figure['name']}{unit}", "±", "time [ms]", "x reference"),
+                (_cells(row, bool(on_front)) for row, on_front in zip(own, kept(own), strict=True)),
+            ),
             "",
         ]
     lines += [f"Left out: {one['choice']} ({one['stage']}): {one['why']}." for one in result["left_out"]]
@@ -128,11 +126,7 @@ def _section(stage: Stage, result: dict[str, Any], pictures: str) -> list[str]:
     return lines
 
 
-def _line(row: Row, on_front: bool) -> str:
+def _cells(row: Row, on_front: bool) -> tuple[str, ...]:
     name = f"**{row['choice']}**" if row["default"] else row["choice"]
-    time = row["time_ms"]
-    margin = f"{row['margin']:.2g}" if row["margin"] else ""
-    return (
-        f"| {'●' if on_front else ''} | {name} | {row['accuracy']['value']:.4g} | {margin} | "
-        f"{time['median']:.3g} ({time['p95']:.3g}) | {row['ratio']:.3g} |"
-    )
+    median, p95, margin = row["time_ms"]["median"], row["time_ms"]["p95"], f"{row['margin']:.2g}" if row["margin"] else ""
+    return ("●" if on_front else "", name, f"{row['accuracy']['value']:.4g}", margin, f"{median:.3g} ({p95:.3g})", f"{row['ratio']:.3g}")

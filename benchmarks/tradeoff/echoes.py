@@ -24,17 +24,12 @@ def noise(rng: np.random.Generator) -> NDArray[np.complex64]:
 
 
 def echo(truth: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Make a unit echo at range [m] (middle of the acquisition), range rate [m/s], azimuth, elevation [rad]; exact at every sample.
-
-    Parameters
-    ----------
-    truth : ndarray of float64, shape (4,)
-        Range, range rate, azimuth and elevation.
+    """Make a unit echo of range [m] (middle of the acquisition), range rate [m/s], azimuth and elevation [rad], shape (4,).
 
     Returns
     -------
     ndarray of complex128, shape (n_tx, n_chirp, n_rx, n_sample)
-        Of the default radar.
+        Of the default radar, exact at every sample.
     """
     distance, speed, azimuth, elevation = truth
     fast = np.arange(WAVE.n_sample) * WAVE.chirp_duration / WAVE.n_sample
@@ -47,17 +42,7 @@ def echo(truth: NDArray[np.float64]) -> NDArray[np.complex128]:
 
 
 def frame(truth: NDArray[np.float64], snr_db: float, rng: np.random.Generator) -> RadarFrame:
-    """One echo, ``snr_db`` per channel behind untapered transforms, in noise.
-
-    Parameters
-    ----------
-    truth : ndarray of float64, shape (4,)
-        As `echo` takes it.
-    snr_db : float
-        Signal-to-noise ratio [dB].
-    rng : Generator
-        Of the noise.
-    """
+    """One echo, of ``truth`` as `echo` takes it, ``snr_db`` per channel behind untapered transforms, in noise drawn by ``rng``."""
     cube = AMPLITUDE * 10 ** ((snr_db - SNR_DB) / 20) * echo(truth) + noise(rng)
     return RadarFrame(cube.astype(np.complex64), 0, 0, "radar")
 

@@ -20,15 +20,7 @@ from radar_sim.propagation.reference import Reference
 PANEL = Panel(
     "simulator fidelity", "relative rms error of the samples", "", "lower", "auto, tolerance 0.02", "bare complex64 product of the echoes"
 )
-_STEPS = (
-    Step("separable"),
-    Step("nufft"),
-    Step("blocks", 1, 1),
-    Step("blocks", 2, 2),
-    Step("blocks", 4, 2),
-    Step("blocks", 8, 2),
-    Step("exact"),
-)
+_STEPS = (Step("separable"), Step("nufft"), *(Step("blocks", b, o) for b, o in ((1, 1), (2, 2), (4, 2), (8, 2))), Step("exact"))
 _TOLERANCES = (0.1, 0.02, 0.001)
 
 
