@@ -53,8 +53,8 @@ class StreamStore(Store):
     """
 
     def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
-        settings = baseband if baseband is not None else BasebandConfig()
-        super().__init__(folder, "clouds", functools.partial(_simulate, settings), [plain(settings), PIECE])
+        config = baseband or BasebandConfig()
+        super().__init__(folder, "clouds", functools.partial(_simulate, config), [plain(config), PIECE])
 
     def fill(self, scenes: Iterable[Scene], *, n_jobs: int = 1, progress: bool = True) -> float:
         """Simulate what is not there yet.

@@ -12,7 +12,7 @@ from benchmarks import gesture_rules
 from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause
 from benchmarks.gesture_clouds import Association, StreamStore, follow
 from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
-from benchmarks.report import choice, timed
+from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
 from benchmarks.tally import Tally
 from radar_core import GESTURES
@@ -23,6 +23,7 @@ from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_sim import Simulator
 
+_ACCURACY: Final = "right gesture for the right person"
 _SEVERAL, _ONE = "two directions a cell (preset people)", "one direction a cell"
 PEOPLE: Final = load_file(BasebandConfig, find_config("people", "baseband", ".yaml"))
 BASEBANDS: Final = {_SEVERAL: PEOPLE, _ONE: BasebandConfig()}
@@ -77,6 +78,7 @@ def measure(
         judged[crowd].append(judge(run))
         times[crowd] += run.times_ms
     tallies = {crowd: total(own) for crowd, own in judged.items()}
+    shares = {crowd.name: (own.right / max(own.performed, 1), times[crowd]) for crowd, own in tallies.items()}
     users = {n: sum((tallies[crowd] for crowd in CROWDS if crowd.users == n), Tally()) for n in (2, 3)}
     two, three, whole = users[2].figures(), users[3].figures(), users[2] + users[3]
     return {
@@ -86,7 +88,7 @@ def measure(
         "ghost_gestures": whole.ghost_gestures,
         **{f"crowd_{name}": value for name, value in whole.false_figures().items()},
         "crowds": {crowd.name: tallies[crowd].figures() | {"causes": causes(judged[crowd])} for crowd in CROWDS},
-        "choices": rows(tallies, times) + rule_rows([one for own in judged.values() for one in own], model),
+        "choices": against_first("crowds", _ACCURACY, shares) + rule_rows([one for own in judged.values() for one in own], model),
     }
 
 
@@ -100,7 +102,7 @@ def rule_rows(judged: Sequence[Judged], model: GestureModel) -> list[dict[str, A
 
     def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
         shares = total(again).figures()
-        return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", ("right gesture for the right person", shares["accuracy"] or 0.0, "")
+        return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", (_ACCURACY, shares["accuracy"] or 0.0, "")
 
     return gesture_rules.rows("crowds: rules, one event", judged, model, figures)
 
@@ -111,10 +113,8 @@ def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progre
     times = {name: frame_times(baseband) for name, baseband in BASEBANDS.items()}
     result, single = found[_SEVERAL], found[_ONE]
     figures = ("two_users_accuracy", "three_users_accuracy", "cross_talk")
-    for name in BASEBANDS:
-        accuracy = ("two users: right gesture for the right person", found[name]["two_users_accuracy"] or 0.0, "")
-        reference = None if name == _SEVERAL else times[_SEVERAL]
-        result["choices"].append(choice("crowds: baseband", name, accuracy=accuracy, times_ms=times[name], reference_ms=reference))
+    shares = {name: (found[name]["two_users_accuracy"] or 0.0, times[name]) for name in BASEBANDS}
+    result["choices"] += against_first("crowds: baseband", f"two users: {_ACCURACY}", shares)
     return result | {"one_direction_a_cell": {name: single[name] for name in figures}}
 
 
@@ -122,20 +122,8 @@ def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
     """Milliseconds of each frame of two users who gesture, from the raw samples to the cloud."""
     simulator = Simulator(crowd_scene(CROWDS[0], 0, rounds=1))
     frames = [simulator.process(k).frame for k in range(round(LEAD * 50), round(LEAD * 50) + n_frames)]
-    processor, times = Baseband(baseband, simulator.info), []
-    for frame in frames:
-        times.append(timed(processor.process, frame)[1])
-    return times[10:]  # the first ones compile and design
-
-
-def rows(tallies: dict[Crowd, Tally], times: dict[Crowd, list[float]]) -> list[dict[str, Any]]:
-    """Accuracy of every kind of crowd beside the recogniser's time, the first as the reference."""
-    made: list[dict[str, Any]] = []
-    for crowd, own in tallies.items():
-        accuracy = ("right gesture for the right person", own.right / max(own.performed, 1), "")
-        reference = times[CROWDS[0]] if made else None
-        made.append(choice("crowds", crowd.name, accuracy=accuracy, times_ms=times[crowd], reference_ms=reference))
-    return made
+    processor = Baseband(baseband, simulator.info)
+    return [timed(processor.process, frame)[1] for frame in frames][10:]  # the first ones compile and design
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:

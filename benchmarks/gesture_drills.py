@@ -26,19 +26,9 @@ from radar_core.waveform import SPEED_OF_LIGHT
 from radar_dsp import Baseband, BasebandConfig
 from radar_dsp.config import CfarConfig, CouplingConfig, SpectrumConfig
 from radar_lab.datasets.samples import FORMAT, pack_clouds, read_sample, sample_path, unpack_clouds, write_chunk
-from radar_sim import (
-    ChannelErrorsConfig,
-    Effects,
-    LossesConfig,
-    NoiseConfig,
-    OcclusionConfig,
-    Person,
-    Scene,
-    SceneRadar,
-    Simulator,
-    Variation,
-)
+from radar_sim import Effects, Person, Scene, SceneRadar, Simulator, Variation
 from radar_sim.bodies.base import Posture
+from radar_sim.effects.config import ChannelErrorsConfig, LossesConfig, NoiseConfig, OcclusionConfig
 from radar_sim.motions.curves import Path as HandPath
 from radar_sim.motions.curves import Vector, bump, cruise, line, minimum_jerk, within_reach
 from radar_sim.motions.script import Timeline

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from benchmarks.gesture_tables import counted
-from benchmarks.gestures_speed import four_tracks, one_user
-from benchmarks.report import choice, timed
+from benchmarks.gestures_speed import four_tracks, simulated
+from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
 from radar_core import RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.recognizer import EventStage, GestureConfig
 from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import SampleSet
@@ -25,14 +23,13 @@ from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import named_plan
 from radar_lab.training.training import TrainingConfig, fit, validate
 from radar_lab.training.validation import leave_subjects_out
-from radar_sim import Simulator
 from radar_tracking import TrackedCloud
 
 REPETITIONS: Final = 4
 _ACCURACY: Final = "recognised, people held out"
 
 
-def settings() -> dict[str, GestureConfig]:
+def configs() -> dict[str, GestureConfig]:
     """Every setting of events and features that is measured; each differs from the default, which stands first, in one thing."""
     default = GestureConfig()
     features: dict[str, list[Any]] = {
@@ -69,14 +66,6 @@ def accuracy(samples: SampleSet, training: TrainingConfig) -> float:
     return float(found["recognised"])
 
 
-def tracked_clouds(quick: bool) -> tuple[list[TrackedCloud], RadarInfo]:
-    """Four people who gesture, for the time of an event stage."""
-    simulator = Simulator(one_user(quick))
-    baseband, info = Baseband(BasebandConfig(), simulator.info), simulator.info
-    frames = range(min(simulator.n_frames, 60 if quick else 300))
-    return four_tracks([baseband.process(simulator.process(k).frame).to_room(info.mount) for k in frames]), info
-
-
 def stage_times(config: GestureConfig, clouds: list[TrackedCloud], info: RadarInfo) -> list[float]:
     """Milliseconds of maps, events and features of four tracks, cloud by cloud."""
     stage = EventStage(config, info.mount)
@@ -93,22 +82,14 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
     """Make the samples that are missing, and measure every setting on them."""
     plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {"repetitions": REPETITIONS}))
     synthesise(folder, plan.n_samples, seed=5, n_jobs=n_jobs, plan=plan, body="ellipsoids")
-    clouds, info = tracked_clouds(quick)
-    configs, training = (list(found.items())[: 2 if quick else None] for found in (settings(), trainings()))
-    read = {name: collect(folder, config, n_jobs=n_jobs) for name, config in configs}
+    _, clouds, info = simulated(quick, 60 if quick else 300)
+    tracked = four_tracks(clouds)
+    events_by, training = (list(found.items())[: 2 if quick else None] for found in (configs(), trainings()))
+    read = {name: collect(folder, config, n_jobs=n_jobs) for name, config in events_by}
     default = read["default"]
-    events = {name: (accuracy(read[name], TrainingConfig()), stage_times(config, clouds, info)) for name, config in configs}
+    events = {name: (accuracy(read[name], TrainingConfig()), stage_times(config, tracked, info)) for name, config in events_by}
     named = {name: (accuracy(default, one), naming_times(default, one)) for name, one in training}
-    return rows("events and features, four tracks", events) + rows("training, one event", named)
-
-
-def rows(stage: str, found: Mapping[str, tuple[float, list[float]]]) -> list[dict[str, Any]]:
-    """Accuracies and times of settings by name, the first as the reference."""
-    first = next(iter(found))
-    return [
-        choice(stage, name, accuracy=(_ACCURACY, value, ""), times_ms=times, reference_ms=None if name == first else found[first][1])
-        for name, (value, times) in found.items()
-    ]
+    return against_first("events and features, four tracks", _ACCURACY, events) + against_first("training, one event", _ACCURACY, named)
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.report import choice, timed
+from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
 from radar_core.paths import find_config
 from radar_gestures.classifiers.curve_net import CurveNet, save_net
@@ -66,9 +66,9 @@ def _named(model: GestureModel, features: np.ndarray[Any, Any]) -> int:
 
 def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
     """Train twice, and compare the files with each other and with the one that is shipped; once more from one start, for what more cost."""
-    once, settings = TrainingConfig(lost=LOST), TrainingConfig(starts=STARTS, lost=LOST)
+    once, several = TrainingConfig(lost=LOST), TrainingConfig(starts=STARTS, lost=LOST)
     reports, seconds = [], []
-    for one in (settings, settings, once):
+    for one in (several, several, once):
         report, spent = timed(train_on, samples, one)
         reports.append(report)
         seconds.append(1e-3 * spent)
@@ -87,29 +87,19 @@ def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
 
 
 def start_rows(trained: Mapping[int, tuple[TrainingReport, float]]) -> list[dict[str, Any]]:
-    """Accuracy of people left out beside the time of the whole training, by the number of starts, the first as the reference."""
-    rows: list[dict[str, Any]] = []
-    reference = [1e3 * next(iter(trained.values()))[1]]
-    for starts, (report, seconds) in trained.items():
-        accuracy = ("right, people left out", report.validation.accuracy, "")
-        rows.append(
-            choice("training", f"starts={starts}", accuracy=accuracy, times_ms=[1e3 * seconds], reference_ms=reference if rows else None)
-        )
-    return rows
+    """Accuracy of people left out beside the time of the whole training [s], by the number of starts, the first as the reference."""
+    found = {f"starts={starts}": (report.validation.accuracy, [1e3 * seconds]) for starts, (report, seconds) in trained.items()}
+    return against_first("training", "right, people left out", found)
 
 
 def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[float] = (LOST, 0.05, 0.1)) -> list[dict[str, Any]]:
     """Gestures of people left out that are kept, beside the time of naming one, for several limits of rejection."""
-    rows: list[dict[str, Any]] = []
-    reference: list[float] | None = None
+    found: dict[str, tuple[float, list[float]]] = {}
     for lost in shares:
         limit, gone = reject_limit(report.validation, report.score, lost)
         model = dataclasses.replace(report.model, reject=limit)
-        times = [timed(_named, model, row)[1] for row in samples.features[:300]][50:]
-        accuracy = ("known gestures kept", 1.0 - gone, "")
-        rows.append(choice("rejection", f"lost={lost:g}", accuracy=accuracy, times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return rows
+        found[f"lost={lost:g}"] = 1.0 - gone, [timed(_named, model, row)[1] for row in samples.features[:300]][50:]
+    return against_first("rejection", "known gestures kept", found)
 
 
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:

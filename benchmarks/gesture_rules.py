@@ -50,7 +50,7 @@ def rows(
     model : GestureModel
         That named it.
     figures : callable
-        Gives of judged streams what to say behind a setting's name, and the accuracy of its row.
+        Gives of judged streams what to say behind a configuration's name, and the accuracy of its row.
     """
     if not any(one.surplus or any(o.found is not None for o in one.outcomes) for one in judged):
         return []
@@ -58,8 +58,8 @@ def rows(
     reference: list[float] | None = None
     for one in judged:  # the first rules would pay for cold caches
         named_again(one, GestureRecognizer(GestureConfig(), model), [])
-    for name, settings in rules().items():
-        recogniser, times = GestureRecognizer(settings, model), []
+    for name, config in rules().items():
+        recogniser, times = GestureRecognizer(config, model), []
         again = [named_again(one, recogniser, times) for one in judged]
         more, accuracy = figures(again)
         made.append(choice(stage, f"{name}{more}", accuracy=accuracy, times_ms=times, reference_ms=reference))

@@ -12,20 +12,8 @@ from typing import Final
 import numpy as np
 
 from radar_core import GESTURES, RadarInfo
-from radar_sim import (
-    GESTURE_DURATION,
-    VARIANTS,
-    Action,
-    CouplingConfig,
-    Draw,
-    Effects,
-    LossesConfig,
-    NoiseConfig,
-    OcclusionConfig,
-    PatternConfig,
-    Person,
-    Scene,
-)
+from radar_sim import GESTURE_DURATION, VARIANTS, Action, Draw, Effects, Person, Scene
+from radar_sim.effects.config import CouplingConfig, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.motions.script import Timeline
 from radar_sim.people import SHAPES, Reach, Variation, Walk
 from radar_sim.scene import SceneRadar

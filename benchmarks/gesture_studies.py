@@ -162,13 +162,13 @@ def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointClou
 
 
 def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], gate: float) -> NDArray[np.float64]:
-    settings = FeatureConfig(gate=gate, body_speed=gate / 2)
-    found = extract([summarise(cloud, body, settings) for cloud in clouds], clouds[0].stamp_ns, settings)
+    config = FeatureConfig(gate=gate, body_speed=gate / 2)
+    found = extract([summarise(cloud, body, config) for cloud in clouds], clouds[0].stamp_ns, config)
     return found if found is not None else np.zeros(len(FEATURE_NAMES))
 
 
 def train_perceptron(
-    changed: NDArray[np.float32], number: NDArray[np.int64], labels: Sequence[str], names: Sequence[str], settings: PerceptronTraining
+    changed: NDArray[np.float32], number: NDArray[np.int64], labels: Sequence[str], names: Sequence[str], config: PerceptronTraining
 ) -> GestureModel:
     """Train a perceptron with scikit-learn.
 
@@ -180,25 +180,25 @@ def train_perceptron(
         Index into ``labels``.
     labels, names : sequence of str
         What outputs and inputs are called.
-    settings : PerceptronTraining
+    config : PerceptronTraining
         The knobs.
     """
     from sklearn.neural_network import MLPClassifier
 
     mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + 1e-3
     net = MLPClassifier(
-        settings.hidden, alpha=settings.regularisation, batch_size=min(settings.batch, len(number)),
-        learning_rate_init=settings.learning_rate, random_state=settings.seed,
+        config.hidden, alpha=config.regularisation, batch_size=min(config.batch, len(number)),
+        learning_rate_init=config.learning_rate, random_state=config.seed,
     )  # fmt: skip
-    first = settings.passes - max(1, round(settings.averaged * settings.passes))
+    first = config.passes - max(1, round(config.averaged * config.passes))
     total: list[NDArray[np.float64]] = []
-    for turn in range(settings.passes):
+    for turn in range(config.passes):
         x = changed[turn % len(changed)]
         net.partial_fit(((x - mean) / scale).astype(np.float32), number, classes=np.arange(len(labels)))
         if turn >= first:
             layers = [np.asarray(part, np.float64) for part in (*net.coefs_, *net.intercepts_)]
             total = layers if not total else [a + b for a, b in zip(total, layers, strict=True)]
-    mean_layers = [(part / (settings.passes - first)).astype(np.float32) for part in total]
+    mean_layers = [(part / (config.passes - first)).astype(np.float32) for part in total]
     half = len(net.coefs_)
     return GestureModel(
         mean.astype(np.float32),
@@ -224,7 +224,7 @@ class Study:
         Samples as they are.
     changed : ndarray of float32, shape (n_copies, n, n_features), or None
         Changed copies.
-    settings : PerceptronTraining
+    config : PerceptronTraining
         How to train on them.
     """
 
@@ -232,17 +232,17 @@ class Study:
     names: tuple[str, ...]
     plain: NDArray[np.float32]
     changed: NDArray[np.float32] | None
-    settings: PerceptronTraining | CurveTraining
+    config: PerceptronTraining | CurveTraining
 
     def fit(self, rows: Mask | None = None) -> GestureModel | CurveNet:
         """Train on some of the samples; None: on all."""
         own = np.ones(len(self.plain), np.bool_) if rows is None else rows
         changed = self.plain[None, own] if self.changed is None else self.changed[:, own]
         number, labels = self.data.number[own], self.data.labels
-        if isinstance(self.settings, PerceptronTraining):
-            return train_perceptron(changed, number, labels, self.names, self.settings)
+        if isinstance(self.config, PerceptronTraining):
+            return train_perceptron(changed, number, labels, self.names, self.config)
         steps = (len(self.names) - len(TOTALS)) // len(SIGNALS)
-        return train_net(changed, number, names=self.names, labels=labels, steps=steps, settings=self.settings)
+        return train_net(changed, number, names=self.names, labels=labels, steps=steps, settings=self.config)
 
     def validate(self, folds: Sequence[Mask], split: str) -> Validation:
         """Train once for every fold and judge the samples it leaves out."""
@@ -265,13 +265,13 @@ class Study:
         return self.validate(self.folds("random", most), "random")
 
 
-def study(data: RealSet, settings: PerceptronTraining | CurveTraining, curves: CurveConfig = CURVES, n_copies: int = COPIES) -> Study:
+def study(data: RealSet, config: PerceptronTraining | CurveTraining, curves: CurveConfig = CURVES, n_copies: int = COPIES) -> Study:
     """Make the curves of a data set, and changed copies."""
     plain = Curves(curves).process_many(data.events).astype(np.float32)
-    changed = copies(data.events, curves, VariationConfig(), n=n_copies, seed=settings.seed) if n_copies else None
-    return Study(data, curve_names(curves), plain, changed, settings)
+    changed = copies(data.events, curves, VariationConfig(), n=n_copies, seed=config.seed) if n_copies else None
+    return Study(data, curve_names(curves), plain, changed, config)
 
 
-def thirteen(data: RealSet, settings: PerceptronTraining) -> Study:
+def thirteen(data: RealSet, config: PerceptronTraining) -> Study:
     """Take the thirteen features instead; there are no changed copies of these."""
-    return Study(data, FEATURE_NAMES, data.thirteen.astype(np.float32), None, settings)
+    return Study(data, FEATURE_NAMES, data.thirteen.astype(np.float32), None, config)

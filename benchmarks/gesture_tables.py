@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import os
 import tempfile
@@ -15,7 +16,7 @@ from joblib import Memory
 from numpy.typing import NDArray
 
 from benchmarks.gesture_model import model_file
-from benchmarks.report import choice, matrix, measure_together, timed
+from benchmarks.report import against_first, choice, matrix, measure_together, timed
 from benchmarks.stores import kept, sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
@@ -33,7 +34,7 @@ from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.motions.library import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud
 
-_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures")
+_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
 _RATES: Final = "frame rate and transmitters, time per second"
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
 SETTINGS: Final = TrainingConfig()
@@ -85,12 +86,12 @@ class Readings:
         """Input of the convolutional network."""
         return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
 
-    def validate_cnn(self, settings: CnnConfig) -> Validation:
+    def validate_cnn(self, config: CnnConfig) -> Validation:
         """Judge the convolutional network on people left out: the better part of an hour, kept fold by fold."""
-        given, code = self.cubes(), sources(("radar_gestures/classifiers",))
+        given, code = self.cubes(), sources(("radar_gestures/classifiers", "radar_lab/training"))
 
         def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
-            return self._judge_cnn(code, given, settings, known, test)
+            return self._judge_cnn(code, given, config, known, test)
 
         return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
 
@@ -106,8 +107,8 @@ def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
     return cubes(place, GestureConfig(), n_jobs=n_jobs)
 
 
-def _judge_cnn(code: str, given: Cubes, settings: CnnConfig, known: Mask, test: Mask) -> NDArray[np.float64]:
-    return cnn_judge(given.cube, given.label, settings)(known, test)
+def _judge_cnn(code: str, given: Cubes, config: CnnConfig, known: Mask, test: Mask) -> NDArray[np.float64]:
+    return cnn_judge(given.cube, given.label, config)(known, test)
 
 
 def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
@@ -176,17 +177,14 @@ def table_4_1(readings: Readings, quick: bool) -> tuple[dict[str, dict[str, dict
 
 def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:
     """Accuracy and time of perceptrons of several sizes."""
-    rows, reference = [], None
+    rows = {}
     for hidden in ((32,), (8,)) if quick else ((32,), (8,), (16,), (64,), (32, 32)):
-        settings = TrainingConfig(hidden=hidden)
-        found = validate(samples, leave_subjects_out(samples.person), settings)
-        model = fit(samples, np.ones(len(samples.label), np.bool_), settings)
-        one = samples.features[0]
-        times = measure_together({"one": lambda model=model, one=one: model.probabilities(one)}, repeat=200, warmup=10)["one"]
-        name = f"hidden={'-'.join(map(str, hidden))}, {model.flop} FLOP"
-        rows.append(choice("perceptron", name, accuracy=("held-out accuracy", found.accuracy, ""), times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return rows
+        config = TrainingConfig(hidden=hidden)
+        found = validate(samples, leave_subjects_out(samples.person), config)
+        model = fit(samples, np.ones(len(samples.label), np.bool_), config)
+        times = measure_together({"": functools.partial(model.probabilities, samples.features[0])}, repeat=200, warmup=10)[""]
+        rows[f"hidden={'-'.join(map(str, hidden))}, {model.flop} FLOP"] = found.accuracy, times
+    return against_first("perceptron", "held-out accuracy", rows)
 
 
 def repeats(samples: SampleSet) -> bool:
@@ -201,9 +199,9 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
     mlp = fit(samples, np.ones(len(samples.label), np.bool_), SETTINGS)
     accuracy = validate(samples, folds, SETTINGS).accuracy
     figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": len(model_file(mlp)), "mlp_flop": mlp.flop}
-    settings = CnnConfig(epochs=3) if quick else CnnConfig()
+    config = CnnConfig(epochs=3) if quick else CnnConfig()
     try:
-        found, given = readings.validate_cnn(settings), readings.cubes()
+        found, given = readings.validate_cnn(config), readings.cubes()
     except ConfigError as error:
         return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
     with tempfile.TemporaryDirectory() as folder:
@@ -215,17 +213,9 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
         calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
         times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
     figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": n_bytes, "cnn_flop": flop}
-    rows = [
-        choice("classifier", f"perceptron 13-32-10, {mlp.flop} FLOP", accuracy=("held-out accuracy", accuracy, ""), times_ms=times["mlp"]),
-        choice(
-            "classifier",
-            f"feature cube and CNN, {flop / 1e6:.1f} MFLOP",
-            accuracy=("held-out accuracy", found.accuracy, ""),
-            times_ms=times["cnn"],
-            reference_ms=times["mlp"],
-        ),
-    ]
-    return figures, rows, {"CNN": found}
+    names = (f"perceptron 13-32-10, {mlp.flop} FLOP", f"feature cube and CNN, {flop / 1e6:.1f} MFLOP")
+    rows = {names[0]: (accuracy, times["mlp"]), names[1]: (found.accuracy, times["cnn"])}
+    return figures, against_first("classifier", "held-out accuracy", rows), {"CNN": found}
 
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float6
     Parameters
     ----------
     made : Study
-        Curves with the settings `CURVES`, to train on.
+        Curves with the configuration `CURVES`, to train on.
     streams : sequence of Stream
         What people did all day.
 
@@ -136,7 +136,7 @@ def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
     Parameters
     ----------
     made : Study
-        Curves of the gestures, settings `CURVES`.
+        Curves of the gestures, configuration `CURVES`.
     streams : sequence of Stream
         What people did all day.
 
@@ -189,6 +189,6 @@ def with_daily(made: Study, streams: Sequence[Stream]) -> Study:
     plain = np.concatenate([made.plain, Curves(CURVES).process_many(events).astype(np.float32)])
     changed = made.changed
     if changed is not None:
-        more = copies(events, CURVES, VariationConfig(), n=len(changed), seed=made.settings.seed)
+        more = copies(events, CURVES, VariationConfig(), n=len(changed), seed=made.config.seed)
         changed = np.concatenate([changed, more], axis=1)
-    return Study(joined, made.names, plain, changed, made.settings)
+    return Study(joined, made.names, plain, changed, made.config)

@@ -49,7 +49,7 @@ class Parts:
         """Return what ``work`` gives, or gave in an earlier run."""
         if self.folder is None:
             return work()
-        digest = hashlib.sha256(f"{self.settings} {sources(('radar_core', 'radar_ros', 'radar_gestures'))}".encode()).hexdigest()[:16]
+        digest = hashlib.sha256(f"{self.settings} {sources(('radar_core', 'radar_lab', 'radar_gestures'))}".encode()).hexdigest()[:16]
         path = self.folder / f"{name}_{digest}.joblib"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -115,17 +115,17 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
     """
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
-    settings = default_training(quick)
-    parts = Parts(None if keep is None else keep / "parts", f"{settings} {CURVES} {limit} {folds} {n_copies}")
+    config = default_training(quick)
+    parts = Parts(None if keep is None else keep / "parts", f"{config} {CURVES} {limit} {folds} {n_copies}")
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
-    sets = {"mhomeges": study(ours, settings, n_copies=n_copies), "mtranssee": study(other, settings, n_copies=n_copies)}
+    sets = {"mhomeges": study(ours, config, n_copies=n_copies), "mtranssee": study(other, config, n_copies=n_copies)}
     first = sets["mhomeges"]
-    result: dict[str, Any] = {"real_classifier": type(settings).__name__, "real_samples": len(ours.label), "confusion": {}}
+    result: dict[str, Any] = {"real_classifier": type(config).__name__, "real_samples": len(ours.label), "confusion": {}}
     for name, made in sets.items():
         found = parts.once(name, functools.partial(one_set, name, made, folds, quick))
         result["confusion"] |= found.pop("confusion")
         result |= found
-    shared = study(ours.only(other.labels), settings, n_copies=n_copies)
+    shared = study(ours.only(other.labels), config, n_copies=n_copies)
     moved = parts.once("transfer", lambda: transfer(shared, sets["mtranssee"]))
     result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
     model = parts.once("model", first.fit)
@@ -174,14 +174,14 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     yield "curves", first
     yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
     for hidden in (16, 48):
-        yield f"perceptron, {hidden} neurons", replace(first, settings=replace(perceptron, hidden=(hidden,)))
+        yield f"perceptron, {hidden} neurons", replace(first, config=replace(perceptron, hidden=(hidden,)))
     if quick:
         return
     yield "no changed copies", replace(first, changed=None)
     for steps in (7, 20):
-        yield f"{steps} steps", study(first.data, first.settings, replace(CURVES, steps=steps))
-    if isinstance(first.settings, CurveTraining):
-        yield "half the channels and passes", replace(first, settings=replace(first.settings, channels=(40, 48), hidden=32, passes=30))
+        yield f"{steps} steps", study(first.data, first.config, replace(CURVES, steps=steps))
+    if isinstance(first.config, CurveTraining):
+        yield "half the channels and passes", replace(first, config=replace(first.config, channels=(40, 48), hidden=32, passes=30))
 
 
 run = figures

@@ -158,6 +158,13 @@ def _equal(reference: FeatureMaps, other: FeatureMaps) -> float:
     return float((reference.micro_doppler == other.micro_doppler)[lit].mean())
 
 
+def simulated(quick: bool, most: int = 1 << 30) -> tuple[list[SimulatedFrame], list[PointCloud], RadarInfo]:
+    """Frames, at most so many, and clouds in ``room`` of one person who gestures."""
+    simulator = Simulator(one_user(quick))
+    frames, baseband = [simulator.process(k) for k in range(min(simulator.n_frames, most))], Baseband(BasebandConfig(), simulator.info)
+    return frames, [baseband.process(one.frame).to_room(simulator.info.mount) for one in frames], simulator.info
+
+
 def figures(quick: bool = False) -> dict[str, Any]:
     """Measure everything.
 
@@ -167,11 +174,8 @@ def figures(quick: bool = False) -> dict[str, Any]:
         ``maps_and_events_ms`` (median of a cloud with four tracks of 40 points) and its 95th percentile; ``classification_over_sklearn``
         and ``classification_us``; ``published_after_ms``, of the slowest gesture, and ``published_computing_ms``, of most; ``choices``.
     """
-    simulator = Simulator(one_user(quick))
-    frames = [simulator.process(k) for k in range(simulator.n_frames)]
-    info, model, rounds = simulator.info, load_model(), 1 if quick else 5
-    baseband = Baseband(BasebandConfig(), info)
-    clouds = [baseband.process(simulated.frame).to_room(info.mount) for simulated in frames]
+    frames, clouds, info = simulated(quick)
+    model, rounds = load_model(), 1 if quick else 5
     steps = step_times(four_tracks(clouds), info, rounds)
     events = classification(model, 50 if quick else 2000)
     one = np.add(events["probabilities"], events["known"]).tolist()

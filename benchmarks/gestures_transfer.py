@@ -13,7 +13,6 @@ of the radar gives intensities in a unit of its own), and what stands still (its
 from __future__ import annotations
 
 import importlib.util
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -86,12 +85,12 @@ def transfer_training(quick: bool) -> PerceptronTraining | CurveTraining:
     return CurveTraining(passes=6 if quick else 16)
 
 
-def transfer_study(data: RealSet, settings: PerceptronTraining | CurveTraining, n_copies: int = COPIES) -> Study:
+def transfer_study(data: RealSet, config: PerceptronTraining | CurveTraining, n_copies: int = COPIES) -> Study:
     """Make the curves of simulated events and changed copies, without what is left out."""
     names = curve_names(CURVES)
     plain = masked(Curves(CURVES).process_many(data.events).astype(np.float32), names)
-    changed = masked(copies(data.events, CURVES, VariationConfig(), n=n_copies, seed=settings.seed), names)
-    return Study(data, names, plain, changed, settings)
+    changed = masked(copies(data.events, CURVES, VariationConfig(), n=n_copies, seed=config.seed), names)
+    return Study(data, names, plain, changed, config)
 
 
 def judge(training: Study, test: RealSet) -> Validation:
@@ -124,10 +123,10 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
         to simulate by number of drills.
     """
     n = 100 if quick else SAMPLES
-    drills, settings = Drills(), transfer_training(quick)
+    drills, config = Drills(), transfer_training(quick)
     with kept(keep) as folder:
         data = simulated(generate(drills, n, folder), n)
-    training = transfer_study(data, settings, 2 if quick else COPIES)
+    training = transfer_study(data, config, 2 if quick else COPIES)
     developed = np.isin(made.data.person, DEVELOPMENT)
     tests = {
         "synthetic_to_real": made.data.select(~developed),
@@ -142,18 +141,12 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
         right = validation.probabilities.argmax(axis=-1) == validation.label
         result |= share(name, int(right.sum()), len(right))
     result |= {"synthetic_samples": len(data.label), "synthetic_seconds_per_sample": float(np.median(each)) * 1e-3}
-    result["confusion"] = {name: _matrix(validations[name]) for name in ("synthetic_to_real", "synthetic_to_mtranssee")}
+    result["confusion"] = {name: matrix(validations[name]) for name in ("synthetic_to_real", "synthetic_to_mtranssee")}
     accuracy = {n: validations["synthetic_to_real"].accuracy}
     for fewer in () if quick else _FEWER:
-        part = transfer_study(data.select(data.person < fewer), settings)
+        part = transfer_study(data.select(data.person < fewer), config)
         accuracy[fewer] = judge(part, tests["synthetic_to_real"]).accuracy
     return result | {"choices": [_row(count, accuracy[count], each, n) for count in sorted(accuracy)]}
-
-
-def _matrix(validation: Validation) -> dict[str, Any]:
-    """As `matrix`; gestures that nobody did have no recall."""
-    found = matrix(validation)
-    return found | {"recall": {name: value for name, value in found["recall"].items() if not math.isnan(value)}}
 
 
 def _row(count: int, accuracy: float, each: list[float], most: int) -> dict[str, Any]:

@@ -127,6 +127,12 @@ def choices(
     ]
 
 
+def against_first(stage: str, figure: str, found: Mapping[str, tuple[float, Sequence[float]]]) -> list[Row]:
+    """Rows of values and times [ms] by name of the setting, see `choices`; the first is the reference."""
+    values, times_ms = {name: value for name, (value, _) in found.items()}, {name: times for name, (_, times) in found.items()}
+    return choices(stage, (figure, ""), values, times_ms, next(iter(found))) if found else []
+
+
 @dataclass(frozen=True)
 class Panel:
     """Choices of one knob that are compared with each other: one figure of accuracy, one reference.
@@ -229,6 +235,6 @@ def join(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
 
 
 def matrix(validation: Validation) -> dict[str, Any]:
-    """Give a confusion matrix and the recalls as plain data."""
-    recall = {name: float(value) for name, value in zip(validation.labels, validation.recall, strict=True)}
+    """Give a confusion matrix and the recalls as plain data; labels without samples have no recall."""
+    recall = {name: float(value) for name, value in zip(validation.labels, validation.recall, strict=True) if not np.isnan(value)}
     return {"labels": list(validation.labels), "confusion": validation.confusion.tolist(), "recall": recall}

@@ -159,7 +159,7 @@ UNVARIED: Final[Mapping[str, str]] = {
 """Knobs of the tracker that are not varied, and why."""
 
 
-def settings() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+def tried() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Stage, name and knobs of everything that is tried."""
     for stage, knobs in KNOBS.items():
         for knob, values in knobs.items():
@@ -172,7 +172,7 @@ def settings() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 def variants() -> dict[str, TrackerConfig]:
     """Make configurations by "stage: name"; the first is the default, and what equals it is left out."""
     default = TrackerConfig()
-    found = {f"{stage}: {label}": changed(knobs) for stage, label, knobs in settings()}
+    found = {f"{stage}: {label}": changed(knobs) for stage, label, knobs in tried()}
     return {DEFAULT: default, **{label: config for label, config in found.items() if config != default}}
 
 

@@ -113,7 +113,7 @@ def test_the_shipped_model_and_its_card_are_those_of_the_commands():
 
 def test_every_knob_that_is_measured_differs_from_the_default():
     """Or a row would say that a knob costs and gains nothing because nobody turned it."""
-    for made in (gesture_knobs.settings(), gesture_knobs.trainings()):
+    for made in (gesture_knobs.configs(), gesture_knobs.trainings()):
         (first, default), *others = made.items()
         assert first == "default"
         assert all(config != default for _, config in others)

@@ -178,7 +178,7 @@ def test_every_knob_exists_and_differs():
     default = found.pop(tracking_choices.DEFAULT)
     assert len(found) > 60
     assert all(config != default for config in found.values())
-    tried = list(tracking_choices.settings())
+    tried = list(tracking_choices.tried())
     assert len({(stage, label) for stage, label, _ in tried}) == len(tried)
     names = {config.filter.estimator.name for config in (default, *found.values())}
     assert names == {"linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"}
