@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from radar_lab.datasets.samples import SampleSet
     from radar_lab.evaluation.scoring import TruthSegment
     from radar_ros.offline import Recording
+    from radar_sim.people import BodyKind
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -63,7 +64,7 @@ def generate(
     wanted = chosen.n_samples if samples is None else samples
     with interruptible(), _workers(cluster):
         try:
-            done = run(folder, wanted, seed=seed, n_jobs=jobs, plan=chosen, body=body, raw=raw, one_tx=one_tx)
+            done = run(folder, wanted, seed=seed, n_jobs=jobs, plan=chosen, body=cast("BodyKind", body), raw=raw, one_tx=one_tx)
         except KeyboardInterrupt:
             held = len(list(folder.glob("sample_*.npz")))
             print(f"stopped: {held} of {wanted} samples in {folder}; the same command goes on")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final, Literal, get_args
 
 from radar_core import GESTURES, ConfigError
 from radar_core.config import config, knob
@@ -24,7 +25,11 @@ GESTURE_DURATION = {
 VARIANTS = {"pull": 2, "push": 2, "rotate": 2}
 """Gestures that people perform in clearly different ways (thesis, section 5.3), and how many; the others have one."""
 
-SHAPES = ("circle", "line_up", "line_side", "eight")
+Sex = Literal["male", "female"]
+Side = Literal["right", "left"]
+BodyKind = Literal["ellipsoids", "mesh"]
+Shape = Literal["circle", "line_up", "line_side", "eight"]
+SHAPES: Final[tuple[Shape, ...]] = get_args(Shape)
 """What a hand can draw."""
 
 DOINGS = ("walk", "stand", "sit", "rise", "fidget", "gesture", "draw", "reach", "play")
@@ -43,7 +48,7 @@ class Walk:
 class Draw:
     """Use the hand as an analogue input: it follows a shape in the person's frontal plane again and again."""
 
-    shape: str = knob("circle", choices=SHAPES, doc="what the hand draws")
+    shape: Shape = knob("circle", doc="what the hand draws")
     duration: float = knob(6.0, unit="s", low=0.5, high=1e4, doc="how long")
     size: float = knob(0.28, unit="m", low=0.05, high=0.35, doc="radius of the circle, half the length of a line")
     speed: float = knob(0.7, unit="m/s", low=0.05, high=3.0, doc="mean speed of the hand along the shape")
@@ -117,13 +122,11 @@ class Person:
 
     id: int = knob(1, low=0, high=(1 << 32) - 1, doc="number of the person in the truth")
     height: float = knob(1.75, unit="m", low=0.8, high=2.3, doc="body height (stature)")
-    sex: str = knob("male", choices=("male", "female"), doc="proportions of the body")
+    sex: Sex = knob("male", doc="proportions of the body")
     build: float = knob(0.5, low=0.0, high=1.0, doc="0: slim, 0.5: usual, 1: heavy")
-    body: str = knob(
-        "ellipsoids", choices=("ellipsoids", "mesh"), doc="surface that echoes: 18 ellipsoids, or a mesh of 5,889 faces (more real, slower)"
-    )
+    body: BodyKind = knob("ellipsoids", doc="surface that echoes: 18 ellipsoids, or a mesh of 5,889 faces (more real, slower)")
     reflectivity: float = knob(0.4, low=0.0, high=1.0, doc="share of the power that skin and clothes reflect")
-    arm: str = knob("right", choices=("right", "left"), doc="arm that acts")
+    arm: Side = knob("right", doc="arm that acts")
     position: tuple[float, float] = knob((2.5, 0.0), unit="m", low=-100.0, high=100.0, doc="(x, y) in the room at the start")
     heading: float | None = knob(
         None, unit="rad", low=-2 * math.pi, high=2 * math.pi, doc="direction the person faces while standing; empty: the first radar"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import BeforeValidator
 
@@ -16,10 +16,11 @@ from radar_sim.geometry import check_places
 from radar_sim.people import Action, Person
 from radar_sim.things import Corner, Furniture, Point, Wall
 
-MODELS = ("separable", "nufft", "blocks", "exact", "reference")
+Model = Literal["auto", "separable", "nufft", "blocks", "exact", "reference"]
+MODELS: Final[tuple[Model, ...]] = get_args(Model)[1:]
 """How echoes are computed, cheapest first."""
 
-PURPOSES = ("samples", "detections", "tracks", "gestures")
+Purpose = Literal["samples", "detections", "tracks", "gestures"]
 """What a scene can be for: raw samples, or what is made of them."""
 
 
@@ -27,9 +28,8 @@ PURPOSES = ("samples", "detections", "tracks", "gestures")
 class Fidelity:
     """How exactly, and how fast, echoes are computed: docs/simulator.md shows what each choice costs and gives."""
 
-    model: str = knob(
+    model: Model = knob(
         "auto",
-        choices=("auto", *MODELS),
         doc="auto: the cheapest within the scene's tolerance; separable: matrix product, few points; nufft: many points; blocks: parts "
         "of a frame; exact: phase recurrence; reference: float64 at every sample",
     )
@@ -41,9 +41,8 @@ class Fidelity:
 class Transmitter:
     """How the transmitters' amplitude is modulated, and whether they take turns."""
 
-    amplitude: str = knob(
+    amplitude: Literal["constant", "intra", "inter"] = knob(
         "constant",
-        choices=("constant", "intra", "inter"),
         doc="intra: tapered over each chirp; inter: from chirp to chirp of a frame",
     )
     taper: str = knob("hann", doc="intra, inter: scipy's name of the taper, parameters after colons, e.g. chebwin:60")
@@ -115,9 +114,8 @@ class Scene:
         high=1.0,
         doc="relative rms error that may be made: of samples by fidelity auto, of what the scene is for by leaving effects out",
     )
-    purpose: str = knob(
+    purpose: Purpose = knob(
         "samples",
-        choices=PURPOSES,
         doc="what the scene is for, by which effects: auto judges: raw samples; or what is made of them, to which an effect on echoes "
         "matters by how far it moves the strongest ones, relative to their range",
     )

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from radar_sim.effects.config import PatternConfig
 from radar_sim.effects.pattern import two_way_gain
 from radar_sim.link import strength
 
-AXES = ("azimuth", "elevation")
+Axis = Literal["azimuth", "elevation"]
+AXES: Final[tuple[Axis, ...]] = get_args(Axis)
 
 
 @config
@@ -60,7 +62,7 @@ class Sweep:
     turns the radar to the left moves the reflector to the right, so its own angles count the other way: give it ``start: 60, step: -1``.
     """
 
-    axis: str = knob("azimuth", choices=AXES, doc="which angle of the reflector changes")
+    axis: Axis = knob("azimuth", doc="which angle of the reflector changes")
     start: float = knob(-60.0, unit="deg", low=-89.0, high=89.0, doc="first angle")
     stop: float = knob(60.0, unit="deg", low=-89.0, high=89.0, doc="last angle")
     step: float = knob(1.0, unit="deg", low=-90.0, high=90.0, doc="from one angle to the next; negative: downwards")

@@ -9,7 +9,7 @@ import numpy as np
 
 from radar_core import ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob, load_file
-from radar_sim.turntable import Sweep, TurntableFrame, begins
+from radar_sim.turntable import Axis, Sweep, TurntableFrame, begins
 
 SWEEPS_FILE = "turntable.yaml"
 """In the folder of a recording: what the turntable did."""
@@ -27,7 +27,7 @@ class Sweeps:
             raise ConfigError("Sweeps.sweeps is empty; name at least one sweep, e.g. {axis: azimuth, dwell: 1.0}")
 
 
-def parse_sweep(axis: str, text: str, dwell: float, settle: float = 0.0) -> Sweep:
+def parse_sweep(axis: Axis, text: str, dwell: float, settle: float = 0.0) -> Sweep:
     """Read ``start:stop:step`` in degrees.
 
     Parameters
@@ -53,7 +53,7 @@ def parse_sweep(axis: str, text: str, dwell: float, settle: float = 0.0) -> Swee
 
 def sweep_options(azimuth: str | None, elevation: str | None, dwell: float, settle: float) -> list[Sweep]:
     """Read what the command line says of the turntable, azimuth first; empty: nothing."""
-    given = (("azimuth", azimuth), ("elevation", elevation))
+    given: tuple[tuple[Axis, str | None], ...] = (("azimuth", azimuth), ("elevation", elevation))
     return [parse_sweep(axis, text, dwell, settle) for axis, text in given if text is not None]
 
 

@@ -47,6 +47,7 @@ from radar_lab.datasets.workers import work_through
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_sim import Scene, SimulatedFrame, Simulator
 from radar_sim.motions.library import library_hash
+from radar_sim.people import BodyKind
 from radar_tracking import TrackerConfig
 
 __all__ = ["Job", "feature_samples", "read_samples", "remake", "scene_of", "simulate_sample", "stroke_frames", "synthesise", "write_sample"]
@@ -79,7 +80,7 @@ class Job:
     folder: Path
     seed: int
     plan: Plan
-    body: str
+    body: BodyKind
     raw: bool
     one_tx: bool
     settings: GestureConfig
@@ -126,7 +127,7 @@ def synthesise(
     seed: int = 1,
     n_jobs: int | None = None,
     plan: Plan | str = "thesis",
-    body: str = "mesh",
+    body: BodyKind = "mesh",
     raw: bool = False,
     one_tx: bool = False,
     settings: GestureConfig | None = None,

@@ -31,7 +31,8 @@ from radar_sim import (
     Walk,
 )
 from radar_sim.motions.script import Segment, Timeline
-from radar_sim.scene import MODELS
+from radar_sim.people import BodyKind, Sex, Side
+from radar_sim.scene import Model
 
 WALKING: Final[int] = 1
 """Variant of the label random: a walk; 0: a random movement of the arm."""
@@ -91,7 +92,7 @@ class Plan:
     channel_gain: float = knob(0.0, unit="dB", low=0.0, high=30.0, doc="rms gain error of a virtual channel, other in every sample")
     channel_phase: float = knob(0.0, unit="rad", low=0.0, high=math.pi, doc="rms phase error of a virtual channel, other in every sample")
     floor: float = knob(0.0, low=0.0, high=1.0, doc="share of the power that the floor mirrors (multipath); 0: none")
-    fidelity: str = knob("auto", choices=("auto", *MODELS), doc="model of propagation, as Scene.fidelity")
+    fidelity: Model = knob("auto", doc="model of propagation, as Scene.fidelity")
     margin: float = knob(0.2, unit="s", low=0.0, high=0.3, doc="simulated before and after the stroke; the hand is still then")
 
     def validate(self) -> None:
@@ -162,8 +163,8 @@ class Subject:
     number: int
     height: float
     build: float
-    sex: str
-    arm: str
+    sex: Sex
+    arm: Side
     usual: dict[str, float]
     variant: dict[str, int]
 
@@ -226,7 +227,7 @@ def draw_subject(plan: Plan, seed: int, number: int) -> Subject:
     )
 
 
-def draw_sample(plan: Plan, seed: int, number: int, *, body: str = "mesh", info: RadarInfo | None = None) -> Sample:
+def draw_sample(plan: Plan, seed: int, number: int, *, body: BodyKind = "mesh", info: RadarInfo | None = None) -> Sample:
     """Draw a sample: a function of the arguments only, whatever was drawn before.
 
     Gestures, then subjects, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn.
@@ -314,7 +315,7 @@ def _walk(plan: Plan, rng: np.random.Generator, subject: Subject, person: Person
     return dataclasses.replace(person, position=(x - dx, y - dy), heading=heading, script=(stand, walk))
 
 
-def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, subject: Subject, side: float, body: str) -> Person:
+def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, subject: Subject, side: float, body: BodyKind) -> Person:
     """Put the subject into a place; they have nothing to do yet."""
     distance = _between(rng, plan.distance)
     azimuth = info.mount.yaw + side + rng.uniform(-plan.spread, plan.spread)

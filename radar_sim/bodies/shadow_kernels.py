@@ -1,4 +1,4 @@
-"""Compiled loops of the shadows; `radar_sim.bodies.shadow_numpy` does the same with numpy and is their reference.
+"""Compiled loops of the shadows; `oracles.shadows`, among the tests, does the same with numpy.
 
 A triangle with corners v0, v1, v2, seen from the origin, is kept as N0 = v1 x v2 / det, N1 = v2 x v0 / det, N2 = v0 x v1 / det,
 det = v0 . (v1 x v2). A direction d meets it if all Nk . d >= 0, at 1 / (G . d) times its length, G = N0 + N1 + N2; a point x lies on its

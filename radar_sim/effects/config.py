@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
 
@@ -50,7 +50,7 @@ class SwerlingConfig:
     case: int = knob(
         1, low=0, high=4, doc="0: steady; 1, 2: chi-square with 2 degrees of freedom; 3, 4: with 4; 1, 3: new each frame, 2, 4: each chirp"
     )
-    of: str = knob("points", choices=("points", "people", "all"), doc="what fluctuates")
+    of: Literal["points", "people", "all"] = knob("points", doc="what fluctuates")
 
 
 @config

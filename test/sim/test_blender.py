@@ -12,8 +12,8 @@ import pytest
 from figures import GESTURES, SPAN, posture
 
 from radar_core import ConfigError, DataError
+from radar_lab.blender import BlenderBody
 from radar_sim.bodies.base import BONES, REACH, stand
-from radar_sim.bodies.blender import BlenderBody
 from radar_sim.bodies.mesh import MeshBody
 from radar_sim.bodies.shadows import View
 from radar_sim.bodies.skeleton import Skeleton

@@ -12,7 +12,7 @@ from radar_core import ConfigError
 from radar_core.config import check_knobs
 
 PACKAGES = ("radar_core", "radar_sim", "radar_driver", "radar_dsp", "radar_tracking", "radar_gestures", "radar_lab")
-OPTIONAL = ("radar_sim.bodies.blender", "radar_lab.camera.mediapipe_pose", "radar_lab.training.cnn")
+OPTIONAL = ("radar_lab.blender", "radar_lab.camera.mediapipe_pose", "radar_lab.training.cnn")
 
 
 @functools.cache

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles.shadows import hidden_by_triangles
 
 from radar_sim.bodies.base import BONES, stand
 from radar_sim.bodies.ellipsoids import EllipsoidBody
 from radar_sim.bodies.lattice import spread
 from radar_sim.bodies.make import make_figure
 from radar_sim.bodies.mesh import MeshBody
-from radar_sim.bodies.shadow_numpy import hidden_by_triangles
 from radar_sim.bodies.shadows import MARGIN, View
 from radar_sim.bodies.skeleton import Skeleton
 from radar_sim.bodies.skin import facets
