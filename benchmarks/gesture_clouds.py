@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 import time
@@ -20,7 +19,8 @@ from radar_core import PointCloud
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer, TrackEvent
+from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.stage import GestureConfig, TrackEvent
 from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.matching import Matching, Visibility
 from radar_sim import Scene, Simulator, Truth
@@ -74,7 +74,7 @@ class StreamStore(Store):
     def moments(self, scene: Scene) -> Iterator[Moment]:
         """Read a scene's clouds and truth, in order of time."""
         for piece in range(math.ceil(scene.duration / PIECE)):
-            yield from _unpacked(self.columns(scene, piece))
+            yield from unpacked(self.columns(scene, piece))
 
 
 def _simulate(baseband: BasebandConfig, scene: Scene, piece: int) -> dict[str, NDArray[Any]]:
@@ -85,7 +85,7 @@ def _simulate(baseband: BasebandConfig, scene: Scene, piece: int) -> dict[str, N
         made = simulator.process(number)
         clouds.append(stage.process(made.frame).to_room(mount))
         truths.append(made.truth)
-    return _packed(clouds, truths)
+    return packed(clouds, truths)
 
 
 def _frames(simulator: Simulator, piece: int) -> range:
@@ -96,14 +96,15 @@ def _frames(simulator: Simulator, piece: int) -> range:
     return range(max(first, 0), min(last, simulator.n_frames))
 
 
-def _packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
-    """Columns of a file: clouds, and truth as (n_frames, n_people, ...)."""
+def packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
+    """Columns of a file: clouds in ``room``, and truth as (n_frames, n_people, ...)."""
     columns = pack(clouds, _POINT) | {"person_id": truths[0].person_id}
     columns |= {name: np.stack([getattr(truth, name) for truth in truths]) for name in _WHO}
     return columns | {name: np.stack([getattr(truth, name) for truth in truths]).astype(np.float32) for name in _MOTION}
 
 
-def _unpacked(columns: Columns) -> Iterator[Moment]:
+def unpacked(columns: Columns) -> Iterator[Moment]:
+    """Give the moments that `packed` made columns of."""
     motion = {name: columns[name].astype(np.float64) for name in _MOTION}
     for k, cloud in enumerate(unpack(columns, "room")):
         own: dict[str, Any] = {name: columns[name][k] for name in _WHO} | {name: motion[name][k] for name in _MOTION}
@@ -195,7 +196,7 @@ def follow(
         for event, gesture in zip(found, gestures, strict=True):
             track = tracked[-1].tracks.find(gesture.track_id)
             near = None if track is None else nearest_person(moment.truth, track.position)
-            events.append((near, gesture, dataclasses.replace(event, maps=None)))
+            events.append((near, gesture, event.without_maps()))
     owned = [
         Found(near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.end_ns), gesture, event)
         for near, gesture, event in events

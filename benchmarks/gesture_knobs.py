@@ -16,7 +16,7 @@ from benchmarks.stores import kept
 from radar_core import RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise

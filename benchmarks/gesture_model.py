@@ -14,8 +14,7 @@ import numpy as np
 from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
 from radar_core.paths import find_config
-from radar_gestures.classifiers.curve_net import CurveNet, save_net
-from radar_gestures.classifiers.model import load_model, save_model
+from radar_gestures.classifiers.model import Classifier, load_perceptron, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_lab.datasets.samples import SampleSet, join_samples
 from radar_lab.datasets.scenes import generate
@@ -43,14 +42,11 @@ def data(folder: Path, quick: bool, n_jobs: int) -> SampleSet:
     return join_samples([read_folder(folder / name) for name in ("scenes", "strokes")])
 
 
-def model_file(model: GestureModel | CurveNet) -> bytes:
+def model_file(model: Classifier) -> bytes:
     """Content of the file that a model is saved to."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.npz"
-        if isinstance(model, CurveNet):
-            save_net(model, path)
-        else:
-            save_model(model, path)
+        save_model(model, path)
         return path.read_bytes()
 
 
@@ -77,7 +73,7 @@ def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
     return {
         "repeats_bit_for_bit": files[0] == files[1],
         "shipped_bit_for_bit": files[0] == shipped.read_bytes(),
-        "equal_predictions": equal_predictions(reports[0].model, load_model(shipped), samples),
+        "equal_predictions": equal_predictions(reports[0].model, load_perceptron(shipped), samples),
         "n_samples": len(samples.label),
         "held_out": reports[0].validation.accuracy,
         "held_out_gestures": reports[0].validation.figures()["gesture_accuracy"],

@@ -10,7 +10,8 @@ from benchmarks.gesture_causes import Judged, why_random
 from benchmarks.gesture_clouds import Found
 from benchmarks.report import choice, timed
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.recognizer import GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.stage import GestureConfig
 
 _OFF: Final = 100.0  # m: nobody walks that far
 _OTHERS: Final[tuple[dict[str, float], ...]] = (

@@ -14,7 +14,7 @@ from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_gestures.classifiers.curve_net import CurveNet
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import SIGNALS, TOTALS, CurveConfig, Curves, EventMaps, curve_names, join, locate
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.maps import feature_maps

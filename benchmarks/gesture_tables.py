@@ -21,7 +21,7 @@ from benchmarks.stores import kept, sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.datasets.readings import Cubes, collect, cubes
 from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_lab.datasets.synthesis import synthesise

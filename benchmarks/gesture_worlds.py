@@ -22,7 +22,7 @@ from benchmarks.tally import share
 from radar_core import GESTURES
 from radar_core.config import plain
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import FORMAT, SampleSet, sample_path, write_chunk
 from radar_lab.datasets.synthesis import simulate_sample

@@ -18,7 +18,7 @@ from radar_core.paths import find_config
 from radar_gestures.curves import Curves, join
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
 from radar_gestures.maps import FeatureMaps, MapConfig
-from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording
 from radar_lab.training.calibration import choose_reject

@@ -23,7 +23,7 @@ from benchmarks.recordings import folder
 from benchmarks.report import choice, matrix, measure
 from benchmarks.stores import sources
 from radar_gestures.classifiers.curve_net import CurveNet
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.training.curve_training import CurveTraining

@@ -12,7 +12,8 @@ from radar_core import GESTURES
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import EventStage, Gesture, GestureConfig, GestureRecognizer, TrackEvent
+from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.stage import EventStage, GestureConfig, TrackEvent
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Segment
 

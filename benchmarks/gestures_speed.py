@@ -13,10 +13,12 @@ from benchmarks.report import choice, measure_together, timed
 from radar_core import PointCloud, RadarInfo
 from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import GestureModel, load_model
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import EventConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
-from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SimulatedFrame, Simulator
 from radar_tracking import PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus
 

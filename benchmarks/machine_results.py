@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_info
 
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.synthesis import simulate_sample
 from radar_lab.datasets.synthesis_plan import draw_sample, named_plan
 from radar_sim import Simulator, load_scene

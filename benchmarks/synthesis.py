@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.report import timed
 from radar_core import RadarInfo
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import read
 from radar_lab.datasets.samples import read_sample
 from radar_lab.datasets.synthesis import Job, write_sample

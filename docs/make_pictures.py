@@ -27,7 +27,8 @@ from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures
 from radar_lab.importers import open_original
 from radar_ros.importing import import_recording

@@ -11,7 +11,7 @@ import typer
 from radar_core import GESTURES, ConfigError
 
 if TYPE_CHECKING:
-    from radar_gestures.classifiers.model import GestureModel
+    from radar_gestures.classifiers.perceptron import GestureModel
     from radar_lab.datasets.samples import SampleSet
     from radar_lab.training.training import TrainingConfig
     from radar_lab.training.validation import Validation
@@ -86,13 +86,13 @@ def evaluate(
     """
     import json
 
-    from radar_gestures.classifiers.model import load_model
+    from radar_gestures.classifiers.model import load_perceptron
     from radar_lab.training.training import of_labels, read_folder
     from radar_lab.training.validation import as_text
 
     if split not in SPLITS:
         raise ConfigError(f"--split {split}: choose one of {', '.join(SPLITS)}")
-    judged = load_model(model)
+    judged = load_perceptron(model)
     samples = of_labels(read_folder(folder), judged.labels)
     _check_features(judged, samples)
     validation = _validate(judged, samples, split)

@@ -1,12 +1,15 @@
-"""Tracked points to gestures: motion samples, events, features, classifier; data sets and training."""
+"""Tracked points to gestures: motion samples, events, features, classifier."""
 
-from radar_gestures.classifiers.model import GestureModel, load_model, save_model
+from radar_gestures.classifiers.model import Classifier, load_model, save_model
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
-from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.stage import GestureConfig
 
 __all__ = [
     "FEATURE_NAMES",
+    "Classifier",
     "Event",
     "EventConfig",
     "EventDetector",

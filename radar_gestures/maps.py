@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.config import config, knob
-from radar_gestures.features import Detections, doppler_gates
+from radar_gestures.detections import Detections, doppler_gates
 
 _ROWS: Final[int] = 128  # of a new ring: two seconds at 50 Hz and some more
 _EMPTY: Final[tuple[float, float, float, float]] = (0.0, math.nan, math.nan, math.nan)

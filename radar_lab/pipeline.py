@@ -9,7 +9,8 @@ from radar_core.config import config, knob
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import Gesture, GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.stage import GestureConfig
 from radar_tracking import HandConfig, HandTrack, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, Tracks
 
 

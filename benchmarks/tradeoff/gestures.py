@@ -24,7 +24,7 @@ from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.datasets.readings import collect, cubes
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise

@@ -6,27 +6,22 @@ It has as many weights as a perceptron on the same numbers, and needs fewer peop
 
 from __future__ import annotations
 
-import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_core.arrays import save_arrays
-from radar_core.paths import find_config
+from radar_core.arrays import description
+from radar_gestures.classifiers.perceptron import FORMAT, RANDOM
+from radar_gestures.classifiers.rejection import ByProbability
 from radar_gestures.curves import TOTALS
 
-FORMAT: Final[int] = 1
-"""Version of the file; a reader refuses every other."""
 CLIP: Final[float] = 6.0
 """Standardised numbers are cut off beyond this: what is so far out says no more than that it is."""
 _KIND: Final[str] = "curve network"
-_MOST_BYTES: Final[int] = 8_000_000  # of the whole content: forty times what a network of ours takes
 _ADVICE: Final[str] = "train it again"
 
 Float32Array = NDArray[np.float32]
@@ -53,8 +48,10 @@ class CurveNet:
         What inputs and outputs mean.
     steps : int
         Of the curves.
+    reject : float
+        An event whose `score` is below this is no known gesture.
     settings, figures : mapping
-        How the curves were made, and what training measured.
+        How the curves were made (``curves``: the knobs of `CurveConfig`; others as in `GestureModel`), and what training measured.
 
     Raises
     ------
@@ -62,6 +59,7 @@ class CurveNet:
         When shapes do not fit or a number is not finite.
     """
 
+    extractor: ClassVar[str] = "curves"
     mean: Float32Array
     scale: Float32Array
     kernels: tuple[Float32Array, ...]
@@ -71,6 +69,7 @@ class CurveNet:
     names: tuple[str, ...]
     labels: tuple[str, ...]
     steps: int
+    reject: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, Any] = field(default_factory=dict)
 
@@ -143,6 +142,55 @@ class CurveNet:
         score = np.exp(value.astype(np.float64) - value.max(axis=1, keepdims=True))
         return np.asarray(score / score.sum(axis=1, keepdims=True)).reshape(*x.shape[:-1], -1)
 
+    @property
+    def random(self) -> int | None:
+        """Index of the label "random"; None when the network has none."""
+        return self.labels.index(RANDOM) if RANDOM in self.labels else None
+
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Probability of the most probable gesture, shape (...); see `Classifier.score`."""
+        return ByProbability().score(np.asarray(features), np.asarray(probabilities, np.float64), self.random)
+
+    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
+        """Whether one event is a gesture that the network knows: the most probable label is not "random", its score is high enough."""
+        return int(np.argmax(probabilities)) != self.random and bool(self.score(features, probabilities) >= self.reject)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Give everything that the model file must keep; see `from_arrays`.
+
+        Kernels and weights take two bytes a number where that loses nothing, as after training; see `half`.
+        """
+        about = {
+            "kind": _KIND,
+            "names": list(self.names),
+            "labels": list(self.labels),
+            "steps": self.steps,
+            "layers": [len(self.kernels), len(self.weights)],
+            "reject": self.reject,
+            "settings": dict(self.settings),
+            "figures": dict(self.figures),
+        }
+        arrays = description(FORMAT, about) | {"mean": self.mean, "scale": self.scale}
+        for kind, parts in (("kernel", self.kernels), ("offset", self.offsets), ("weights", self.weights), ("bias", self.biases)):
+            arrays |= {f"{kind}_{k}": part.astype(np.float16) if (half(part) == part).all() else part for k, part in enumerate(parts)}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> CurveNet:
+        """Make the network of a file again; parameters and errors as in `GestureModel.from_arrays`."""
+        try:
+            n_convolutions, n_dense = (int(number) for number in about["layers"])
+            numbers = {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in arrays.items()}
+            kernels, offsets = (tuple(numbers[f"{kind}_{k}"] for k in range(n_convolutions)) for kind in ("kernel", "offset"))
+            weights, biases = (tuple(numbers[f"{kind}_{k}"] for k in range(n_dense)) for kind in ("weights", "bias"))
+            return cls(
+                numbers["mean"], numbers["scale"], kernels, offsets, weights, biases,
+                names=tuple(map(str, about["names"])), labels=tuple(map(str, about["labels"])), steps=int(about["steps"]),
+                reject=float(about["reject"]), settings=dict(about["settings"]), figures=dict(about["figures"]),
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(f"not a {_KIND} ({error}); {_ADVICE}") from None
+
 
 def convolve(wave: Float32Array, kernel: Float32Array, stride: int) -> Float32Array:
     """Convolve over the steps, zeros beyond the ends.
@@ -172,84 +220,3 @@ def half(weights: Float32Array) -> Float32Array:
     """Round to what two bytes can hold (IEEE half precision: eleven significant bits), at most 65504 either way."""
     most = np.float32(np.finfo(np.float16).max)
     return np.clip(weights, -most, most).astype(np.float16).astype(np.float32)
-
-
-def save_net(net: CurveNet, path: str | Path) -> None:
-    """Write a network to ``path`` (.npz): plain arrays and JSON. The same network gives the same bytes.
-
-    Kernels and weights take two bytes a number where that loses nothing, as after training; see `half`.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be written.
-    """
-    path = Path(path)
-    about = {
-        "kind": _KIND,
-        "names": list(net.names),
-        "labels": list(net.labels),
-        "steps": net.steps,
-        "layers": [len(net.kernels), len(net.weights)],
-        "settings": dict(net.settings),
-        "figures": dict(net.figures),
-    }
-    arrays: dict[str, NDArray[Any]] = {
-        "format": np.array(FORMAT, np.int64),
-        "about": np.frombuffer(json.dumps(about, sort_keys=True).encode(), np.uint8),
-        "mean": net.mean,
-        "scale": net.scale,
-    }
-    for kind, parts in (("kernel", net.kernels), ("offset", net.offsets), ("weights", net.weights), ("bias", net.biases)):
-        arrays |= {f"{kind}_{number}": part.astype(np.float16) if (half(part) == part).all() else part for number, part in enumerate(parts)}
-    save_arrays(path, arrays, "network")
-
-
-def load_net(name_or_path: str | Path) -> CurveNet:
-    """Read a network: a file, or one in ``config/models`` by its bare name. Nothing in the file is executed.
-
-    Raises
-    ------
-    ConfigError
-        When there is no such file, it is no network, or it is of another version.
-    """
-    path = find_config(name_or_path, "models", ".npz")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(member.file_size for member in archive.infolist())
-        if size > _MOST_BYTES:
-            raise ConfigError(f"{path}: holds {size} bytes, more than any {_KIND}; {_ADVICE}")
-        with np.load(path, allow_pickle=False) as file:
-            content = {name: file[name] for name in file.files}
-        return _net_of(content)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise ConfigError(f"{path}: not a {_KIND} ({error}); {_ADVICE}") from None
-
-
-def _net_of(content: Mapping[str, NDArray[Any]]) -> CurveNet:
-    if content["format"].shape != () or int(content["format"]) != FORMAT:
-        raise ConfigError(f"{_KIND} of format {content['format']}, but this version of Handwave reads format {FORMAT}; {_ADVICE}")
-    about = json.loads(content["about"].tobytes())
-    if about["kind"] != _KIND:
-        raise ConfigError(f"holds a {about['kind']}, not a {_KIND}")
-    n_convolutions, n_dense = (int(number) for number in about["layers"])
-
-    def parts(kind: str, n: int) -> tuple[Float32Array, ...]:
-        found = (content[f"{kind}_{number}"] for number in range(n))
-        return tuple(part.astype(np.float32) if part.dtype == np.float16 else part for part in found)
-
-    return CurveNet(
-        content["mean"],
-        content["scale"],
-        parts("kernel", n_convolutions),
-        parts("offset", n_convolutions),
-        parts("weights", n_dense),
-        parts("bias", n_dense),
-        names=tuple(str(name) for name in about["names"]),
-        labels=tuple(str(label) for label in about["labels"]),
-        steps=int(about["steps"]),
-        settings=dict(about["settings"]),
-        figures=dict(about["figures"]),
-    )

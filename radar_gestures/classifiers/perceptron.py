@@ -6,21 +6,26 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.classifiers.rejection import ByProbability, Rejector
+from radar_core.arrays import as_float32, description
+from radar_gestures.classifiers.rejection import ByProbability, Rejector, make_rejector
 from radar_gestures.features import FEATURE_NAMES
 
 ADVICE: Final[str] = "make a new one with `handwave train`, or name the model that comes with Handwave (gestures)"
+FORMAT: Final[int] = 2
+"""Version of the files of all models; a reader refuses every other. 1 had one hidden layer, always, and no calibration."""
 RANDOM: Final[str] = "random"
 """The label of an event that is no gesture; a model need not have it."""
 _LIMIT: Final[float] = 1e12  # features beyond this are no measurements, and could overflow
 _MOST: Final[int] = 4096  # neurons, labels or features
+_MOST_LAYERS: Final[int] = 16
+_ABOUT: Final[Mapping[str, type]] = {"labels": list, "features": list, "n_layers": int, "settings": dict, "figures": dict}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,7 @@ class GestureModel:
         When shapes do not fit, a number is not finite or labels occur twice.
     """
 
+    extractor: ClassVar[str] = "events"
     mean: NDArray[np.float32]
     scale: NDArray[np.float32]
     weights: tuple[NDArray[np.float32], ...]
@@ -194,6 +200,55 @@ class GestureModel:
             return False
         return bool(self.score(features, probabilities) >= self.reject)
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Give everything that the model file must keep; see `from_arrays`."""
+        about = {
+            "labels": list(self.labels),
+            "features": list(self.names),
+            "n_layers": len(self.weights),
+            "temperature": self.temperature,
+            "reject": self.reject,
+            "rejector": self.rejector.name,
+            "settings": dict(self.settings),
+            "figures": dict(self.figures),
+        }
+        arrays = description(FORMAT, about) | {"mean": self.mean, "scale": self.scale}
+        for number, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays |= {f"weights_{number}": weights, f"bias_{number}": bias}
+        return arrays | {f"rejector_{name}": array for name, array in self.rejector.arrays().items()}
+
+    @classmethod
+    def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> GestureModel:
+        """Make the model of a file again.
+
+        Parameters
+        ----------
+        about : mapping
+            Description of the file.
+        arrays : mapping
+            Its arrays; the numbers of the model are float32.
+
+        Raises
+        ------
+        ConfigError
+            When something is missing or makes no sense.
+        """
+        try:
+            wrong = [name for name, kind in _ABOUT.items() if type(about[name]) is not kind]
+            numbers = {name: array for name, array in arrays.items() if name not in ("format", "about")}
+            wrong += [name for name, array in numbers.items() if array.dtype != np.float32]
+            if wrong or not 0 < about["n_layers"] <= _MOST_LAYERS:
+                raise ConfigError(f"gesture model: {', '.join(wrong) or 'n_layers'} is not what it should be; {ADVICE}")
+            own = {name.removeprefix("rejector_"): array for name, array in numbers.items() if name.startswith("rejector_")}
+            weights, biases = (tuple(numbers[f"{kind}_{k}"] for k in range(about["n_layers"])) for kind in ("weights", "bias"))
+            return cls(
+                numbers["mean"], numbers["scale"], weights, biases,
+                labels=tuple(about["labels"]), names=tuple(about["features"]), temperature=about["temperature"], reject=about["reject"],
+                rejector=make_rejector(about["rejector"], own), settings=about["settings"], figures=about["figures"],
+            )  # fmt: skip
+        except KeyError as error:
+            raise ConfigError(f"not a gesture model: it has no {error}; {ADVICE}") from None
+
 
 @numba.njit(cache=True, nogil=True)
 def _forward(x: Any, packed: Any, sizes: Any, found: Any) -> Any:
@@ -242,20 +297,14 @@ def _check_number(what: str, value: Any, above: float = -math.inf) -> None:
 
 
 def _checked(name: str, array: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the array as float32, or say what is wrong with it."""
-    given = np.asarray(array)
-    if given.shape != shape or given.dtype.kind not in "fiu":
-        raise ConfigError(f"gesture model: {name} is {given.dtype} {given.shape}, expected float32 {shape}; {ADVICE}")
-    if not (np.abs(given) <= np.finfo(np.float32).max).all():
-        raise ConfigError(f"gesture model: {name} has non-finite numbers; {ADVICE}")
-    return np.ascontiguousarray(given, np.float32)
+    return as_float32(f"gesture model: {name}", array, shape, ADVICE)
 
 
 def _checked_layers(
     weights: Any, biases: Any, n_features: int, n_labels: int
 ) -> tuple[tuple[NDArray[np.float32], ...], tuple[NDArray[np.float32], ...]]:
     """Return weights and biases of the layers as float32, each as wide as the one before asks for."""
-    if not 0 < len(weights) == len(biases) <= 16:
+    if not 0 < len(weights) == len(biases) <= _MOST_LAYERS:
         raise ConfigError(
             f"gesture model: {len(weights)} layers of weights and {len(biases)} of biases, expected the same number; {ADVICE}"
         )

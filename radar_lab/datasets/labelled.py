@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
-from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.readings import read_stroke
 from radar_lab.datasets.samples import FORMAT, ONE, open_folder, pack_clouds, read_sample, sample_path, write_chunk
 from radar_lab.evaluation.scoring import TruthSegment

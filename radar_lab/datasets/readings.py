@@ -21,7 +21,7 @@ from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
 from radar_gestures.maps import FeatureMaps, feature_maps
-from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_lab.datasets.samples import BOTH, ONE, SampleSet, info_of, read_sample, sample_files, unpack_clouds
 from radar_lab.datasets.scenes import label_events
 from radar_lab.evaluation.scoring import TruthSegment

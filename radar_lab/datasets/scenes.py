@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, PointCloud, Pose, RadarInfo
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
 from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.recognizer import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_lab.datasets.samples import chunk_path, load_samples, open_folder, write_chunk
 from radar_lab.datasets.training_scenes import training_scene
 from radar_lab.datasets.workers import work_through

@@ -29,7 +29,7 @@ from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import load, plain
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.readings import read_stroke
 from radar_lab.datasets.samples import (
     FORMAT,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import maps_of, read
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.evaluation.comparison import Comparison

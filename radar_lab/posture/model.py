@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-import math
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_core.arrays import save_arrays
+from radar_core.arrays import as_float32, description, load_arrays, read_description, save_arrays
 from radar_core.config import load, plain
 from radar_lab.posture.features import PostureFeatureConfig
 
@@ -28,7 +23,7 @@ FORMAT: Final[int] = 1
 _ADVICE: Final = "make a new one with radar_lab.posture.training.train_postures"
 _LIMIT: Final = 1e9  # features beyond this are no measurements
 _MOST_BYTES: Final = 16_000_000  # of the whole content: a hundred times what a model of ours takes
-_MOST_MEMBERS: Final = 64
+_MOST_LAYERS: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,21 +66,21 @@ class PostureModel:
     _layers: tuple[tuple[Float64Array, Float64Array], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.weights) == len(self.biases) <= _MOST_MEMBERS // 4:
+        if not 0 < len(self.weights) == len(self.biases) <= _MOST_LAYERS:
             raise ConfigError(f"posture model: {len(self.weights)} layers of weights, {len(self.biases)} of biases; {_ADVICE}")
         n_in, weights, biases = self.features.n_features, [], []
         for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             n_out = 3 if number == len(self.weights) - 1 else max(np.size(bias), 1)
-            weights.append(_checked(f"weights_{number}", weight, (n_in, n_out)))
-            biases.append(_checked(f"bias_{number}", bias, (n_out,)))
+            weights.append(as_float32(f"posture model: weights_{number}", weight, (n_in, n_out), _ADVICE))
+            biases.append(as_float32(f"posture model: bias_{number}", bias, (n_out,), _ADVICE))
             n_in = n_out
         object.__setattr__(self, "weights", tuple(weights))
         object.__setattr__(self, "biases", tuple(biases))
         for name in ("std", "spread"):
-            object.__setattr__(self, name, _checked(name, getattr(self, name), (3,)))
+            object.__setattr__(self, name, as_float32(f"posture model: {name}", getattr(self, name), (3,), _ADVICE))
             if not (getattr(self, name) > 0).all():
                 raise ConfigError(f"posture model: {name} has entries that are not positive; {_ADVICE}")
-        object.__setattr__(self, "bounds", _checked("bounds", self.bounds, (2, 3)))
+        object.__setattr__(self, "bounds", as_float32("posture model: bounds", self.bounds, (2, 3), _ADVICE))
         if not (self.bounds[0] <= self.bounds[1]).all():
             raise ConfigError(f"posture model: the lower bounds are not below the upper ones; {_ADVICE}")
         doubles = tuple((w.astype(np.float64), b.astype(np.float64)) for w, b in zip(weights, biases, strict=True))
@@ -136,13 +131,7 @@ def save_postures(model: PostureModel, path: str | Path) -> None:
     if 4 * model.n_parameters > _MOST_BYTES // 2:
         raise DataError(f"{path}: the model has {model.n_parameters} parameters, more than any reader takes; train one with fewer neurons")
     about = {"features": plain(model.features), "n_layers": len(model.weights), "figures": dict(model.figures)}
-    arrays: dict[str, NDArray[Any]] = {
-        "format": np.array(FORMAT, np.int64),
-        "about": np.frombuffer(json.dumps(about, sort_keys=True).encode(), np.uint8),
-        "std": model.std,
-        "spread": model.spread,
-        "bounds": model.bounds,
-    }
+    arrays = description(FORMAT, about) | {"std": model.std, "spread": model.spread, "bounds": model.bounds}
     for number, (weight, bias) in enumerate(zip(model.weights, model.biases, strict=True)):
         arrays |= {f"weights_{number}": weight, f"bias_{number}": bias}
     save_arrays(path, arrays, "model")
@@ -156,26 +145,19 @@ def load_postures(path: str | Path) -> PostureModel:
     ConfigError
         When there is no such file, it is no model, or it is of another version; the message says what to do.
     """
+    arrays = load_arrays(Path(path), "posture model", _ADVICE, _MOST_BYTES)
     try:
-        with zipfile.ZipFile(path) as archive:
-            return _read(archive)
-    except (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, ValueError, SyntaxError) as error:
-        raise ConfigError(f"{path}: not a posture model ({error}); {_ADVICE}") from None
+        return _model_of(read_description(arrays, FORMAT, _ADVICE), arrays)
     except KeyError as error:
         raise ConfigError(f"{path}: not a posture model, it lacks {error}; {_ADVICE}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
 
 
-def _read(archive: zipfile.ZipFile) -> PostureModel:
-    members = archive.infolist()
-    if len(members) > _MOST_MEMBERS or sum(member.file_size for member in members) > _MOST_BYTES:
-        raise ConfigError(f"it holds more than {_MOST_MEMBERS} arrays or {_MOST_BYTES // 1_000_000} MB")
-    found = {member.filename.removesuffix(".npy"): _array(archive, member) for member in members}
-    if found["format"].shape != () or int(found["format"]) != FORMAT:
-        raise ConfigError(f"model format {found['format']}, but this version of Handwave reads format {FORMAT}")
-    about = json.loads(found["about"].tobytes().decode())
-    if not isinstance(about, dict) or not isinstance(about["figures"], dict) or type(about["n_layers"]) is not int:
-        raise ConfigError("its description makes no sense")
-    layers = range(min(about["n_layers"], _MOST_MEMBERS))
+def _model_of(about: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) -> PostureModel:
+    if not isinstance(about["figures"], dict) or type(about["n_layers"]) is not int:
+        raise ConfigError(f"its description makes no sense; {_ADVICE}")
+    layers = range(min(about["n_layers"], _MOST_LAYERS))
     return PostureModel(
         load(PostureFeatureConfig, about["features"], "features of the model"),
         tuple(found[f"weights_{number}"] for number in layers),
@@ -185,26 +167,3 @@ def _read(archive: zipfile.ZipFile) -> PostureModel:
         found["bounds"],
         about["figures"],
     )
-
-
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array; `numpy.load` would set aside whatever memory the header asks for before it looks at the data."""
-    with archive.open(member) as opened:
-        file = io.BytesIO(opened.read(_MOST_BYTES))
-    if np.lib.format.read_magic(file) != (1, 0):
-        raise ConfigError(f"{member.filename} is no array of npy version 1.0")
-    shape, fortran, kind = np.lib.format.read_array_header_1_0(file)
-    data = file.read()
-    if kind.hasobject or any(length < 0 for length in shape) or math.prod(shape) * kind.itemsize != len(data):
-        raise ConfigError(f"{member.filename} is not what its header says ({kind} {shape})")
-    return np.frombuffer(data, kind).reshape(shape, order="F" if fortran else "C")
-
-
-def _checked(name: str, array: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the array as float32, or say what is wrong with it."""
-    given = np.asarray(array)
-    if given.shape != shape or given.dtype.kind not in "fiu":
-        raise ConfigError(f"posture model: {name} is {given.dtype} {given.shape}, expected float32 {shape}; {_ADVICE}")
-    if not (np.abs(given) <= np.finfo(np.float32).max).all():
-        raise ConfigError(f"posture model: {name} has non-finite numbers; {_ADVICE}")
-    return np.ascontiguousarray(given, np.float32)

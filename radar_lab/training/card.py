@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from radar_core import DataError
-from radar_gestures.classifiers.model import FORMAT, GestureModel
+from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
 from radar_lab.training.calibration import calibration_error
 from radar_lab.training.validation import Validation
 

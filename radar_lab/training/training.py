@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
-from radar_gestures.classifiers.model import RANDOM, GestureModel, save_model
+from radar_gestures.classifiers.model import save_model
+from radar_gestures.classifiers.perceptron import RANDOM, GestureModel
 from radar_gestures.classifiers.rejection import ByDistance, ByProbability, Rejector
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
 from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, soften
 from radar_lab.training.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out

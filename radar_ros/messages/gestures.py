@@ -10,7 +10,8 @@ from handwave.msg import GestureMaps as GestureMapsMsg
 
 from radar_core import DataError
 from radar_gestures.maps import FeatureMaps
-from radar_gestures.recognizer import Gesture, TrackEvent
+from radar_gestures.recognizer import Gesture
+from radar_gestures.stage import TrackEvent
 from radar_ros.messages.convert import from_time, header, pack, to_time, unpack
 
 _MAPS: Final[tuple[str, ...]] = ("speed", "micro_doppler", "azimuth", "elevation", "distance")

@@ -14,7 +14,8 @@ from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import HandwaveError, RadarInfo
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import GestureConfig, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.stage import GestureConfig
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg

@@ -19,9 +19,11 @@ from benchmarks.stores import code_of
 from benchmarks.tally import Tally, rate_interval, share_interval
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import GestureModel, load_model
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event
-from radar_gestures.recognizer import Gesture, TrackEvent
+from radar_gestures.recognizer import Gesture
+from radar_gestures.stage import SensorView, TrackEvent
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment
 from radar_lab.evaluation.truth_events import TrueEvent
@@ -180,7 +182,7 @@ def gesture(label, start, end, track_id=1, probability=0.9):
 
 def found(label, start, end, person=1, probability=0.9, walked=0.0):
     named = gesture(label, start, end, probability=probability)
-    return Found(person, named, TrackEvent(1, Event(named.start_ns, named.end_ns), named.features, walked))
+    return Found(person, named, TrackEvent(1, Event(named.start_ns, named.end_ns), walked, (SensorView("", named.features),)))
 
 
 def hand_made(strokes, events, *, tracked=True, fast=True, owned=True, snr=30.0, duration=6.0):

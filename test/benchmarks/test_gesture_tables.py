@@ -10,7 +10,7 @@ from radar_core import GESTURES
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.features import FEATURE_NAMES
-from radar_gestures.recognizer import GestureConfig, feature_settings
+from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import named_plan

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from radar_app.training_commands import evaluate, train
 from radar_core import GESTURES, ConfigError, DataError
-from radar_gestures.classifiers.model import GestureModel, load_model
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.datasets.samples import MANIFEST
 from radar_lab.evaluation.reports import draw_confusion, draw_reliability, draw_rows

@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half, load_net, save_net
+from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half
+from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.curves import TOTALS
 from radar_lab.training.curve_training import CurveTraining, train_net
 
@@ -91,12 +92,12 @@ def test_flop_is_counted_layer_by_layer() -> None:
 def test_file_gives_the_same_network_back(tmp_path: Path) -> None:
     """Same answers, names, settings and bytes."""
     net = small_net()
-    save_net(net, tmp_path / "net.npz")
-    again = load_net(tmp_path / "net.npz")
+    save_model(net, tmp_path / "net.npz")
+    again = load_model(tmp_path / "net.npz")
     x = np.random.default_rng(2).standard_normal((5, len(NAMES)))
     np.testing.assert_array_equal(again.probabilities(x), net.probabilities(x))
     assert (again.names, again.labels, again.settings, again.figures) == (net.names, net.labels, net.settings, net.figures)
-    save_net(again, tmp_path / "again.npz")
+    save_model(again, tmp_path / "again.npz")
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "net.npz").read_bytes()
 
 
@@ -106,11 +107,11 @@ def test_rounded_weights_take_half_the_bytes_and_come_back(tmp_path: Path) -> No
     rounded = dataclasses.replace(net, kernels=tuple(half(k) for k in net.kernels), weights=tuple(half(w) for w in net.weights))
     for one, other in zip((*rounded.kernels, *rounded.weights), (*net.kernels, *net.weights), strict=True):
         np.testing.assert_allclose(one, other, rtol=2**-11, atol=6e-8)  # half a step of eleven bits; the least step there is
-    save_net(rounded, tmp_path / "net.npz")
+    save_model(rounded, tmp_path / "net.npz")
     with np.load(tmp_path / "net.npz") as file:
         assert {file[f"{name}_1"].dtype for name in ("kernel", "weights")} == {np.dtype(np.float16)}
         assert file["bias_1"].dtype == np.float32
-    again = load_net(tmp_path / "net.npz")
+    again = load_model(tmp_path / "net.npz")
     np.testing.assert_array_equal(again.kernels[1], rounded.kernels[1])
     np.testing.assert_array_equal(again.weights[0], rounded.weights[0])
     assert half(np.array([1e9], np.float32))[0] == 65504.0
@@ -119,14 +120,14 @@ def test_rounded_weights_take_half_the_bytes_and_come_back(tmp_path: Path) -> No
 def test_bad_files_are_refused(tmp_path: Path) -> None:
     """No archive, cut off, without an array, of a newer format, with pickled objects: one clear error each."""
     good = tmp_path / "net.npz"
-    save_net(small_net(), good)
+    save_model(small_net(), good)
     with np.load(good) as file:
         content = {name: file[name] for name in file.files}
     bad = tmp_path / "bad.npz"
     for text in (b"", b"no archive", good.read_bytes()[:500]):
         bad.write_bytes(text)
-        with pytest.raises(ConfigError, match="not a curve network"):
-            load_net(bad)
+        with pytest.raises(ConfigError, match="not a gesture model"):
+            load_model(bad)
     for change in (
         {"format": np.array(99)},
         {"mean": np.array([object()])},
@@ -135,10 +136,10 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     ):
         np.savez(bad, **(content | change))
         with pytest.raises(ConfigError, match=r"bad\.npz"):
-            load_net(bad)
+            load_model(bad)
     np.savez(bad, **{name: array for name, array in content.items() if name != "kernel_1"})
     with pytest.raises(ConfigError, match="kernel_1"):
-        load_net(bad)
+        load_model(bad)
 
 
 def test_wrong_numbers_are_refused() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from radar_core import GESTURES, ConfigError, DataError, RadarInfo
 from radar_gestures.events import Event
-from radar_gestures.recognizer import TrackEvent
+from radar_gestures.stage import SensorView, TrackEvent
 from radar_lab.datasets import scenes as dataset
 from radar_lab.datasets import training_scenes
 from radar_lab.datasets.samples import SampleSet, chunk_path, join_samples, load_samples, standing
@@ -23,7 +23,7 @@ EFFECTS = Effects(noise=NoiseConfig(), losses=LossesConfig())
 
 
 def event(start, end, features=True):
-    return TrackEvent(1, Event(round(start * S), round(end * S)), np.arange(13.0) if features else None, 0.0)
+    return TrackEvent(1, Event(round(start * S), round(end * S)), 0.0, (SensorView("", np.arange(13.0) if features else None),))
 
 
 def segment(label, start, end, person=0):

@@ -9,7 +9,7 @@ from radar_core import ConfigError
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.events import EventConfig, EventDetector
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 
 MS = 1_000_000
 

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import PointCloud
+from radar_gestures.detections import doppler_gates
 from radar_gestures.features import (
     FEATURE_NAMES,
     FeatureConfig,
     MotionSample,
-    doppler_gates,
     extract,
     running_medians,
     summarise,

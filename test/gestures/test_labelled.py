@@ -10,7 +10,7 @@ from small_sets import contents, stroke_clouds
 
 from radar_core import GESTURES, ConfigError, DataError, Pose, RadarInfo
 from radar_gestures.events import EventConfig
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets import labelled, readings
 from radar_lab.datasets.labelled import Moment, import_labelled, read_labels
 from radar_lab.datasets.samples import read_samples

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.paths import share_dir
-from radar_gestures.classifiers.model import FORMAT, GestureModel, load_model, save_model
+from radar_gestures.classifiers.model import load_model, save_model
+from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
 from radar_gestures.features import FEATURE_NAMES
 

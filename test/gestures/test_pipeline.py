@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.scenes import Recording, find_events, nearest_person, record
 from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, truth_segments
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents

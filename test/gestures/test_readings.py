@@ -11,7 +11,7 @@ from small_sets import INFO, PLAN, make, stroke_clouds
 from radar_core import GESTURES, ConfigError, DataError, RadarInfo
 from radar_gestures.events import EventConfig
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets import readings, synthesis
 from radar_lab.datasets.samples import SampleSet, pack_clouds, read_samples, unpack_clouds
 from radar_lab.evaluation.scoring import TruthSegment

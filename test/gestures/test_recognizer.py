@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, ConfigError, PointCloud, Pose
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FEATURE_NAMES, MotionSample
 from radar_gestures.maps import MapConfig
-from radar_gestures.recognizer import EventStage, GestureConfig, GestureRecognizer, walked
+from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.stage import EventStage, GestureConfig, walked
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 SETTINGS = GestureConfig()

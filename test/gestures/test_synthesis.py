@@ -22,7 +22,7 @@ from small_sets import INFO, PLAN, contents, make
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud
 from radar_gestures.maps import feature_maps
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets import synthesis
 from radar_lab.datasets.readings import maps_of
 from radar_lab.datasets.samples import unpack_clouds, write_chunk

@@ -10,7 +10,7 @@ from radar_core import DataError, PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.recognizer import EventStage, GestureConfig
+from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.importers import open_original
 from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording

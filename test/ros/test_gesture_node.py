@@ -1,5 +1,8 @@
 """The gesture node over real DDS: the library's gestures bit for bit, maps for who listens, the newest cloud under load."""
 
+import dataclasses
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -14,8 +17,13 @@ from rclpy.parameter import Parameter
 
 import radar_ros.nodes.gestures
 from radar_core import GESTURES, DataError, PointCloud, Pose, RadarInfo
+from radar_core.config import flat, load_file
 from radar_core.geometry import cartesian_to_spherical
-from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, save_model
+from radar_core.paths import find_config
+from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, load_model, save_model
+from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
+from radar_gestures.curves import CURVE_NAMES, TOTALS, CurveConfig, Curves
+from radar_gestures.stage import EventStage, feature_settings
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_from_msg
@@ -28,7 +36,7 @@ START = 10**9
 PEOPLE = {1: (2.5, 0.5, 1.1), 2: (2.5, -0.9, 1.2)}
 
 
-def item(k, speeds):
+def item(k, speeds, step=STEP):
     """Cloud and tracks after ``k`` frames: per person six points at rest and six of an arm at the given speed."""
     rng = np.random.default_rng(k)
     owner = np.repeat(np.array(list(speeds), np.int32), 12)
@@ -37,7 +45,7 @@ def item(k, speeds):
     speed = np.array([v for own in speeds.values() for v in [0.0] * 6 + [own] * 6])
     values = {"x": room[:, 0], "y": room[:, 1], "z": room[:, 2], "range": distance, "azimuth": azimuth, "elevation": elevation}
     values |= {"radial_speed": speed + rng.normal(0.0, 0.02, len(owner)), "snr": rng.uniform(20.0, 30.0, len(owner))}
-    cloud = PointCloud(START + k * STEP, k, "room", **{name: value.astype(np.float32) for name, value in values.items()})
+    cloud = PointCloud(START + k * step, k, "room", **{name: value.astype(np.float32) for name, value in values.items()})
     tracks = tuple(
         Track(i, TrackStatus.CONFIRMED, 1.0, 0.0, 12, np.array(PEOPLE[i]), np.zeros(3), np.full(3, 0.2), np.eye(6)) for i in speeds
     )
@@ -111,6 +119,65 @@ def test_gestures_are_the_library_s(ros, tmp_path):
         assert msg.known
         assert msg.latency_s == pytest.approx((from_time(msg.header.stamp) - from_time(msg.end)) * 1e-9)
         assert 0.25 <= msg.latency_s <= 0.25 + STEP * 1e-9
+
+
+def slow_strokes(seed, n):
+    """Ten clouds a second of somebody who pulls or pushes n times, for 0.4 to 0.8 s; the items, and the label of every stroke."""
+    rng, items, labels = np.random.default_rng(seed), [], []
+    for _ in range(n):
+        sign, fast, long = float(rng.choice([-1.0, 1.0])), rng.uniform(1.2, 2.5), int(rng.integers(4, 9))
+        labels.append("pull" if sign > 0 else "push")
+        items += [item(len(items) + k, {1: sign * fast * (8 <= k < 8 + long)}, 5 * STEP) for k in range(8 + long + 8)]
+    return items, labels
+
+
+def curve_model(config):
+    """A small network on curves: a convolution drawn at random, and a last layer fitted to the events of synthetic strokes."""
+    stage, (items, labels) = EventStage(config, INFO.mount), slow_strokes(1, 80)
+    events = [event for tracked in items for event in stage.process(tracked)]
+    assert len(events) == len(labels)
+    x = np.stack([Curves().process(event.maps) for event in events]).astype(np.float32)
+    mean, scale, steps, split = x.mean(axis=0), x.std(axis=0) + np.float32(1e-3), CurveConfig().steps, x.shape[1] - len(TOTALS)
+    kernel = np.random.default_rng(3).normal(0.0, 0.1, (3, split // steps, 6)).astype(np.float32)
+    standard = np.clip((x - mean) / scale, -CLIP, CLIP)
+    wave = np.maximum(convolve(standard[:, :split].reshape(len(x), steps, -1), kernel, 1), 0.0)
+    inputs = np.concatenate([wave.reshape(len(x), -1), standard[:, split:]], axis=1)
+    score = np.where(np.array(labels)[:, None] == ("pull", "push"), 3.0, -3.0)
+    last = inputs.T @ np.linalg.solve(inputs @ inputs.T + 10.0 * np.eye(len(x)), score)  # ridge regression
+    settings = feature_settings(config) | {"maps": dataclasses.asdict(config.maps), "curves": {}}
+    offset, bias = np.zeros(6, np.float32), np.zeros(2, np.float32)
+    weights = (last.astype(np.float32),)
+    return CurveNet(mean, scale, (kernel,), (offset,), weights, (bias,), CURVE_NAMES, ("pull", "push"), steps, settings=settings)
+
+
+def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
+    """The node loads what the file says, at ten clouds a second; its gestures are the library's, these the network's own predictions."""
+    config = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))
+    model, default = curve_model(config), flat(GestureConfig())
+    knobs = {name.replace(".", "__"): value for name, value in flat(config).items() if value != default[name]}
+    assert knobs
+    bench, (items, labels) = Bench(ros, tmp_path, model, **knobs), slow_strokes(2, 8)
+
+    recognizer = GestureRecognizer(config, load_model(tmp_path / "model.npz"), INFO.mount)
+    found = [(event, tracked.cloud.stamp_ns) for tracked in items for event in recognizer.find(tracked)]
+    wanted = [recognizer.name(event, stamp_ns) for event, stamp_ns in found]
+    assert [gesture.name for gesture in wanted] == labels
+    for (event, _), gesture in zip(found, wanted, strict=True):
+        own = model.probabilities(Curves().process(event.maps))
+        np.testing.assert_array_equal(gesture.probabilities[[GESTURES.index(label) for label in model.labels]], own)
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) >= len(wanted))
+    assert bench.gestures == [gesture_to_msg(gesture) for gesture in wanted]
+
+
+def test_curve_code_is_loaded_for_a_model_that_needs_it_only():
+    """A node with the shipped perceptron holds nothing of the curves."""
+    code = (
+        "import sys, rclpy; rclpy.init(); from radar_ros.nodes.gestures import make_node; make_node();"
+        "print([name for name in sys.modules if name.startswith('radar_gestures') and 'curve' in name])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_maps_are_sent_to_who_listens(ros, tmp_path):

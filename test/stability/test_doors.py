@@ -29,9 +29,9 @@ from radar_dsp.doa import DirectionFinder
 from radar_dsp.refine import Refiner
 from radar_dsp.unfold import Unfolder
 from radar_gestures import FEATURE_NAMES, EventConfig, EventDetector, GestureConfig, GestureRecognizer
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import CurveConfig, EventMaps
-from radar_gestures.recognizer import EventStage
+from radar_gestures.stage import EventStage
 from radar_lab.alignment import Trajectory, align_points
 from radar_lab.alignment.pair import PairConfig, Walker
 from radar_lab.arrays.calibration import Calibration, Calibrator, Snapshots

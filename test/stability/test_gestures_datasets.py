@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, DataError, PointCloud, RadarInfo
-from radar_gestures.recognizer import GestureConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.labelled import Moment, cut_out, import_labelled
 from radar_lab.datasets.readings import _surroundings, collect, cubes, maps_of, read, read_stroke
 from radar_lab.datasets.samples import SampleSet, pack_clouds, read_samples, unpack_clouds

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError, PointCloud
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, soften

@@ -7,7 +7,7 @@ import pytest
 
 from radar_core import DataError, PointCloud, Pose
 from radar_gestures import EventConfig, EventDetector, GestureConfig
-from radar_gestures.recognizer import EventStage
+from radar_gestures.stage import EventStage
 from radar_ros.messages.tracks import hand_from_msg, hand_to_msg, tracks_from_msg, tracks_to_msg
 from radar_tracking import HandTracker, PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus
 from radar_tracking.estimators import Belief, EstimatorConfig, Measurement, make_estimator

@@ -16,7 +16,7 @@ from radar_dsp.doa import DirectionFinder
 from radar_dsp.unfold import Unfolder
 from radar_gestures import GestureConfig
 from radar_gestures.features import weighted_medians
-from radar_gestures.recognizer import EventStage
+from radar_gestures.stage import EventStage
 from radar_lab.alignment import align_points
 from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures
 from radar_lab.training.encoder import EncoderConfig, encode

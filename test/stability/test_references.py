@@ -14,7 +14,7 @@ from radar_core import AntennaArray, RadarInfo, Waveform
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.linalg import solve_spd
 from radar_dsp.thresholds import ca_factor
-from radar_gestures.classifiers.model import GestureModel
+from radar_gestures.classifiers.perceptron import GestureModel
 from radar_lab.training.calibration import log_loss, soften
 from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.reference import Reference
