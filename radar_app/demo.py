@@ -215,15 +215,15 @@ def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
         )
         rows.append((f"person {name}", text + f"position {_number(person['position_rms_m'], '.2f', ' m')} rms"))
     gestures, hand = report.get("gestures", {}), report.get("hand", {})
-    if gestures.get("total"):
-        share = gestures["hits"] / gestures["total"]
-        text = f"{gestures['hits']} of {gestures['total']} right ({share:.0%}), {gestures['wrong']} wrong, {gestures['misses']} missed, "
+    if gestures:
+        share = f" ({gestures['hits'] / gestures['total']:.0%})" if gestures["total"] else ""
+        text = f"{gestures['hits']} of {gestures['total']} right{share}, {gestures['wrong']} wrong, {gestures['misses']} missed, "
         rows.append(("gestures", text + f"{gestures['false_gestures']} false"))
     rows.append(
         ("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {_number(hand.get('tracked_fraction'), '.0%')} of its drawing")
     )
     ghosts = f"{report.get('ghost_track_frames', '-')} of {report.get('track_frames', '-')} track-frames"
-    rows.append(("ghosts", f"{ghosts} are farther than {_number(report.get('gate_m'), '.1f', ' m')} from everybody"))
+    rows.append(("ghosts", f"{ghosts} on nobody (gate {_number(report.get('gate_m'), '.1f', ' m')})"))
     rows += _tracking_figures(report)
     latency = (
         f"{_number(report.get('latency_ms_median'), '.1f')} ms median, {_number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"

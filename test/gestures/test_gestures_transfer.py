@@ -89,6 +89,15 @@ def test_hands_never_jump_and_stay_within_reach(number: int) -> None:
     assert np.linalg.norm(way, axis=1).max() <= 1.0
 
 
+def test_drills_are_kept_by_what_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another plan or another stroke is another place; the words of the module are not asked."""
+    first = drills.drawn(PLAN)
+    assert drills.drawn(replace(PLAN)) == first
+    assert drills.drawn(replace(PLAN, turn=0.3)) != first
+    monkeypatch.setitem(drills._STROKES, "push", drills._STROKES["pull"])
+    assert drills.drawn(PLAN) != first
+
+
 def test_a_push_approaches_and_a_pull_recedes(made: list[tuple[drills.Drill, list[PointCloud]]]) -> None:
     """During the stroke, the point with the largest speed approaches in a push and recedes in a pull, by more than two Doppler steps."""
     for drill, clouds in made:
