@@ -62,7 +62,7 @@ def run_replay(options: ReplayOptions) -> int:
     common = {"reliable": True} if options.lockstep else {"use_sim_time": options.clock}
     parameters = {name: dict(values) for name, values in (options.parameters or {}).items()}
     parameters["*"] = {**common, **parameters.get("*", {})}
-    # The driver does not run in a replay: whoever sends the recording in its place knows the measured mount.
+    # The driver does not run in a replay: the player sends the recording in its place, so it gets the measured mount.
     file = parameters.get("driver", {}).get("calibration", "")
     mount = load_mount(file) if file else None
     without = ("baseband",) if recording.topic == "radar/points" else ()

@@ -65,7 +65,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
 
 
 def _in_child(parent: int) -> Callable[[], None]:
-    """Make what the child does before it becomes a node (Linux): it is to end when whoever started it ends, however that happens."""
+    """Make what the child does before it becomes a node (Linux): it ends when its parent ends, however that happens."""
 
     def prepare() -> None:
         # A node takes a second to import; until it can tidy up, Python's answer to SIGINT would be a traceback.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -81,7 +81,7 @@ def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: boo
     cls : type
         A class made with `radar_core.config.config`.
     prefix : str
-        Put before every name, e.g. ``"tracker."``.
+        Put before every name, e.g. ``"consistency."``.
     changeable : bool
         Whether they may be set while the node runs; then call `on_change` too.
 
@@ -117,52 +117,51 @@ def on_change(node: Any, current: T, prepare: Callable[[T], Callable[[], None]],
     current : dataclass
         The configuration that `declare_config` gave.
     prepare : callable
-        Called with the new configuration. It makes whatever the node needs to work with it, changing nothing yet, and returns a function
-        that puts it in place; that one is called, between two callbacks of the node, once nobody refuses the new values. A `HandwaveError`
-        refuses them: its text goes to whoever set the parameters, and the node works on with the old ones. So does any other error,
-        because a trial must not end a running node.
+        Called with the new configuration. It makes whatever the node needs to work with it, changes nothing yet, and returns a function
+        that puts it in place. That function is called between two callbacks of the node, once nobody refuses the new values. A
+        `HandwaveError` refuses them: its text goes to whoever set the parameters, and the node works on with the old ones. So does any
+        other error, because a trial must not end a running node.
     prefix : str
         As given to `declare_config`.
     """
-    cls = type(current)
-    names = {prefix + name: name for name, _, _ in _knobs(cls)}
-    held = current
-    apply: Callable[[], None] | None = None
+    changes = _Changes(node, current, prepare, prefix)
+    node.add_on_set_parameters_callback(changes.check)
+    node.add_post_set_parameters_callback(changes.put_in_place)
 
-    def check(parameters: Sequence[Any]) -> SetParametersResult:
-        nonlocal held, apply
-        apply = None
-        ours = [p for p in parameters if p.name in names]
-        if not ours:
-            return SetParametersResult(successful=True)
+
+class _Changes(Generic[T]):
+    """One configuration of a node, whose parameters are set while it runs; see `on_change`."""
+
+    def __init__(self, node: Any, current: T, prepare: Callable[[T], Callable[[], None]], prefix: str) -> None:
+        self._node, self._held, self._prepare = node, current, prepare
+        self._names = {prefix + name: name for name, _, _ in _knobs(type(current))}
+        self._pending: tuple[T, Callable[[], None], str] | None = None
+
+    def check(self, parameters: Sequence[Any]) -> SetParametersResult:
+        """Refuse new values, or prepare to work with them."""
+        self._pending = None
+        ours = [p for p in parameters if p.name in self._names]
         said = ", ".join(f"{p.name} = {p.value!r}" for p in ours)
+        log = self._node.get_logger()
         try:
-            wanted = _changed(node, cls, names, ours)
-            if wanted == held:
-                return SetParametersResult(successful=True)
-            place = prepare(wanted)
+            wanted = _changed(self._node, type(self._held), self._names, ours) if ours else self._held
+            if wanted != self._held:
+                self._pending = wanted, self._prepare(wanted), said
         except HandwaveError as error:
-            node.get_logger().error(f"refused {said}: {error}")
+            log.error(f"refused {said}: {error}")
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
-            node.get_logger().error(f"refused {said}, because of a fault of this program:\n{traceback.format_exc()}")
+            log.error(f"refused {said}, because of a fault of this program:\n{traceback.format_exc()}")
             return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
-
-        def apply_all() -> None:
-            nonlocal held
-            place()
-            held = wanted
-            node.get_logger().info(f"works with {said} from now on")
-
-        apply = apply_all
         return SetParametersResult(successful=True)
 
-    def put_in_place(_: Sequence[Any]) -> None:
-        if apply is not None:
-            apply()
-
-    node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(put_in_place)
+    def put_in_place(self, _: Sequence[Any]) -> None:
+        """Work with the values that were prepared; every other callback has accepted them too."""
+        if self._pending is not None:
+            wanted, place, said = self._pending
+            place()
+            self._held = wanted
+            self._node.get_logger().info(f"works with {said} from now on")
 
 
 def _knobs(cls: Any) -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:

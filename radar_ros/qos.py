@@ -37,7 +37,7 @@ def results_in(*, newest: bool) -> QoSProfile:
 
 
 COMMAND = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""What an application tells a stage (hand/trigger): reliable, in order; not latched, because an old wish is nobody's wish now."""
+"""What an application tells a stage (hand/trigger): reliable, in order; not latched, so that no node acts on an old command."""
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, radar/pose, /tf_static."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -112,27 +112,37 @@ def play(
     int
         Messages published.
     """
-    count, first, last_tick = 0, 0, -1
-    started = time.monotonic()
+    count = 0
     latched: list[Recorded] = []
-    for item in read(path, topics):
-        if count == 0:
-            first = item.stamp_ns
+
+    def waiting(now_ns: int) -> None:
+        if clock:
+            player.tick(now_ns)
+        while latched:
+            player.publish(latched.pop())
+
+    for item in _in_time(read(path, topics), rate, spin, waiting):
+        player.publish(item)
+        if local(item.topic) == "radar/info":
+            latched[:] = [item]
+        count += 1
+    return count
+
+
+def _in_time(items: Iterable[Recorded], rate: float, spin: Callable[[float], None], waiting: Callable[[int], None]) -> Iterator[Recorded]:
+    """Yield recorded messages when their time has come; ``waiting`` is told the recording's time [ns] again and again meanwhile."""
+    first: int | None = None
+    last_tick = -1
+    started = time.monotonic()
+    for item in items:
+        first = item.stamp_ns if first is None else first
         while (wait := (item.stamp_ns - first) * 1e-9 / rate - (time.monotonic() - started)) > 1e-4:
             spin(min(wait, _CLOCK_INTERVAL))
             now = first + round((time.monotonic() - started) * rate * 1e9)
             if now - last_tick > _CLOCK_INTERVAL * 1e9:
-                if clock:
-                    player.tick(min(now, item.stamp_ns))
+                waiting(min(now, item.stamp_ns))
                 last_tick = now
-                for old in latched:
-                    player.publish(old)
-                latched = []
-        player.publish(item)
-        if local(item.topic) == "radar/info":
-            latched = [item]
-        count += 1
-    return count
+        yield item
 
 
 class Lockstep:

@@ -87,7 +87,7 @@ class StageMixin:
     frame_interval : float
         Time that there is for one frame [s], against which `diagnostics` sets the time spent; `InfoKeeper` sets it. 0: not known.
     commands : set of str
-        Full names of topics that an application may send, or nobody: `ready` does not wait for them.
+        Full names of topics on which an application may send commands. `ready` does not wait for a publisher there.
     """
 
     def start_stage(self: Any, stage: str) -> None:

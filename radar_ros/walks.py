@@ -13,7 +13,7 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.executors import SingleThreadedExecutor
 
-from radar_core import DataError, PointCloud, RadarInfo
+from radar_core import DataError, RadarInfo
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, load_context
 from radar_lab.alignment.pair import PairConfig, Walker
@@ -37,15 +37,15 @@ class _Radar:
         self._config = baseband or CalibratedBasebandConfig()
         self._baseband: Baseband | None = None
 
-    def cloud(self, msg: Any) -> PointCloud:
-        """Read a cloud."""
-        return cloud_from_msg(msg)
-
-    def from_frame(self, msg: Any) -> PointCloud:
-        """Read a raw frame and make its cloud."""
-        if self._baseband is None:
-            self._baseband = Baseband(self._config, load_context(self.info, self._config.calibration).radar)
-        return self._baseband.process(frame_from_msg(msg))
+    def take(self, kind: str, msg: Any) -> None:
+        """Follow the person through the next message of ``radar/points``, or of ``radar/frame``, of which a cloud is made."""
+        if kind == "radar/points":
+            cloud = cloud_from_msg(msg)
+        else:
+            if self._baseband is None:
+                self._baseband = Baseband(self._config, load_context(self.info, self._config.calibration).radar)
+            cloud = self._baseband.process(frame_from_msg(msg))
+        self.walker.process(cloud)
 
 
 def from_bag(
@@ -77,32 +77,27 @@ def from_bag(
     DataError
         Naming what is not in the recording.
     """
-    basebands = {name: baseband_config(parameters or {}, _space(name)) for name in names}
+    basebands = {_space(name): baseband_config(parameters or {}, _space(name)) for name in names}
     counts = contents(path)
-    topics = {name: _topic(path, counts, name) for name in names}
-    total = sum(counts[topic] for topic in topics.values())
-    kinds = {local(topic) for topic in topics.values()}
+    topics = {_topic(path, counts, _space(name)): _space(name) for name in names}
+    total = sum(counts[topic] for topic in topics)
     radars: dict[str, _Radar] = {}
-    spaces = {_space(name): name for name in names}
     done = 0
-    for item in read(path, ("radar/info", *kinds)):
+    for item in read(path, ("radar/info", *{local(topic) for topic in topics})):
         kind = local(item.topic)
-        name = spaces.get(item.topic.removesuffix(kind).strip("/"))
-        if name is None or (kind != "radar/info" and item.topic != topics[name]):
-            continue
-        msg = parse(item.data, kind)
-        if kind == "radar/info":
-            info = info_from_msg(msg)
-            if name in radars and radars[name].info != info:
+        name = item.topic.removesuffix(kind).strip("/")
+        if kind == "radar/info" and name in basebands:
+            info = info_from_msg(parse(item.data, kind))
+            if name not in radars:
+                radars[name] = _Radar(info, config, basebands[name])
+            elif radars[name].info != info:
                 raise DataError(f"{path}: radar/info of {name} changes within the recording; cut it where the radar was changed")
-            radars.setdefault(name, _Radar(info, config, basebands[name]))
-            continue
-        done += 1
-        progress(done / total)
-        if name in radars:  # frames before their info cannot be understood
-            radar = radars[name]
-            radar.walker.process(radar.cloud(msg) if kind == "radar/points" else radar.from_frame(msg))
-    first, second = (radars[name].walker for name in names)
+        elif item.topic in topics:
+            done += 1
+            progress(done / total)
+            if name in radars:  # frames before their info cannot be understood
+                radars[name].take(kind, parse(item.data, kind))
+    first, second = (radars[_space(name)].walker for name in names)
     return first, second
 
 
@@ -114,11 +109,11 @@ def _topic(path: Path, counts: dict[str, int], name: str) -> str:
     """Full name of the clouds of a radar, or of its raw frames where there are no clouds."""
     held = {topic for topic, count in counts.items() if count}
     for kind in ("radar/points", "radar/frame"):
-        if {f"/{_space(name)}/{kind}", f"/{_space(name)}/radar/info"} <= held:
-            return f"/{_space(name)}/{kind}"
+        if {f"/{name}/{kind}", f"/{name}/radar/info"} <= held:
+            return f"/{name}/{kind}"
     radars = sorted({topic.removesuffix("/radar/info").strip("/") for topic in held if topic.endswith("/radar/info")})
     raise DataError(
-        f"{path}: has no {_space(name)}/radar/points with {_space(name)}/radar/info; radars in it: {', '.join(radars) or 'none'}. Name "
+        f"{path}: has no {name}/radar/points with {name}/radar/info; radars in it: {', '.join(radars) or 'none'}. Name "
         "two of them with --radars, or record both: handwave up two_radars, handwave record"
     )
 
@@ -161,7 +156,7 @@ class Listener:
         def take(msg: Any) -> None:
             if name in self._radars:
                 try:
-                    self._radars[name].walker.process(self._radars[name].cloud(msg))
+                    self._radars[name].take("radar/points", msg)
                 except DataError as error:
                     self.refused.append(str(error))
 

@@ -242,7 +242,7 @@ def cloud_from_msg(msg: Any) -> PointCloud:
 
 
 def stride(msg: Any) -> int:
-    """How much larger the sequence of the next cloud or tracks is; 0, of whoever does not know the field, means 1."""
+    """How much larger the sequence of the next cloud or tracks is; 0, in recordings without the field, means 1."""
     return max(int(msg.every), 1)
 
 

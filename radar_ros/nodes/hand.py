@@ -33,7 +33,7 @@ class HandNode(StageNode):
         super().__init__("hand", **kwargs)
         self._tracker = HandTracker(declare_config(self, HandConfig))
         self._people: dict[int, TrackStatus] = {}
-        self._wish = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand
+        self._command = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand
         self._told: Counter[int] = Counter()  # clouds since the last diagnostics, by the number of axes along which they told the velocity
         self._hand = self.create_publisher(HandTrackMsg, "hand", qos.RESULT)
         self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
@@ -57,24 +57,24 @@ class HandNode(StageNode):
         elif not self._wanted():
             if all(status is TrackStatus.TENTATIVE for status in self._people.values()):
                 self.caution(
-                    "hand/trigger: nobody is there (yet) whose hand could be followed; send it again once tracks has a confirmed track"
+                    "hand/trigger: there is no person yet whose hand could be followed; send it again once tracks has a confirmed track"
                 )
             self._start(None)
 
     def _wanted(self) -> bool:
         """Whether a hand is followed or looked for, or will be once the last command takes effect."""
-        due_ns, wish = self._wish
-        return wish if self._stamp_ns < due_ns else self._tracker.active
+        due_ns, follow = self._command
+        return follow if self._stamp_ns < due_ns else self._tracker.active
 
     def _start(self, track_id: int | None) -> None:
         self._tracker.start(track_id, self._stamp_ns)
-        self._wish = (self._due_ns(), True)
+        self._command = (self._due_ns(), True)
 
     def _stop(self) -> None:
         # with its stamp: an end at once could overtake a start that has not taken effect yet; once: without clouds nothing takes effect
-        if self._wish != (self._due_ns(), False):
+        if self._command != (self._due_ns(), False):
             self._tracker.stop(self._stamp_ns)
-        self._wish = (self._due_ns(), False)
+        self._command = (self._due_ns(), False)
 
     def _due_ns(self) -> int:
         return self._stamp_ns + round(self._tracker.config.trigger_delay * 1e9)
@@ -102,7 +102,7 @@ class HandNode(StageNode):
             tracks = tracks_from_msg(tracks_msg)
             if self.went_back(tracks.stamp_ns):
                 self._tracker.reset()
-                self._wish = (-1, False)
+                self._command = (-1, False)
             hand = self._tracker.process(TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks))
         except HandwaveError as error:
             self.dropped += 1

@@ -186,7 +186,7 @@ def test_nobody_to_follow_is_said(stage):
         stage.send(k, ((1, NEAR, TrackStatus.TENTATIVE),))
     assert stage.hands == []
     assert len(stage.cautions) == 2
-    assert "hand/trigger: nobody is there" in stage.cautions[0]
+    assert "hand/trigger: there is no person yet" in stage.cautions[0]
     stage.send(16)
     stage.tell(True)
     for k in range(17, 26):
