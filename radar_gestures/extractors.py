@@ -2,44 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError
+from radar_core.config import load
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import SensorView
 
-
-class Extractor(Protocol):
-    """Makes the features of one kind of model.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What the numbers mean, in order.
-    """
-
-    names: tuple[str, ...]
-
-    def process(self, view: SensorView) -> NDArray[np.float64] | None:
-        """Features of one sensor's view of an event, shape (n_features,) = ``names``; None: it saw too little."""
-        ...
+Extract = Callable[[SensorView], NDArray[np.float64] | None]
+"""Makes the features of one sensor's view of an event, shape (n_features,); None: it saw too little."""
 
 
-class EventFeatures:
-    """The thirteen features, which the event stage has made already."""
-
-    names = FEATURE_NAMES
-
-    def process(self, view: SensorView) -> NDArray[np.float64] | None:
-        """See `Extractor`."""
-        return view.features
-
-
-def make_extractor(name: str, settings: Mapping[str, Any]) -> Extractor:
+def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, ...], Extract]:
     """Make the extractor that a model names.
 
     Parameters
@@ -49,15 +27,23 @@ def make_extractor(name: str, settings: Mapping[str, Any]) -> Extractor:
     settings : mapping
         Of the model; ``curves`` in it are the knobs of the curves.
 
+    Returns
+    -------
+    names : tuple of str
+        What the features mean, in order.
+    extract : callable
+        See `Extract`.
+
     Raises
     ------
     ConfigError
         When there is no such extractor, or its knobs make no sense.
     """
     if name == "events":
-        return EventFeatures()
+        return FEATURE_NAMES, lambda view: view.features
     if name == "curves":
-        from radar_gestures.curve_features import CurveFeatures  # with the code of curves, which no other model needs
+        from radar_gestures.curves import CurveConfig, Curves  # only here: no other model needs this code
 
-        return CurveFeatures(settings.get("curves"))
+        curves = Curves(load(CurveConfig, settings.get("curves"), "curves of the gesture model"))
+        return curves.names, lambda view: curves.process(view.maps) if view.maps is not None and len(view.maps.stamp_ns) else None
     raise ConfigError(f"the gesture model takes features of the extractor {name!r}; this version of Handwave has events and curves")

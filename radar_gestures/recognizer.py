@@ -113,8 +113,8 @@ class GestureRecognizer:
         different = _differences(trained, feature_settings(config) | {"maps": dataclasses.asdict(config.maps)})
         if different:
             raise ConfigError(f"the gesture model was trained with other settings: {different}; set these, or train another model")
-        self._extractor = make_extractor(model.extractor, model.settings)
-        if model.names != self._extractor.names:
+        names, self._extract = make_extractor(model.extractor, model.settings)
+        if model.names != names:
             raise ConfigError(
                 f"the gesture model takes other features ({', '.join(model.names[:3])}, ...) than its extractor {model.extractor!r} makes"
             )
@@ -196,7 +196,7 @@ class GestureRecognizer:
     def _opinions(self, found: TrackEvent) -> list[_Opinion]:
         """Classify every view that has features; the most familiar first."""
         opinions = []
-        for features in map(self._extractor.process, found.views):
+        for features in map(self._extract, found.views):
             if features is None:
                 continue
             probabilities = self._model.probabilities(features)

@@ -154,40 +154,6 @@ class ByDistance:
         """See `Rejector`."""
         return {"means": self.means, "factors": self.factors, "weight": self.weight}
 
-    @classmethod
-    def fit(
-        cls, standard: NDArray[np.float64], label: NDArray[np.int64], n_labels: int, *, weight: float = 0.05, shared: bool = False
-    ) -> ByDistance:
-        """Estimate means and covariances from training samples.
-
-        Parameters
-        ----------
-        standard : ndarray of float64, shape (n, n_features)
-            Standardised features.
-        label : ndarray of int64, shape (n,)
-            What each is; every label must occur.
-        n_labels : int
-            Number of labels.
-        weight : float
-            See the class.
-        shared : bool
-            One covariance for all labels: for features so many that one for each would make the file large.
-        """
-        from sklearn.covariance import LedoitWolf  # only training needs scikit-learn
-
-        own = [standard[label == number] for number in range(n_labels)]
-        means = np.array([rows.mean(axis=0) for rows in own])
-        away = [rows - mean for rows, mean in zip(own, means, strict=True)]
-        groups = [np.concatenate(away)] if shared else away
-        factors = []
-        for rows in groups:
-            covariance = LedoitWolf(assume_centered=True).fit(rows).covariance_
-            # A feature that never varies within a class would make every other value of it infinitely far.
-            covariance += 1e-3 * np.eye(len(covariance))
-            lower = np.linalg.inv(np.linalg.cholesky(covariance))
-            factors.append(lower[np.tril_indices(len(lower))])
-        return cls(means.astype(np.float32), np.array(factors, np.float32), np.array(weight, np.float32))
-
 
 def make_rejector(name: object, arrays: Mapping[str, NDArray[np.float32]]) -> Rejector:
     """Make the rejector of a model file again.

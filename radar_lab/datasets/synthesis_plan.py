@@ -6,7 +6,7 @@ import dataclasses
 import difflib
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -59,12 +59,11 @@ class Plan:
     Without subjects each pair of bounds is drawn from evenly. A subject has a usual value of each, and repetitions differ about it.
     """
 
-    animations: str = knob(
+    animations: Literal["thesis", "all"] = knob(
         "thesis",
-        choices=tuple(ANIMATIONS),
         doc="thesis: its ten animations, push, pull and rotate in two variants each; all: the ten gestures, random movement included",
     )
-    gestures: tuple[str, ...] = knob((), choices=None, doc="keep only these of them; empty: all")
+    gestures: tuple[str, ...] = knob((), doc="keep only these of them; empty: all")
     n_subjects: int = knob(0, low=0, high=100_000, doc="people who perform every gesture again and again; 0: every sample is of another")
     repetitions: int = knob(15, low=1, high=100_000, doc="of every gesture by every subject")
     within: float = knob(

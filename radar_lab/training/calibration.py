@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite
+from radar_gestures.classifiers.rejection import ByDistance
 
 _TINY: Final[float] = 1e-12  # a probability of 0 would make any temperature infinitely unlikely
 _TEMPERATURES: Final[tuple[float, float]] = (0.05, 20.0)
@@ -142,3 +143,37 @@ def choose_reject(score: NDArray[np.floating], lost: float = 0.05) -> float:
     if len(score) == 0:
         return 0.0
     return float(np.sort(score)[min(math.floor(lost * len(score) + 1e-9), len(score) - 1)])
+
+
+def fit_distance(
+    standard: NDArray[np.float64], label: NDArray[np.int64], n_labels: int, *, weight: float = 0.05, shared: bool = False
+) -> ByDistance:
+    """Estimate the means and covariances of a rejector from training samples.
+
+    Parameters
+    ----------
+    standard : ndarray of float64, shape (n, n_features)
+        Standardised features.
+    label : ndarray of int64, shape (n,)
+        What each is; every label must occur.
+    n_labels : int
+        Number of labels.
+    weight : float
+        See `ByDistance`.
+    shared : bool
+        One covariance for all labels: for features so many that one for each would make the file large.
+    """
+    from sklearn.covariance import LedoitWolf  # only training needs scikit-learn
+
+    own = [standard[label == number] for number in range(n_labels)]
+    means = np.array([rows.mean(axis=0) for rows in own])
+    away = [rows - mean for rows, mean in zip(own, means, strict=True)]
+    groups = [np.concatenate(away)] if shared else away
+    factors = []
+    for rows in groups:
+        covariance = LedoitWolf(assume_centered=True).fit(rows).covariance_
+        # A feature that never varies within a class would make every other value of it infinitely far.
+        covariance += 1e-3 * np.eye(len(covariance))
+        lower = np.linalg.inv(np.linalg.cholesky(covariance))
+        factors.append(lower[np.tril_indices(len(lower))])
+    return ByDistance(means.astype(np.float32), np.array(factors, np.float32), np.array(weight, np.float32))

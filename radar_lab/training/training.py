@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,10 @@ from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.classifiers.perceptron import RANDOM, GestureModel
-from radar_gestures.classifiers.rejection import ByDistance, ByProbability, Rejector
+from radar_gestures.classifiers.rejection import ByProbability, Rejector
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
-from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, soften
+from radar_lab.training.calibration import calibration_error, choose_reject, fit_distance, fit_temperature, soften
 from radar_lab.training.validation import Mask, Validation, as_text, cross_validate, leave_subjects_out
 
 _MOST_REPEATS: Final[int] = 8  # of a rare sample: more of the same teaches nothing
@@ -35,7 +35,7 @@ class TrainingConfig:
     max_iterations: int = knob(600, low=1, high=1_000_000, doc="most passes over the samples; training ends earlier when it gains nothing")
     starts: int = knob(1, low=1, high=100, doc="start weights that are tried; of these networks the one with the least loss is kept")
     balanced: bool = knob(True, doc="repeat rare labels, at most eight times a sample, until all weigh the same")
-    rejector: str = knob("distance", choices=("distance", "probability"), doc="what tells gestures that the model does not know")
+    rejector: Literal["distance", "probability"] = knob("distance", doc="what tells gestures that the model does not know")
     shared: bool = knob(False, doc="rejector distance: one covariance for all labels, which keeps the file small with many features")
     lost: float = knob(0.05, low=0.0, high=1.0, doc="known gestures that may be lost so that unknown ones are rejected")
     folds: int = knob(10, low=2, high=1000, doc="most parts of the cross-validation; each leaves at least two people out")
@@ -251,7 +251,7 @@ def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Se
     weights, biases = _perceptron(standard[order], label[order], settings)
     rejector: Rejector = ByProbability()
     if settings.rejector == "distance":
-        rejector = ByDistance.fit(standard, label, len(labels), shared=settings.shared)
+        rejector = fit_distance(standard, label, len(labels), shared=settings.shared)
     return GestureModel(
         mean.astype(np.float32),
         scale.astype(np.float32),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from radar_core import ConfigError, DataError
 from radar_gestures.classifiers.rejection import ByDistance, ByProbability, make_rejector
-from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, log_loss, reliability, soften
+from radar_lab.training.calibration import calibration_error, choose_reject, fit_distance, fit_temperature, log_loss, reliability, soften
 
 
 def honest(n=20_000, n_labels=5, seed=0):
@@ -85,7 +85,7 @@ def cloud(n=4000, seed=1):
 def test_the_distance_is_mahalanobis_to_the_most_probable_label():
     """4,000 samples fix mean and covariance to a few per cent; the score at k deviations is p exp(-w k^2)."""
     x, label, middle, spread = cloud()
-    rejector = ByDistance.fit(x, label, 2, weight=0.1)
+    rejector = fit_distance(x, label, 2, weight=0.1)
     p = np.array([[0.8, 0.2], [0.1, 0.9]])
     for k in (0.0, 1.0, 3.0):
         at = middle + k * spread * [0.0, 1.0, 0.0]
@@ -95,7 +95,7 @@ def test_the_distance_is_mahalanobis_to_the_most_probable_label():
 def test_squared_distances_of_a_label_average_to_the_number_of_features():
     """Chi square with 3 degrees of freedom: the mean of 2,000 is 3 +- 0.05; the ridge of 1e-3 on a variance of 0.04 takes 1 %."""
     x, label, _, _ = cloud()
-    rejector = ByDistance.fit(x, label, 2, weight=1.0)
+    rejector = fit_distance(x, label, 2, weight=1.0)
     square = -np.log(rejector.score(x, np.eye(2)[label], None))
     for number in (0, 1):
         assert square[label == number].mean() == pytest.approx(3.0, abs=0.2)
@@ -103,7 +103,7 @@ def test_squared_distances_of_a_label_average_to_the_number_of_features():
 
 def test_one_covariance_for_all_labels_is_their_mean():
     x, label, middle, spread = cloud()
-    rejector = ByDistance.fit(x, label, 2, weight=1.0, shared=True)
+    rejector = fit_distance(x, label, 2, weight=1.0, shared=True)
     assert rejector.factors.shape == (1, 6)
     square = -np.log(rejector.score(middle[:1] + np.eye(3)[:1], np.array([[1.0, 0.0]]), None))
     assert square[0] == pytest.approx(1 / np.mean(spread[:, 0] ** 2), rel=0.1)
@@ -112,7 +112,7 @@ def test_one_covariance_for_all_labels_is_their_mean():
 def test_single_events_and_many_score_alike():
     x, label, _, _ = cloud(40)
     p = np.random.default_rng(0).dirichlet(np.ones(2), 40)
-    for rejector in (ByDistance.fit(x, label, 2), ByDistance.fit(x, label, 2, shared=True), ByProbability()):
+    for rejector in (fit_distance(x, label, 2), fit_distance(x, label, 2, shared=True), ByProbability()):
         np.testing.assert_allclose(rejector.score(x, p, None), [rejector.score(a, b, None) for a, b in zip(x, p, strict=True)])
 
 
@@ -127,20 +127,20 @@ def test_random_never_counts_as_the_best_gesture():
 def test_a_feature_that_never_varies_gives_finite_scores():
     x, label, _, _ = cloud(40)
     x[:, 1] = 2.0
-    rejector = ByDistance.fit(x, label, 2)
+    rejector = fit_distance(x, label, 2)
     assert np.isfinite(rejector.score(x, np.eye(2)[label], None)).all()
     assert np.isfinite(rejector.score(np.full((1, 3), 1e12), np.eye(2)[:1], None)).all()
 
 
 def test_operations_of_the_distance_are_those_of_one_triangle():
     x, label, _, _ = cloud(40)
-    assert ByDistance.fit(x, label, 2).flop == 3 + 12 + 5 + 3
+    assert fit_distance(x, label, 2).flop == 3 + 12 + 5 + 3
     assert ByProbability().flop == 0
 
 
 def test_a_rejector_is_made_again_from_its_arrays():
     x, label, _, _ = cloud(40)
-    rejector = ByDistance.fit(x, label, 2)
+    rejector = fit_distance(x, label, 2)
     again = make_rejector("distance", rejector.arrays())
     np.testing.assert_array_equal(again.score(x, np.eye(2)[label], None), rejector.score(x, np.eye(2)[label], None))
     for name, arrays in (("distance", {}), ("probability", rejector.arrays()), ("other", {})):
@@ -153,6 +153,6 @@ def test_a_rejector_is_made_again_from_its_arrays():
 )
 def test_arrays_that_do_not_fit_are_refused(bad):
     x, label, _, _ = cloud(40)
-    arrays = ByDistance.fit(x, label, 2).arrays() | {name: array.astype(np.float32) for name, array in bad.items()}
+    arrays = fit_distance(x, label, 2).arrays() | {name: array.astype(np.float32) for name, array in bad.items()}
     with pytest.raises(ConfigError, match="rejector"):
         make_rejector("distance", arrays).check(3, 2)

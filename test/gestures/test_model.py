@@ -18,8 +18,8 @@ from radar_core import GESTURES, ConfigError, DataError
 from radar_core.paths import share_dir
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
-from radar_gestures.classifiers.rejection import ByDistance
 from radar_gestures.features import FEATURE_NAMES
+from radar_lab.training.calibration import fit_distance
 
 
 def make(hidden=(32,), names=FEATURE_NAMES, labels=GESTURES, seed=0, **more):
@@ -34,7 +34,7 @@ def make(hidden=(32,), names=FEATURE_NAMES, labels=GESTURES, seed=0, **more):
 def distance(n_labels=10, n_features=13):
     rng = np.random.default_rng(1)
     label = np.arange(40 * n_labels) % n_labels
-    return ByDistance.fit(rng.normal(size=(40 * n_labels, n_features)), label, n_labels)
+    return fit_distance(rng.normal(size=(40 * n_labels, n_features)), label, n_labels)
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,8 @@ import pytest
 
 from radar_core import ConfigError, DataError, PointCloud
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.classifiers.rejection import ByDistance
 from radar_lab.datasets.samples import SampleSet
-from radar_lab.training.calibration import calibration_error, choose_reject, fit_temperature, soften
+from radar_lab.training.calibration import calibration_error, choose_reject, fit_distance, fit_temperature, soften
 from radar_lab.training.encoder import EncoderConfig, encode
 from radar_lab.training.training import TrainingConfig, train_on
 
@@ -145,7 +144,7 @@ def test_certainty_that_is_wrong_stays_finite():
 
 def test_scores_far_away_vanish_without_a_warning():
     rng = np.random.default_rng(4)
-    rejector = ByDistance.fit(rng.normal(size=(40, 13)), np.arange(40) % 2, 2)
+    rejector = fit_distance(rng.normal(size=(40, 13)), np.arange(40) % 2, 2)
     far = np.full((3, 13), 1e150)
     assert (rejector.score(far, np.eye(2)[[0, 1, 0]], None) == 0.0).all()
     assert rejector.score(np.zeros((0, 13)), np.empty((0, 2)), None).shape == (0,)
