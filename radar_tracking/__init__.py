@@ -1,10 +1,17 @@
 """Point clouds to people and hands: clustering, association, estimation, track management."""
 
-from radar_tracking.clustering import dbscan, kmeans
-from radar_tracking.hand import HandConfig, HandTracker
-from radar_tracking.people.config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
-from radar_tracking.people.tracker import PeopleTracker
-from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus
+from typing import TYPE_CHECKING
+
+from radar_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from radar_tracking.clustering.density import dbscan
+    from radar_tracking.clustering.lloyd import kmeans
+    from radar_tracking.hand.config import HandConfig
+    from radar_tracking.hand.tracker import HandTracker
+    from radar_tracking.people.config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
+    from radar_tracking.people.tracker import PeopleTracker
+    from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus
 
 __all__ = [
     "AssociationConfig",
@@ -22,3 +29,15 @@ __all__ = [
     "dbscan",
     "kmeans",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "dbscan": "clustering.density",
+        "kmeans": "clustering.lloyd",
+        "HandConfig": "hand.config",
+        "HandTracker": "hand.tracker",
+        "AssociationConfig FilterConfig LifeConfig TrackerConfig": "people.config",
+        "PeopleTracker": "people.tracker",
+        "HandTrack Track TrackedCloud Tracks TrackStatus": "tracks",
+    },
+)

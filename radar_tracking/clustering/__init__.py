@@ -1,10 +1,15 @@
-"""Which points are one body: DBSCAN, OPTICS, k-means, and two methods that know how a radar sees (thesis, 6.2.2 and Fig. A.19)."""
+"""Which points are one body: DBSCAN, OPTICS, k-means, and two methods for range and azimuth (thesis, 6.2.2 and Fig. A.19)."""
 
-from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints, seen_from
-from radar_tracking.clustering.choose import make_clustering
-from radar_tracking.clustering.density import cluster, dbscan, thin
-from radar_tracking.clustering.lloyd import kmeans
-from radar_tracking.clustering.optics import Optics, optics, split
+from typing import TYPE_CHECKING
+
+from radar_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints, seen_from
+    from radar_tracking.clustering.choose import make_clustering
+    from radar_tracking.clustering.density import cluster, dbscan, thin
+    from radar_tracking.clustering.lloyd import kmeans
+    from radar_tracking.clustering.reachability import Optics, optics, split
 
 __all__ = [
     "ClusterPoints",
@@ -20,3 +25,13 @@ __all__ = [
     "split",
     "thin",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Clustering ClusteringConfig ClusterPoints seen_from": "base",
+        "make_clustering": "choose",
+        "cluster dbscan thin": "density",
+        "kmeans": "lloyd",
+        "Optics optics split": "reachability",
+    },
+)

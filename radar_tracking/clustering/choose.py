@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints, Float64Array, LabelArray
 from radar_tracking.clustering.density import cluster, occupied, thin
 from radar_tracking.clustering.lloyd import kmeans, spread_centres
-from radar_tracking.clustering.optics import optics
 from radar_tracking.clustering.polar import grid_dbscan, polar_dbscan, require_polar
+from radar_tracking.clustering.reachability import optics
 
 _NONE = np.empty(0)
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba
 import numpy as np
 
 from radar_core import DataError
 from radar_core.checks import require_finite
-from radar_tracking.clustering import kernels
 from radar_tracking.clustering.base import Float64Array, LabelArray
 from radar_tracking.clustering.density import dense
+
+_jit = numba.njit(cache=True, nogil=True)
 
 
 def kmeans(points: Float64Array, centres: Float64Array, max_iterations: int = 20) -> tuple[LabelArray, Float64Array]:
@@ -37,7 +41,7 @@ def kmeans(points: Float64Array, centres: Float64Array, max_iterations: int = 20
     """
     points, centres = dense(points), dense(centres)
     require_centres(points, centres)
-    labels, moved = kernels.lloyd(points, centres, max_iterations)
+    labels, moved = _lloyd(points, centres, max_iterations)
     return labels, moved
 
 
@@ -71,3 +75,36 @@ def spread_centres(points: Float64Array, k: int) -> Float64Array:
         chosen.append(points[gap.argmax()])
         gap = np.minimum(gap, ((points - chosen[-1]) ** 2).sum(axis=1))
     return np.array(chosen)
+
+
+@_jit
+def _lloyd(points: Any, centres: Any, max_iterations: int) -> Any:
+    """Assign and average in turn until no label changes: labels, centres."""
+    n, d = points.shape
+    k = len(centres)
+    centres, labels = centres.copy(), np.full(n, -1, np.int64)
+    total, number = np.empty((k, d)), np.empty(k)
+    for _ in range(max_iterations):
+        changed = False
+        total[:], number[:] = 0.0, 0.0
+        for i in range(n):
+            nearest, best = 0, np.inf
+            for c in range(k):
+                squared = 0.0
+                for axis in range(d):
+                    step = points[i, axis] - centres[c, axis]
+                    squared += step * step
+                if squared < best:
+                    nearest, best = c, squared
+            changed |= labels[i] != nearest
+            labels[i] = nearest
+            number[nearest] += 1
+            for axis in range(d):
+                total[nearest, axis] += points[i, axis]
+        if not changed:
+            break
+        for c in range(k):
+            if number[c] > 0:
+                for axis in range(d):
+                    centres[c, axis] = total[c, axis] / number[c]
+    return labels, centres

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
+import numba
 import numpy as np
 
 from radar_core.checks import require_finite
-from radar_tracking.clustering import kernels
 from radar_tracking.clustering.base import ClusteringConfig, ClusterPoints, Float64Array, LabelArray
 from radar_tracking.clustering.density import in_order, occupied
+from radar_tracking.clustering.kernels import grow, weigh
 
 _LARGEST_CELL: Final[float] = 2.0**50
+_jit = numba.njit(cache=True, nogil=True)
 
 
 def demand(distance: Float64Array, config: ClusteringConfig) -> Float64Array:
@@ -69,7 +71,7 @@ def polar_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringCo
     require_polar(points)
     need = demand(points.range, config)
     distance, azimuth = np.ascontiguousarray(points.range), np.ascontiguousarray(points.azimuth)
-    labels: LabelArray = kernels.polar(distance, azimuth, rate, config.eps, config.angle_reach, need, weights)
+    labels: LabelArray = polar_labels(distance, azimuth, rate, config.eps, config.angle_reach, need, weights)
     return labels
 
 
@@ -111,7 +113,7 @@ def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringCon
         edge *= 2
     cells, distance = cells[first], points.range[first]
     reach = _reach(distance, edge, config)
-    by_cell: LabelArray = kernels.grid(cells, reach, n_around, demand(distance, config), count.astype(np.float64))
+    by_cell: LabelArray = grid_labels(cells, reach, n_around, demand(distance, config), count.astype(np.float64))
     labels = by_cell[member]
     found = labels >= 0
     labels[found] = in_order(labels[found])
@@ -135,3 +137,41 @@ def _reach(distance: Float64Array, edge: Float64Array, config: ClusteringConfig)
     reach[:, 1] = np.maximum(config.eps / np.maximum(distance, closest), config.angle_reach) / edge[1]
     cells: LabelArray = np.maximum(1, np.rint(reach)).astype(np.int64)
     return cells
+
+
+@_jit
+def polar_labels(distance: Any, azimuth: Any, rate: Any, eps: float, angle_reach: float, demand: Any, weights: Any) -> Any:
+    """Label points by `polar_dbscan`; ``demand``: neighbours of a core point, by its range."""
+    n = len(distance)
+    near, core = np.empty((n, n), np.bool_), np.empty(n, np.bool_)
+    for i in range(n):
+        for j in range(i, n):
+            middle = 0.5 * (distance[i] + distance[j])
+            turn = azimuth[j] - azimuth[i]
+            turn -= 2 * math.pi * np.rint(turn / (2 * math.pi))
+            along = (distance[j] - distance[i]) / eps
+            across = middle * turn / max(eps, angle_reach * middle)
+            faster = (rate[j] - rate[i]) / eps
+            near[i, j] = near[j, i] = along * along + across * across + faster * faster <= 1.0
+    for i in range(n):
+        core[i] = weigh(near[i], weights) >= demand[i]
+    return grow(near, core)
+
+
+@_jit
+def grid_labels(cells: Any, reach: Any, n_around: int, demand: Any, weights: Any) -> Any:
+    """Label cells by `grid_dbscan`; ``reach``: how many cells away neighbours are, by axis, where the wider reach of the two counts."""
+    n = len(cells)
+    near, core = np.empty((n, n), np.bool_), np.empty(n, np.bool_)
+    for i in range(n):
+        for j in range(i, n):
+            turn = abs(cells[j, 1] - cells[i, 1])
+            turn = min(turn, n_around - turn)
+            near[i, j] = near[j, i] = (
+                abs(cells[j, 0] - cells[i, 0]) <= max(reach[i, 0], reach[j, 0])
+                and turn <= max(reach[i, 1], reach[j, 1])
+                and abs(cells[j, 2] - cells[i, 2]) <= max(reach[i, 2], reach[j, 2])
+            )
+    for i in range(n):
+        core[i] = weigh(near[i], weights) >= demand[i]
+    return grow(near, core)

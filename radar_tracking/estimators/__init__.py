@@ -1,11 +1,16 @@
 """State estimation of tracks (thesis, figure A.21): Kalman filters linear, extended and unscented, IMM, MMAE and MMVelEst."""
 
-from radar_tracking.estimators.base import Belief, Estimator, Innovation, Measurement, join
-from radar_tracking.estimators.config import EstimatorConfig
-from radar_tracking.estimators.convert import from_polar
-from radar_tracking.estimators.make import make_estimator
-from radar_tracking.estimators.snapshot import Snapshot, SnapshotConfig, SnapshotVelocity
-from radar_tracking.estimators.velocity import VelocityMeasurement
+from typing import TYPE_CHECKING
+
+from radar_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from radar_tracking.estimators.base import Belief, Estimator, Innovation, Measurement, join
+    from radar_tracking.estimators.config import EstimatorConfig
+    from radar_tracking.estimators.make import make_estimator
+    from radar_tracking.estimators.snapshot import Snapshot, SnapshotConfig, SnapshotVelocity
+    from radar_tracking.estimators.unbiased import from_polar
+    from radar_tracking.estimators.velocity import VelocityMeasurement
 
 __all__ = [
     "Belief",
@@ -21,3 +26,14 @@ __all__ = [
     "join",
     "make_estimator",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Belief Estimator Innovation Measurement join": "base",
+        "EstimatorConfig": "config",
+        "make_estimator": "make",
+        "Snapshot SnapshotConfig SnapshotVelocity": "snapshot",
+        "from_polar": "unbiased",
+        "VelocityMeasurement": "velocity",
+    },
+)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
 
-MOTIONS = ("constant_velocity", "constant_acceleration", "coordinated_turn")
-FILTERS = ("linear", "extended", "unscented")
+Motion = Literal["constant_velocity", "constant_acceleration", "coordinated_turn"]
+Filter = Literal["linear", "extended", "unscented"]
+MOTIONS: tuple[str, ...] = get_args(Motion)
+FILTERS: tuple[str, ...] = get_args(Filter)
 ESTIMATORS = (*FILTERS, "imm", "mmae", "mm_vel_est")
 
 
@@ -21,10 +23,8 @@ class EstimatorConfig:
     and velocities or range rates where they were measured.
     """
 
-    name: Literal["linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"] = knob("linear", choices=ESTIMATORS, doc="estimator")
-    motion: Literal["constant_velocity", "constant_acceleration", "coordinated_turn"] = knob(
-        "constant_velocity", choices=MOTIONS, doc="motion model of an estimator with one model"
-    )
+    name: Literal["linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"] = knob("linear", doc="estimator")
+    motion: Motion = knob("constant_velocity", doc="motion model of an estimator with one model")
     process_noise: float = knob(
         1.0, unit="m^2/s^3", low=1e-9, high=1e6, doc="spectral density of the acceleration that drives constant velocity and turns"
     )
@@ -35,8 +35,8 @@ class EstimatorConfig:
     )
     acceleration_std: float = knob(2.0, unit="m/s^2", low=1e-3, high=1e3, doc="how far a target's acceleration is from zero when unknown")
     turn_std: float = knob(1.0, unit="rad/s", low=1e-3, high=100.0, doc="how far a target's turn rate is from zero when unknown")
-    filter: Literal["linear", "extended", "unscented"] = knob("linear", choices=FILTERS, doc="filter of every mode of imm and mmae")
-    modes: tuple[str, ...] = knob(("constant_velocity", "constant_velocity"), doc="motion models of imm and mmae, one for each mode")
+    filter: Filter = knob("linear", doc="filter of every mode of imm and mmae")
+    modes: tuple[Motion, ...] = knob(("constant_velocity", "constant_velocity"), doc="motion models of imm and mmae, one for each mode")
     noise_scale: tuple[float, ...] = knob((0.1, 5.0), low=1e-9, high=1e9, doc="factor of the process noise in each mode")
     sojourn: tuple[float, ...] = knob((2.0, 0.5), unit="s", low=1e-3, high=1e6, doc="mean time that imm's targets stay in each mode")
     least_weight: float = knob(1e-6, low=1e-12, high=0.1, doc="no mode's probability falls below this, so that it can come back")
@@ -44,9 +44,8 @@ class EstimatorConfig:
 
     def validate(self) -> None:
         """Raise `ConfigError` when the modes' lists do not belong together."""
-        unknown = [mode for mode in self.modes if mode not in MOTIONS]
-        if unknown or not self.modes:
-            raise ConfigError(f"EstimatorConfig.modes is {self.modes}; choose one or more of {', '.join(MOTIONS)}")
+        if not self.modes:
+            raise ConfigError(f"EstimatorConfig.modes is empty; choose one or more of {', '.join(MOTIONS)}")
         for name in ("noise_scale", "sojourn"):
             given = len(getattr(self, name))
             if given != len(self.modes):

@@ -1,6 +1,6 @@
 """The inner loops of all filters, compiled: small matrices cost more in calls of numpy than in arithmetic.
 
-`predict_reference` and `correct_reference` say the same in numpy; a test holds them equal.
+Numpy oracles are in the tests.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def correct(
     return Correction(mean, covariance, nis, log_det, spread)
 
 
-def surprise(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:
+def nis_and_log_det(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Squared Mahalanobis lengths of residuals, and log determinants of their covariances.
 
     Parameters
@@ -121,7 +121,7 @@ def surprise(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array
     DataError, SingularError
         As `correct`.
     """
-    nis, log_det, status = _surprise(_own(residual), _own(spread))
+    nis, log_det, status = _nis_and_log_det(_own(residual), _own(spread))
     refuse(status)
     return nis, log_det
 
@@ -239,7 +239,7 @@ def _join(P: Any, K: Any, h: Any, noise: Any, keep: Any, half: Any, KR: Any, par
 
 
 @_jit
-def _surprise(residual: Any, spread: Any) -> Any:
+def _nis_and_log_det(residual: Any, spread: Any) -> Any:
     n, m = residual.shape
     nis, log_det = np.zeros(n), np.zeros(n)
     L, scale, solved = np.empty((m, m)), np.empty(m), np.empty(m)

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError
-from radar_tracking.estimators.arcs import arc, bend, lag, turn_moments
 
 Float64Array = NDArray[np.float64]
 
@@ -72,7 +71,7 @@ class _Chain:
     order: ClassVar[int]
 
     def __post_init__(self) -> None:
-        _check_density(self.density)
+        check_density(self.density)
 
     @property
     def dimensions(self) -> int:
@@ -94,7 +93,7 @@ class _Chain:
 
     def noise(self, mean: Float64Array, dt: float) -> Float64Array:
         """Process noise, shape (1, n_states, n_states)."""
-        return _chain_noise(self.order, self.density, dt)[None]
+        return chain_noise(self.order, self.density, dt)[None]
 
 
 class ConstantVelocity(_Chain):
@@ -109,149 +108,8 @@ class ConstantAcceleration(_Chain):
     order = 3
 
 
-@dataclass(frozen=True)
-class CoordinatedTurn:
-    """The floor-plane velocity turns at a rate that drifts; height moves with constant velocity; state (position, velocity, turn rate).
-
-    The turn rate is positive from x towards y [rad/s]. The step without noise is exact. The noise is that of the motion linearised about
-    the noiseless arc, integrated exactly: acceleration noise turns on with the velocity, and turn noise bends the rest of the arc.
-
-    Attributes
-    ----------
-    density : tuple of float
-        Spectral density of the acceleration on every axis [m^2/s^3]; its length, 2 or 3, is the number of dimensions. Both axes of the
-        floor plane must have the same one: a turn mixes them.
-    turn_density : float
-        Of the turn rate's drift [rad^2/s^3].
-    """
-
-    density: tuple[float, ...]
-    turn_density: float
-
-    def __post_init__(self) -> None:
-        _check_density(self.density)
-        _check_density((1.0, self.turn_density))
-        if self.density[0] != self.density[1]:
-            raise ConfigError(f"CoordinatedTurn.density is {self.density}; x and y must have the same, because a turn mixes them")
-
-    @property
-    def dimensions(self) -> int:
-        """2 or 3."""
-        return len(self.density)
-
-    @property
-    def n_states(self) -> int:
-        """Length of the state vector."""
-        return 2 * len(self.density) + 1
-
-    def move(self, mean: Float64Array, dt: float) -> Float64Array:
-        """States, shape (..., n_states), ``dt`` later [s], without noise."""
-        d = self.dimensions
-        turned, carried = arc(mean[..., -1], dt)
-        velocity = mean[..., d] + 1j * mean[..., d + 1]
-        way, after = carried * velocity, turned * velocity
-        moved = mean.copy()
-        moved[..., :d] += dt * mean[..., d : 2 * d]
-        moved[..., 0], moved[..., 1] = mean[..., 0] + way.real, mean[..., 1] + way.imag
-        moved[..., d], moved[..., d + 1] = after.real, after.imag
-        return moved
-
-    def jacobian(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Differentiate `move`, shape (n, n_states, n_states)."""
-        d, n_states = self.dimensions, self.n_states
-        rate = mean[:, -1]
-        turned, carried = arc(rate, dt)
-        after = turned * (mean[:, d] + 1j * mean[:, d + 1])
-        curve = 1j * dt**2 * bend(rate * dt) * after  # derivative of the arc's end by the turn rate
-        swing = 1j * dt * after
-        F = np.zeros((len(mean), n_states, n_states))
-        F[:, range(n_states), range(n_states)] = 1.0
-        F[:, range(d), range(d, 2 * d)] = dt
-        for row, factor in ((0, carried), (d, turned)):
-            F[:, row, d], F[:, row, d + 1] = factor.real, -factor.imag
-            F[:, row + 1, d], F[:, row + 1, d + 1] = factor.imag, factor.real
-        F[:, 0, -1], F[:, 1, -1] = curve.real, curve.imag
-        F[:, d, -1], F[:, d + 1, -1] = swing.real, swing.imag
-        return F
-
-    def noise(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Process noise, shape (n, n_states, n_states)."""
-        d, n_states = self.dimensions, self.n_states
-        angle = mean[:, -1] * dt
-        Q = np.zeros((len(mean), n_states, n_states))
-        Q[:, : 2 * d, : 2 * d] = _chain_noise(2, self.density, dt)
-        # acceleration noise: a rotation keeps it isotropic, and only what links position and velocity turns
-        link = np.conj(bend(angle)) * dt**2 * self.density[0]
-        spread = -2.0 * lag(angle) * dt**3 * self.density[0]
-        Q[:, 0, 0] = Q[:, 1, 1] = spread
-        for i, j, value in ((0, d, link.real), (1, d + 1, link.real), (0, d + 1, link.imag), (1, d, -link.imag)):
-            Q[:, i, j] = Q[:, j, i] = value
-        after = arc(mean[:, -1], dt)[0] * (mean[:, d] + 1j * mean[:, d + 1])
-        # turn noise: its effect in the basis of the last velocity (along, left of it) times the seconds to go
-        basis = np.zeros((len(mean), n_states, 5))
-        for row in (0, d):
-            column = 0 if row == 0 else 2
-            basis[:, row, column], basis[:, row + 1, column] = after.real, after.imag
-            basis[:, row, column + 1], basis[:, row + 1, column + 1] = -after.imag, after.real
-        basis[:, -1, 4] = 1.0
-        Q += self.turn_density * (basis @ turn_moments(angle, dt) @ np.swapaxes(basis, -1, -2))
-        return np.asarray(0.5 * (Q + np.swapaxes(Q, -1, -2)))
-
-
-@dataclass(frozen=True)
-class Embedded:
-    """A model on some states of a longer vector that several models share; the others are unknown, not zero.
-
-    A state that a model does not have is drawn anew from its prior at every step. So an estimator with several models can mix them
-    without claiming that a walker at constant velocity knows his turn rate.
-
-    Attributes
-    ----------
-    motion : Motion
-        The model.
-    columns : tuple of int
-        Where its states lie in the shared vector.
-    prior : tuple of float
-        Standard deviations of the shared vector's states; only those that the model does not have count.
-    """
-
-    motion: Motion
-    columns: tuple[int, ...]
-    prior: tuple[float, ...]
-
-    @property
-    def dimensions(self) -> int:
-        """2 or 3."""
-        return self.motion.dimensions
-
-    @property
-    def n_states(self) -> int:
-        """Length of the shared state vector."""
-        return len(self.prior)
-
-    def move(self, mean: Float64Array, dt: float) -> Float64Array:
-        """States, shape (..., n_states), ``dt`` later [s]; zero where the model has none."""
-        moved = np.zeros_like(mean)
-        moved[..., list(self.columns)] = self.motion.move(mean[..., list(self.columns)], dt)
-        return moved
-
-    def jacobian(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Differentiate `move`, shape (n or 1, n_states, n_states)."""
-        return self._spread(self.motion.jacobian(mean[:, list(self.columns)], dt), 0.0)
-
-    def noise(self, mean: Float64Array, dt: float) -> Float64Array:
-        """Process noise, shape (n or 1, n_states, n_states), with the prior where the model has no state."""
-        return self._spread(self.motion.noise(mean[:, list(self.columns)], dt), 1.0)
-
-    def _spread(self, small: Float64Array, share: float) -> Float64Array:
-        """Put matrices of the model's states where they belong, and ``share`` of the prior variance elsewhere."""
-        full = np.zeros((len(small), self.n_states, self.n_states))
-        full[:, range(self.n_states), range(self.n_states)] = share * np.square(self.prior)
-        full[np.ix_(range(len(small)), self.columns, self.columns)] = small
-        return full
-
-
-def _check_density(density: Sequence[float]) -> None:
+def check_density(density: Sequence[float]) -> None:
+    """Raise `ConfigError` unless there are two or three densities, finite and not negative."""
     if len(density) not in (2, 3) or not all(math.isfinite(q) and q >= 0 for q in density):
         raise ConfigError(
             f"the spectral densities of a motion's noise are {tuple(density)}; give 2 or 3 finite numbers that are not negative"
@@ -268,7 +126,7 @@ def _chain_jacobian(order: int, dimensions: int, dt: float) -> Float64Array:
 
 
 @lru_cache(maxsize=64)
-def _chain_noise(order: int, density: tuple[float, ...], dt: float) -> Float64Array:
+def chain_noise(order: int, density: tuple[float, ...], dt: float) -> Float64Array:
     """Covariance that white noise at the end of a chain of integrators leaves behind: integrals of powers."""
     last = order - 1
     power = [

@@ -1,14 +1,14 @@
-"""Estimators by name."""
+"""Estimators by name; those that are not chosen are not imported."""
 
 from __future__ import annotations
 
 from radar_core import ConfigError
 from radar_tracking.estimators.base import Estimator
 from radar_tracking.estimators.config import EstimatorConfig
-from radar_tracking.estimators.filters import GaussianFilter, LinearisedFilter, SigmaPointFilter
-from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded, Motion
-from radar_tracking.estimators.multiple import MultipleModels, SingleModel
-from radar_tracking.estimators.sensing import PolarSensing, PositionSensing, Sensing, VelocitySensing
+from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter, KalmanFilter
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, Motion
+from radar_tracking.estimators.measurement_models import MeasurementModel, PositionModel, VelocityModel
+from radar_tracking.estimators.single import SingleModel
 
 
 def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -> Estimator:
@@ -36,9 +36,9 @@ def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -
         raise ConfigError(f"an estimator has 2 or 3 dimensions, not {dimensions}")
     if config.name in ("imm", "mmae"):
         return _several(config, dimensions)
-    sensing = VelocitySensing(dimensions) if config.name == "mm_vel_est" else _sensing(config.name, dimensions)
+    model = _measurement_model(config.name, dimensions)
     motion = make_motion(config.motion, config, dimensions)
-    return SingleModel(_filter(config.name, motion, sensing, config), sensing, _prior((config.motion,), config, dimensions))
+    return SingleModel(_filter(config.name, motion, model, config), model, _prior((config.motion,), config, dimensions))
 
 
 def modes(config: EstimatorConfig) -> tuple[str, ...]:
@@ -67,16 +67,20 @@ def make_motion(name: str, config: EstimatorConfig, dimensions: int, scale: floa
     if name == "constant_acceleration":
         return ConstantAcceleration(axes(config.jerk_noise))
     if name == "coordinated_turn":
+        from radar_tracking.estimators.turn import CoordinatedTurn
+
         return CoordinatedTurn(axes(config.process_noise), scale * config.turn_noise)
     return ConstantVelocity(axes(config.process_noise))
 
 
 def _several(config: EstimatorConfig, dimensions: int) -> Estimator:
     """IMM or MMAE: every mode on the shared state vector (position, velocity[, acceleration][, turn rate])."""
-    sensing = _sensing(config.filter, dimensions)
+    from radar_tracking.estimators.multiple import Embedded, MultipleModels
+
+    model = _measurement_model(config.filter, dimensions)
     prior = _prior(config.modes, config, dimensions)
     full = (*(1.0,) * (2 * dimensions), *prior)
-    models = []
+    filters = []
     for name, scale in zip(config.modes, config.noise_scale, strict=True):
         motion = make_motion(name, config, dimensions, scale)
         columns = tuple(range(motion.n_states))
@@ -84,8 +88,8 @@ def _several(config: EstimatorConfig, dimensions: int) -> Estimator:
             columns = (*range(2 * dimensions), len(full) - 1)
         if motion.n_states < len(full):
             motion = Embedded(motion, columns, full)
-        models.append(_filter(config.filter, motion, sensing, config))
-    return MultipleModels(models, sensing, prior, config.sojourn if config.name == "imm" else None, config.least_weight)
+        filters.append(_filter(config.filter, motion, model, config))
+    return MultipleModels(filters, model, prior, config.sojourn if config.name == "imm" else None, config.least_weight)
 
 
 def _prior(names: tuple[str, ...], config: EstimatorConfig, dimensions: int) -> tuple[float, ...]:
@@ -94,11 +98,19 @@ def _prior(names: tuple[str, ...], config: EstimatorConfig, dimensions: int) -> 
     return (*acceleration, *((config.turn_std,) if "coordinated_turn" in names else ()))
 
 
-def _sensing(name: str, dimensions: int) -> Sensing:
-    return PositionSensing(dimensions) if name == "linear" else PolarSensing(dimensions)
+def _measurement_model(name: str, dimensions: int) -> MeasurementModel:
+    if name == "linear":
+        return PositionModel(dimensions)
+    if name == "mm_vel_est":
+        return VelocityModel(dimensions)
+    from radar_tracking.estimators.polar_model import PolarModel
+
+    return PolarModel(dimensions)
 
 
-def _filter(name: str, motion: Motion, sensing: Sensing, config: EstimatorConfig) -> GaussianFilter:
+def _filter(name: str, motion: Motion, model: MeasurementModel, config: EstimatorConfig) -> GaussianFilter:
     if name == "unscented":
-        return SigmaPointFilter(motion, sensing, config.sigma_spread)
-    return LinearisedFilter(motion, sensing)
+        from radar_tracking.estimators.unscented import UnscentedKalmanFilter
+
+        return UnscentedKalmanFilter(motion, model, config.sigma_spread)
+    return (KalmanFilter if name == "linear" else ExtendedKalmanFilter)(motion, model)

@@ -1,78 +1,77 @@
-"""The estimators (thesis, figure A.21): one filter, or several whose motion models compete (IMM, MMAE)."""
+"""Several Kalman filters whose motion models compete (thesis, figure A.21): IMM and MMAE."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError, DataError
+from radar_core import ConfigError
 from radar_core.linalg import canonical_eigh, symmetrise
 from radar_tracking.estimators import kernels
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter, Updated
-from radar_tracking.estimators.sensing import Sensed, Sensing, check_measurement
+from radar_tracking.estimators.kinematics import Motion
+from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
+from radar_tracking.estimators.single import check_step, start_at
 
 Float64Array = NDArray[np.float64]
 
 
-class SingleModel:
-    """One Gaussian filter on one motion model as an `Estimator`.
+@dataclass(frozen=True)
+class Embedded:
+    """A model on some states of a longer vector that several models share; the others are unknown, not zero.
 
-    Parameters
+    A state that a model does not have is drawn anew from its prior at every step. So an estimator with several models can mix them
+    without claiming that a walker at constant velocity knows his turn rate.
+
+    Attributes
     ----------
-    model : GaussianFilter
-        The filter.
-    sensing : Sensing
-        What it takes of a measurement.
-    prior : sequence of float
-        Standard deviations, of new tracks, of the states behind position and velocity.
+    motion : Motion
+        The model.
+    columns : tuple of int
+        Where its states lie in the shared vector.
+    prior : tuple of float
+        Standard deviations of the shared vector's states; only those that the model does not have count.
     """
 
-    def __init__(self, model: GaussianFilter, sensing: Sensing, prior: Sequence[float] = ()) -> None:
-        self.dimensions = sensing.dimensions
-        self._filter = model
-        self._sensing = sensing
-        self._prior = np.asarray(prior, np.float64)
+    motion: Motion
+    columns: tuple[int, ...]
+    prior: tuple[float, ...]
 
-    def start(self, measurement: Measurement, speed_std: float) -> Belief:
-        """Believe in new tracks at rest at the measured places, with a velocity known to within ``speed_std`` [m/s]."""
-        mean, covariance = _start(measurement, self.dimensions, speed_std, self._prior)
-        return Belief(mean[:, None], covariance[:, None], np.ones((len(mean), 1)))
+    @property
+    def dimensions(self) -> int:
+        """2 or 3."""
+        return self.motion.dimensions
 
-    def predict(self, belief: Belief, dt: float) -> Belief:
-        """Move all tracks on by ``dt``, not negative [s].
+    @property
+    def n_states(self) -> int:
+        """Length of the shared state vector."""
+        return len(self.prior)
 
-        Raises
-        ------
-        DataError
-            When ``dt`` is negative or not finite.
-        """
-        _check_step(dt)
-        mean, covariance = self._filter.predict(belief.mean[:, 0], belief.covariance[:, 0], dt)
-        return Belief(mean[:, None], covariance[:, None], belief.weight)
+    def move(self, mean: Float64Array, dt: float) -> Float64Array:
+        """States, shape (..., n_states), ``dt`` later [s]; zero where the model has none."""
+        moved = np.zeros_like(mean)
+        moved[..., list(self.columns)] = self.motion.move(mean[..., list(self.columns)], dt)
+        return moved
 
-    def update(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Innovation]:
-        """Take in one measurement of every track.
+    def jacobian(self, mean: Float64Array, dt: float) -> Float64Array:
+        """Differentiate `move`, shape (n or 1, n_states, n_states)."""
+        return self._spread(self.motion.jacobian(mean[:, list(self.columns)], dt), 0.0)
 
-        Raises
-        ------
-        DataError
-            When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
-        """
-        sensed = self._sensing.take(measurement, belief.mean, belief.covariance)
-        found = self._filter.update(belief.mean[:, 0], belief.covariance[:, 0], sensed)
-        return (
-            Belief(found.mean[:, None], found.covariance[:, None], belief.weight),
-            Innovation(found.nis, sensed.used.sum(axis=1), found.log_likelihood),
-        )
+    def noise(self, mean: Float64Array, dt: float) -> Float64Array:
+        """Process noise, shape (n or 1, n_states, n_states), with the prior where the model has no state."""
+        return self._spread(self.motion.noise(mean[:, list(self.columns)], dt), 1.0)
 
-    def kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
-        """Mean and covariance of (position, velocity), shapes (n_tracks, 2 d) and (n_tracks, 2 d, 2 d)."""
-        d = 2 * self.dimensions
-        return belief.mean[:, 0, :d].copy(), belief.covariance[:, 0, :d, :d].copy()
+    def _spread(self, small: Float64Array, share: float) -> Float64Array:
+        """Put matrices of the model's states where they belong, and ``share`` of the prior variance elsewhere."""
+        full = np.zeros((len(small), self.n_states, self.n_states))
+        full[:, range(self.n_states), range(self.n_states)] = share * np.square(self.prior)
+        full[np.ix_(range(len(small)), self.columns, self.columns)] = small
+        return full
 
 
 class MultipleModels:
@@ -86,7 +85,7 @@ class MultipleModels:
     ----------
     models : sequence of GaussianFilter
         The filters; all with the same number of states.
-    sensing : Sensing
+    measurement_model : MeasurementModel
         What they take of a measurement.
     prior : sequence of float
         Standard deviations, of new tracks, of the states behind position and velocity.
@@ -104,16 +103,16 @@ class MultipleModels:
     def __init__(
         self,
         models: Sequence[GaussianFilter],
-        sensing: Sensing,
+        measurement_model: MeasurementModel,
         prior: Sequence[float] = (),
         sojourn: Sequence[float] | None = None,
         least_weight: float = 1e-6,
     ) -> None:
         if len(models) == 0 or len({model.motion.n_states for model in models}) != 1:
             raise ConfigError("several models need one shared state vector: embed them in the same number of states")
-        self.dimensions = sensing.dimensions
+        self.dimensions = measurement_model.dimensions
         self._filters = tuple(models)
-        self._sensing = sensing
+        self._measurement_model = measurement_model
         self._prior = np.asarray(prior, np.float64)
         self._chain = _Chain(sojourn, len(models)) if sojourn is not None and len(models) > 1 else None
         self._least = least_weight
@@ -123,7 +122,7 @@ class MultipleModels:
 
         The models' first probabilities are those that the Markov chain has in the long run; without one, all the same.
         """
-        mean, covariance = _start(measurement, self.dimensions, speed_std, self._prior)
+        mean, covariance = start_at(measurement, self.dimensions, speed_std, self._prior)
         n, k = len(mean), len(self._filters)
         weight = np.full(k, 1.0 / k) if self._chain is None else self._chain.stationary
         return Belief(np.repeat(mean[:, None], k, axis=1), np.repeat(covariance[:, None], k, axis=1), np.tile(weight, (n, 1)))
@@ -136,7 +135,7 @@ class MultipleModels:
         DataError
             When ``dt`` is negative or not finite.
         """
-        _check_step(dt)
+        check_step(dt)
         if self._chain is not None:
             belief = mix(belief, self._chain.transition(dt))
         moved = [f.predict(belief.mean[:, j], belief.covariance[:, j], dt) for j, f in enumerate(self._filters)]
@@ -150,10 +149,10 @@ class MultipleModels:
         DataError
             When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
         """
-        sensed = self._sensing.take(measurement, belief.mean, belief.covariance)
-        found = [f.update(belief.mean[:, j], belief.covariance[:, j], sensed) for j, f in enumerate(self._filters)]
+        prepared = self._measurement_model.prepare(measurement, belief.mean, belief.covariance)
+        found = [f.update(belief.mean[:, j], belief.covariance[:, j], prepared) for j, f in enumerate(self._filters)]
         weight, total = reweigh(belief.weight, np.stack([u.log_likelihood for u in found], axis=1), self._least)
-        innovation = Innovation(self._surprise(belief.weight, found, sensed), sensed.used.sum(axis=1), total)
+        innovation = Innovation(self._nis(belief.weight, found, prepared), prepared.used.sum(axis=1), total)
         return Belief(np.stack([u.mean for u in found], axis=1), np.stack([u.covariance for u in found], axis=1), weight), innovation
 
     def kinematics(self, belief: Belief) -> tuple[Float64Array, Float64Array]:
@@ -162,12 +161,12 @@ class MultipleModels:
         mean, covariance = mixture(belief.mean[:, :, :d], belief.covariance[:, :, :d, :d], belief.weight[:, None, :])
         return mean[:, 0], covariance[:, 0]
 
-    def _surprise(self, weight: Float64Array, found: Sequence[Updated], sensed: Sensed) -> Float64Array:
+    def _nis(self, weight: Float64Array, found: Sequence[Updated], prepared: PreparedMeasurement) -> Float64Array:
         """NIS of the mixture of all models' predicted measurements, taken as one Gaussian; angles are unwrapped by the first model's."""
         residual = np.stack([u.residual for u in found], axis=1)
-        residual = residual[:, :1] + self._sensing.difference(sensed, residual, residual[:, :1])
+        residual = residual[:, :1] + self._measurement_model.difference(prepared, residual, residual[:, :1])
         mean, spread = mixture(residual, np.stack([u.spread for u in found], axis=1), weight[:, None, :])
-        return kernels.surprise(mean[:, 0], spread[:, 0])[0]
+        return kernels.nis_and_log_det(mean[:, 0], spread[:, 0])[0]
 
 
 class _Chain:
@@ -264,21 +263,3 @@ def reweigh(weight: Float64Array, likelihood: Float64Array, least: float) -> tup
     total = share.sum(axis=1, keepdims=True)
     raised = np.maximum(share / total, least)
     return raised / raised.sum(axis=1, keepdims=True), (best + np.log(total))[:, 0]
-
-
-def _start(measurement: Measurement, dimensions: int, speed_std: float, prior: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """States at rest at the measured places."""
-    n, d = check_measurement(measurement, dimensions)
-    if not (math.isfinite(speed_std) and speed_std > 0):
-        raise DataError(f"speed_std is {speed_std}; a new track's velocity needs a positive standard deviation [m/s]")
-    size = 2 * d + len(prior)
-    mean, covariance = np.zeros((n, size)), np.zeros((n, size, size))
-    mean[:, :d] = measurement.position
-    covariance[:, range(size), range(size)] = np.concatenate([np.zeros(d), np.full(d, speed_std), prior]) ** 2
-    covariance[:, :d, :d] = symmetrise(measurement.covariance)
-    return mean, covariance
-
-
-def _check_step(dt: float) -> None:
-    if not (math.isfinite(dt) and dt >= 0):
-        raise DataError(f"cannot predict by {dt} s; time steps are finite and not negative")

@@ -96,12 +96,12 @@ class Snapshot:
 
     Parameters
     ----------
-    settings : SnapshotConfig or None
+    config : SnapshotConfig or None
         Knobs; None: all defaults.
     """
 
-    def __init__(self, settings: SnapshotConfig | None = None) -> None:
-        self.settings = settings if settings is not None else SnapshotConfig()
+    def __init__(self, config: SnapshotConfig | None = None) -> None:
+        self.config = config if config is not None else SnapshotConfig()
 
     def process(
         self,
@@ -147,10 +147,10 @@ class Snapshot:
         weight = np.full(n, np.nan)
         if not known.any():
             return SnapshotVelocity(np.eye(d), np.full(d, np.nan), np.full(d, np.inf), 0, np.inf, weight)
-        U, own = direction[known], self.settings.spread / np.sqrt(_relative(amplitude, known))
+        U, own = direction[known], self.config.spread / np.sqrt(_relative(amplitude, known))
         nuisance = self._nuisance(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
         axes, std, along, weight[known] = self._solve(U, rate[known], np.hypot(rate_std[known], own), nuisance)
-        told = std <= self.settings.max_std
+        told = std <= self.config.max_std
         along[~told] = np.nan
         return SnapshotVelocity(axes, along, std, int(np.count_nonzero(told)), float(std[-1] / std[0]), weight)
 
@@ -188,13 +188,13 @@ class Snapshot:
     def _nuisance(self, U: Float64Array, offset: Float64Array | None, sensor: NDArray[np.integer] | None) -> Float64Array:
         """Lay out what turn and sides add to the rates, shape (n, n_nuisances), each column for one standard deviation [m/s]."""
         columns = []
-        if offset is not None and self.settings.spin > 0:
+        if offset is not None and self.config.spin > 0:
             flat = U.shape[1] == 2
             turn = (U[:, 1] * offset[:, 0] - U[:, 0] * offset[:, 1])[:, None] if flat else np.cross(offset, U)
-            columns.append(self.settings.spin * turn)
-        if self.settings.common > 0:
+            columns.append(self.config.spin * turn)
+        if self.config.common > 0:
             own = np.zeros(len(U), np.int64) if sensor is None else sensor
-            columns.append(self.settings.common * (own[:, None] == np.unique(own)[None, :]))
+            columns.append(self.config.common * (own[:, None] == np.unique(own)[None, :]))
         return np.hstack(columns) if columns else np.zeros((len(U), 0))
 
     def _solve(
@@ -202,12 +202,12 @@ class Snapshot:
     ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
         """Axes (d, d), their standard deviations (d,), the velocity along them (d,) and the points' weights, all of the last round."""
         weight = np.ones(len(y))
-        for turn in range(self.settings.iterations):
+        for turn in range(self.config.iterations):
             shared, rows = _without(nuisance, np.column_stack([U, y]), std / np.sqrt(weight))
             left, value, axes = canonical_svd(rows[:, :-1])
             left[:, value <= _ROUNDING * value[0]] = 0.0
             part = left.T @ rows[:, -1]
-            if turn + 1 == self.settings.iterations:
+            if turn + 1 == self.config.iterations:
                 break
             residual = (rows[:, -1] - left @ part)[: len(y)]
             new = self._weigh(residual, 1.0 - shared - (left[: len(y)] ** 2).sum(axis=1), weight)
@@ -240,7 +240,7 @@ class Snapshot:
         free = np.where(tested, free, 1.0)
         variance = 1.0 / free - 1.0 + weight  # of the point (unweighed) and of what the others foretell, over that of the weighed point
         far = np.abs(residual) / free / np.sqrt(variance)
-        more = variance / weight * np.maximum(far / self.settings.huber - 1.0, 0.0)
+        more = variance / weight * np.maximum(far / self.config.huber - 1.0, 0.0)
         return np.where(tested, np.maximum(1.0 / (1.0 + more), _LEAST_WEIGHT), 1.0)
 
 

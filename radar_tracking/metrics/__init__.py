@@ -1,10 +1,15 @@
 """How good are tracks? GOSPA, OSPA and CLEAR-MOT against truth, and consistency of filters with themselves."""
 
-from radar_tracking.metrics.clear_mot import ClearMot, ClearMotConfig, ClearMotStep, ClearMotSummary, PersonScore
-from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band, nees
-from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary
-from radar_tracking.metrics.objects import ObjectSet, people
-from radar_tracking.metrics.ospa import Ospa, OspaConfig, OspaMetric, OspaSummary
+from typing import TYPE_CHECKING
+
+from radar_core.lazy import lazily
+
+if TYPE_CHECKING:
+    from radar_tracking.metrics.clear_mot import ClearMot, ClearMotConfig, ClearMotStep, ClearMotSummary, PersonScore
+    from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band, nees
+    from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary
+    from radar_tracking.metrics.objects import ObjectSet, people
+    from radar_tracking.metrics.ospa import Ospa, OspaConfig, OspaMetric, OspaSummary
 
 __all__ = [
     "ClearMot",
@@ -28,3 +33,13 @@ __all__ = [
     "nees",
     "people",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "ClearMot ClearMotConfig ClearMotStep ClearMotSummary PersonScore": "clear_mot",
+        "Consistency ConsistencyConfig ConsistencyMonitor chi_square_band nees": "consistency",
+        "Gospa GospaConfig GospaMetric GospaSummary": "gospa",
+        "ObjectSet people": "objects",
+        "Ospa OspaConfig OspaMetric OspaSummary": "ospa",
+    },
+)

@@ -1,6 +1,6 @@
 """The measurement of bodies, compiled: sums over a few points each cost more in calls of numpy than in arithmetic.
 
-`centre_reference` says the same in numpy; a test holds them equal.
+A numpy oracle is in the tests.
 """
 
 from __future__ import annotations

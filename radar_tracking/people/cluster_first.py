@@ -59,7 +59,7 @@ class ClusterFirstTrackLater:
             if len(inside) < 2 or len(own) < len(inside):
                 continue
             if self._config.split == "optics":
-                from radar_tracking.clustering.optics import split
+                from radar_tracking.clustering.reachability import split
 
                 part, _ = split(place, len(inside), inside)
             else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_tracking.clustering import ClusteringConfig
+from radar_tracking.clustering.base import ClusteringConfig
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.people.zones import ZonesConfig
 

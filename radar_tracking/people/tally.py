@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError, balanced
-from radar_tracking.metrics import Consistency, ConsistencyConfig, ConsistencyMonitor
+from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor
 from radar_tracking.people.zones import Zones, ZonesConfig
 from radar_tracking.tracks import Reason, Tracks, TrackStatus
 

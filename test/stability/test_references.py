@@ -20,9 +20,9 @@ from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.reference import Reference
 from radar_sim.scatterers import THING, Echoes, Motion
 from radar_tracking.estimators import from_polar
-from radar_tracking.estimators.arcs import arc, bend, lag, turn_moments
-from radar_tracking.estimators.kernels import correct, surprise
+from radar_tracking.estimators.kernels import correct, nis_and_log_det
 from radar_tracking.estimators.multiple import _Chain, mixture, reweigh
+from radar_tracking.estimators.turn import arc, bend, lag, turn_moments
 from radar_tracking.metrics import chi_square_band
 
 EPS = np.finfo(np.float64).eps
@@ -117,7 +117,7 @@ def test_logarithms_of_determinants_that_underflow(size):
     """A product of three such variances is no float; the sum of their logarithms is, to 12 digits."""
     S = size * np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
     residual = math.sqrt(size) * np.array([1.0, -2.0, 0.5])
-    nis, log_det = surprise(residual[None], S[None])
+    nis, log_det = nis_and_log_det(residual[None], S[None])
     assert log_det[0] == pytest.approx(float(mpmath.log(mpmath.det(big(S)))), rel=1e-12, abs=1e-12)
     y = big(residual[:, None])
     assert nis[0] == pytest.approx(float((y.T * big(S) ** -1 * y)[0]), rel=1e-12)

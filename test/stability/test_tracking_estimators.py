@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from radar_core import DataError
 from radar_tracking.estimators import Belief, Estimator, EstimatorConfig, Measurement, from_polar, make_estimator
 from radar_tracking.estimators.kernels import _correct, _predict
-from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity
 from radar_tracking.estimators.multiple import reweigh
+from radar_tracking.estimators.turn import CoordinatedTurn
 
 THREE = {"modes": ("constant_velocity", "constant_acceleration", "coordinated_turn"), "noise_scale": (1.0,) * 3, "sojourn": (1.0,) * 3}
 ALL = [

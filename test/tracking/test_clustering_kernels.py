@@ -3,8 +3,10 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import clustering as reference
 
-from radar_tracking.clustering import kernels, reference
+from radar_tracking.clustering import kernels, polar, reachability
+from radar_tracking.clustering.lloyd import _lloyd
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIZES = st.integers(1, 70)
@@ -44,7 +46,7 @@ def test_polar(seed, n, eps, angle_reach):
     rng, _ = cloud(seed, n)
     distance, azimuth, rate = rng.uniform(0, 6, n), rng.uniform(-np.pi, np.pi, n), rng.normal(0, 0.2, n)
     arguments = (distance, azimuth, rate, eps, angle_reach, rng.uniform(1, 5, n), weights_of(rng, n))
-    assert np.array_equal(kernels.polar(*arguments), reference.polar(*arguments))
+    assert np.array_equal(polar.polar_labels(*arguments), reference.polar(*arguments))
 
 
 @settings(max_examples=60, deadline=None)
@@ -54,7 +56,7 @@ def test_grid(seed, n, n_around):
     rng, _ = cloud(seed, n)
     cells = np.column_stack([rng.integers(0, 20, n), rng.integers(0, n_around, n), rng.integers(-3, 3, n)])
     arguments = (cells, rng.integers(1, 4, (n, 3)), n_around, rng.uniform(1, 8, n), rng.integers(1, 4, n).astype(float))
-    assert np.array_equal(kernels.grid(*arguments), reference.grid(*arguments))
+    assert np.array_equal(polar.grid_labels(*arguments), reference.grid(*arguments))
 
 
 @settings(max_examples=60, deadline=None)
@@ -63,9 +65,9 @@ def test_optics(seed, n, min_points, max_eps):
     """Core distances, order, reachabilities and predecessors."""
     rng, points = cloud(seed, n)
     weights = rng.integers(1, 3, n).astype(float)
-    core = kernels.core_distances(points, min_points, max_eps, weights)
+    core = reachability.core_distances(points, min_points, max_eps, weights)
     assert np.array_equal(core, reference.core_distances(points, min_points, max_eps, weights))
-    for ours, theirs in zip(kernels.order(points, core, max_eps), reference.order(points, core, max_eps), strict=True):
+    for ours, theirs in zip(reachability.order(points, core, max_eps), reference.order(points, core, max_eps), strict=True):
         assert np.array_equal(ours, theirs)
 
 
@@ -78,7 +80,7 @@ def test_cut(seed, n, n_parts, least):
     for k in range(1, n):
         predecessor[ordering[k]] = ordering[rng.integers(k)]
     candidates = rng.permutation(ordering[1:])
-    labels, made = kernels.cut(ordering, predecessor, candidates, n_parts, least)
+    labels, made = reachability.cut(ordering, predecessor, candidates, n_parts, least)
     expected, number = reference.cut(ordering, predecessor, candidates, n_parts, least)
     assert made == number
     assert np.array_equal(labels, expected)
@@ -94,7 +96,7 @@ def test_lloyd(seed, n, d, k, iterations):
     """
     rng, points = cloud(seed | 1, n, d)
     centres = rng.uniform(-1, 1, (k, d))
-    labels, moved = kernels.lloyd(points, centres, iterations)
+    labels, moved = _lloyd(points, centres, iterations)
     expected, theirs = reference.lloyd(points, centres, iterations)
     assert np.array_equal(labels, expected)
     assert np.allclose(moved, theirs, atol=1e-13)

@@ -17,10 +17,14 @@ from radar_tracking.estimators import (
     join,
     make_estimator,
 )
-from radar_tracking.estimators.filters import GaussianFilter, LinearisedFilter, SigmaPointFilter
-from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn
-from radar_tracking.estimators.multiple import MultipleModels, SingleModel, mixture, reweigh
-from radar_tracking.estimators.sensing import PolarSensing, PositionSensing, VelocitySensing
+from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity
+from radar_tracking.estimators.measurement_models import PositionModel, VelocityModel
+from radar_tracking.estimators.multiple import MultipleModels, mixture, reweigh
+from radar_tracking.estimators.polar_model import PolarModel
+from radar_tracking.estimators.single import SingleModel
+from radar_tracking.estimators.turn import CoordinatedTurn
+from radar_tracking.estimators.unscented import UnscentedKalmanFilter
 
 ALL = [
     EstimatorConfig(),
@@ -74,19 +78,19 @@ def same(a: Belief, b: Belief, tolerance: float) -> None:
 def test_filters_agree_on_linear_problems(d, motion):
     """Linear KF, EKF, UKF, IMM and MMAE of identical models: the same beliefs to 1e-9 after 60 steps, and the same likelihoods."""
     rng = np.random.default_rng(11)
-    model, sensing = motion((1.0, 2.0, 0.5)[:d]), PositionSensing(d)
+    model, sensing = motion((1.0, 2.0, 0.5)[:d]), PositionModel(d)
     prior = (1.0,) * (model.n_states - 2 * d)
 
     def many(filters: list[GaussianFilter], sojourn: tuple[float, ...] | None) -> MultipleModels:
         return MultipleModels(filters, sensing, prior, sojourn)
 
     estimators = [
-        SingleModel(LinearisedFilter(model, sensing), sensing, prior),
-        SingleModel(SigmaPointFilter(model, sensing), sensing, prior),
-        SingleModel(SigmaPointFilter(model, sensing, 1.0), sensing, prior),
-        many([LinearisedFilter(model, sensing)] * 3, (0.5, 1.0, 2.0)),
-        many([LinearisedFilter(model, sensing)] * 2, None),
-        many([LinearisedFilter(model, sensing), SigmaPointFilter(model, sensing)], (0.5, 1.0)),
+        SingleModel(ExtendedKalmanFilter(model, sensing), sensing, prior),
+        SingleModel(UnscentedKalmanFilter(model, sensing), sensing, prior),
+        SingleModel(UnscentedKalmanFilter(model, sensing, 1.0), sensing, prior),
+        many([ExtendedKalmanFilter(model, sensing)] * 3, (0.5, 1.0, 2.0)),
+        many([ExtendedKalmanFilter(model, sensing)] * 2, None),
+        many([ExtendedKalmanFilter(model, sensing), UnscentedKalmanFilter(model, sensing)], (0.5, 1.0)),
     ]
     z = measurements(rng, 5, d)
     beliefs = [e.start(z, 1.0) for e in estimators]
@@ -106,10 +110,10 @@ def test_filters_agree_on_linear_problems(d, motion):
 
 
 def test_extended_and_unscented_filters_agree_where_the_sensor_is_linear_enough():
-    """Position and velocity measured (linear) through the third kind of sensing: EKF and UKF to 1e-9 as well."""
+    """Position and velocity measured (linear) through the third measurement model: EKF and UKF to 1e-9 as well."""
     rng = np.random.default_rng(12)
-    sensing, model = VelocitySensing(3), ConstantVelocity((1.0, 1.0, 1.0))
-    one, two = SingleModel(LinearisedFilter(model, sensing), sensing), SingleModel(SigmaPointFilter(model, sensing), sensing)
+    sensing, model = VelocityModel(3), ConstantVelocity((1.0, 1.0, 1.0))
+    one, two = SingleModel(ExtendedKalmanFilter(model, sensing), sensing), SingleModel(UnscentedKalmanFilter(model, sensing), sensing)
     z = measurements(rng, 4, 3, rates=0.0)
     a, b = one.start(z, 1.0), two.start(z, 1.0)
     for _ in range(30):
@@ -249,8 +253,8 @@ def test_mixture_of_known_gaussians():
 @given(st.lists(st.floats(0.01, 100), min_size=2, max_size=4), st.floats(0, 3), st.floats(0, 3))
 def test_modes_change_with_time_not_with_frames(sojourn, dt1, dt2):
     """The transition matrix is the exponential of the chain's generator, so two steps are one, and it keeps its long-run probabilities."""
-    filters = [LinearisedFilter(ConstantVelocity((1.0, 1.0)), PositionSensing(2))] * len(sojourn)
-    chain = MultipleModels(filters, PositionSensing(2), (), sojourn)._chain
+    filters = [ExtendedKalmanFilter(ConstantVelocity((1.0, 1.0)), PositionModel(2))] * len(sojourn)
+    chain = MultipleModels(filters, PositionModel(2), (), sojourn)._chain
     k = len(sojourn)
     generator = (np.ones((k, k)) - k * np.eye(k)) / (k - 1) / np.array(sojourn)[:, None]
     np.testing.assert_allclose(chain.transition(dt1), expm(generator * dt1), atol=1e-10)
@@ -333,8 +337,11 @@ def test_configurations_are_checked():
             EstimatorConfig(**change)
     with pytest.raises(ConfigError, match="dimensions"):
         make_estimator(dimensions=4)
-    sensing = PositionSensing(2)
-    flat, curved = LinearisedFilter(ConstantVelocity((1.0, 1.0)), sensing), LinearisedFilter(CoordinatedTurn((1.0, 1.0), 0.1), sensing)
+    sensing = PositionModel(2)
+    flat, curved = (
+        ExtendedKalmanFilter(ConstantVelocity((1.0, 1.0)), sensing),
+        ExtendedKalmanFilter(CoordinatedTurn((1.0, 1.0), 0.1), sensing),
+    )
     with pytest.raises(ConfigError, match="embed"):
         MultipleModels([flat, curved], sensing)
     with pytest.raises(ConfigError, match="sojourn"):
@@ -372,4 +379,4 @@ def test_polar_sensing_near_the_sensor_takes_the_position():
         updated, innovation = make_estimator(EstimatorConfig(name=name), 2).update(belief, z)
         same(updated, linear.update(belief, z)[0], 1e-12)
         assert innovation.dof[0] == 2
-    assert PolarSensing(2).take(z, belief.mean, belief.covariance).near.all()
+    assert PolarModel(2).prepare(z, belief.mean, belief.covariance).near.all()

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from radar_core import ConfigError
-from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Embedded
+from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity
+from radar_tracking.estimators.multiple import Embedded
+from radar_tracking.estimators.turn import CoordinatedTurn
 
 MODELS = [
     ConstantVelocity((1.0, 2.0)),

@@ -1,4 +1,4 @@
-"""Inner loops of clustering in plain numpy: what `radar_tracking.clustering.kernels` has to equal, function by function."""
+"""Inner loops of clustering in plain numpy: what the compiled ones of `radar_tracking.clustering` must equal, function by function."""
 
 from __future__ import annotations
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
+import numba
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from radar_core import DataError
 from radar_core.checks import require_finite
-from radar_tracking.clustering import kernels
 from radar_tracking.clustering.base import Float64Array, LabelArray
 from radar_tracking.clustering.density import dense
+from radar_tracking.clustering.kernels import columns_of, squared_distances
 from radar_tracking.clustering.lloyd import kmeans, require_centres
+
+_jit = numba.njit(cache=True, nogil=True)
+_ROUNDING = 1e15  # distances are rounded to 1e-15, so that those which differ by rounding alone tie
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +92,8 @@ def optics(points: Float64Array, min_points: int, max_eps: float = math.inf, wei
     points = dense(points)
     require_finite("points", points)
     known = np.ones(len(points)) if weights is None else dense(weights)
-    core = kernels.core_distances(points, int(min_points), float(max_eps), known)
-    ordering, reachability, predecessor = kernels.order(points, core, float(max_eps))
+    core = core_distances(points, int(min_points), float(max_eps), known)
+    ordering, reachability, predecessor = order(points, core, float(max_eps))
     return Optics(ordering, reachability, core, predecessor)
 
 
@@ -147,5 +152,95 @@ def _cut(plot: Optics, k: int, least: int) -> tuple[LabelArray, int]:
         return np.empty(0, np.int64), 0
     visited = plot.ordering[1:]
     candidates = visited[np.argsort(-plot.reachability[visited], kind="stable")]
-    parts, made = kernels.cut(plot.ordering, plot.predecessor, candidates, k, least)
+    parts, made = cut(plot.ordering, plot.predecessor, candidates, k, least)
     return parts, int(made)
+
+
+@_jit
+def _rounded(value: float) -> float:
+    return float(np.rint(value * _ROUNDING) / _ROUNDING)
+
+
+@_jit
+def core_distances(points: Any, min_points: int, max_eps: float, weights: Any) -> Any:
+    """Find the distance within which each point has neighbours of weight ``min_points``, itself included; inf: beyond ``max_eps``."""
+    n = len(points)
+    columns = columns_of(points)
+    squared, core = np.empty(n), np.full(n, np.inf)
+    nearest, weight = np.empty(min_points), np.empty(min_points)
+    for i in range(n):
+        squared_distances(columns, i, squared)
+        size = 0
+        for j in range(n):
+            if size == min_points and not squared[j] < nearest[size - 1]:
+                continue
+            place = min(size, min_points - 1)
+            while place > 0 and nearest[place - 1] > squared[j]:
+                nearest[place], weight[place] = nearest[place - 1], weight[place - 1]
+                place -= 1
+            nearest[place], weight[place] = squared[j], weights[j]
+            size = min(size + 1, min_points)
+        total = 0.0
+        for k in range(size):
+            total += weight[k]
+            if total >= min_points:
+                distance = math.sqrt(nearest[k])
+                if distance <= max_eps:
+                    core[i] = _rounded(distance)
+                break
+    return core
+
+
+@_jit
+def order(points: Any, core: Any, max_eps: float) -> Any:
+    """Visit the points by smallest reachability, the first on ties: ordering, reachability, predecessor."""
+    n = len(points)
+    columns = columns_of(points)
+    squared, reachability = np.empty(n), np.full(n, np.inf)
+    predecessor, ordering = np.full(n, -1, np.int64), np.empty(n, np.int64)
+    done = np.zeros(n, np.bool_)
+    limit = max_eps * max_eps
+    for step in range(n):
+        best, point = np.inf, -1
+        for j in range(n):
+            if not done[j] and (point < 0 or reachability[j] < best):
+                best, point = reachability[j], j
+        done[point], ordering[step] = True, point
+        if core[point] == np.inf:
+            continue
+        squared_distances(columns, point, squared)
+        for j in range(n):
+            if not done[j] and squared[j] <= limit:
+                reach = _rounded(max(math.sqrt(squared[j]), core[point]))
+                if reach < reachability[j]:
+                    reachability[j], predecessor[j] = reach, point
+    return ordering, reachability, predecessor
+
+
+@_jit
+def cut(ordering: Any, predecessor: Any, candidates: Any, n_parts: int, least: int) -> Any:
+    """Cut the tree of predecessors at ``candidates``, the best first, into parts of at least ``least`` points: labels, parts made."""
+    n = len(ordering)
+    labels, below = np.zeros(n, np.int64), np.zeros(n, np.bool_)
+    sizes = np.zeros(n_parts, np.int64)
+    sizes[0], made = n, 1
+    for point in candidates:
+        if made == n_parts:
+            break
+        below[:] = False
+        part, size = labels[point], 0
+        for later in ordering:
+            if labels[later] != part:
+                continue
+            if later == point or (predecessor[later] >= 0 and below[predecessor[later]]):
+                below[later] = True
+                size += 1
+        if size < least or sizes[part] - size < least:
+            continue
+        for k in range(n):
+            if below[k]:
+                labels[k] = made
+        sizes[part] -= size
+        sizes[made] = size
+        made += 1
+    return labels, made
