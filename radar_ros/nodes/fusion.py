@@ -21,9 +21,9 @@ from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
 from radar_ros.sync_near import ApproximateTimeSynchronizer
 from radar_tracking.fusion.clocks import ClockMonitor, ClockOffset
-from radar_tracking.fusion.clouds import FusionConfig, Roster, fused_info
+from radar_tracking.fusion.clouds import FusionConfig, RadarPresence, fused_info
 
-_QUEUE = 1000  # clouds of one radar that wait; `Roster.hopeless` and silence end the waiting long before
+_QUEUE = 1000  # clouds of one radar that wait; `RadarPresence.hopeless` and silence end the waiting long before
 _AGAIN = 0.5  # s: the info is said again this often, as the driver does, because a late joiner may miss the latched one for 3 s
 _REASONS = {
     "late": "came later than what was sent on already",
@@ -67,7 +67,7 @@ class FusionNode(StageNode):
         super().__init__("fusion", **kwargs)
         self._settings = declare_config(self, FusionConfig)
         self._radars = {name: _Radar(name) for name in self._settings.radars}
-        self._roster = Roster(self._settings)
+        self._presence = RadarPresence(self._settings)
         self._clocks = ClockMonitor(self._settings.radars, self._settings.clocks)
         self._info: RadarInfo | None = None
         self._count = 0
@@ -106,7 +106,7 @@ class FusionNode(StageNode):
             return
         if radar.info is None:
             radar.info = info
-            self._roster.knows(name, info.waveform.frame_interval)
+            self._presence.knows(name, info.waveform.frame_interval)
         radar.refused = info != radar.info
         if radar.refused:
             self.problem(
@@ -132,7 +132,7 @@ class FusionNode(StageNode):
         radar, stamp = self._radars[name], from_time(msg.header.stamp)
         self._counts[f"{name}.clouds"] += 1
         radar.arrived_ns = self.get_clock().now().nanoseconds
-        if self._roster.went_back(name, stamp):
+        if self._presence.went_back(name, stamp):
             self._forget()
         if not self.get_clock().ros_time_is_active:  # simulated time ticks as a replay pleases: arrivals say nothing of clocks then
             self._clocks.hear(name, stamp, radar.arrived_ns)
@@ -140,12 +140,12 @@ class FusionNode(StageNode):
         if radar.info is None or radar.refused:
             self._drop("without_info")
             return
-        self._roster.hear(name, stamp)
-        present = self._roster.present()
+        self._presence.hear(name, stamp)
+        present = self._presence.present()
         if present != self._present:
             self._tell(present)
             self._regroup(present)
-        if name not in present or self._roster.late(name, stamp):
+        if name not in present or self._presence.late(name, stamp):
             self._drop("late")
         elif present == (name,):
             self._merge(msg)
@@ -156,7 +156,7 @@ class FusionNode(StageNode):
     def _forget(self) -> None:
         """Begin anew: stamps went back in time."""
         self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
-        self._roster.forget()
+        self._presence.forget()
         self._clocks.forget()
         for radar in self._radars.values():
             radar.gaps = Gaps()
@@ -176,7 +176,7 @@ class FusionNode(StageNode):
         stamps = {name: list(queue) for name, queue in self._waiting.items()}
         for name, queue in self._waiting.items():
             for stamp in stamps[name]:
-                if self._roster.hopeless(name, stamp, stamps) and queue.pop(stamp, None) is not None:
+                if self._presence.hopeless(name, stamp, stamps) and queue.pop(stamp, None) is not None:
                     self._drop("unmatched")
 
     def _merge(self, *msgs: Any) -> None:
@@ -187,7 +187,7 @@ class FusionNode(StageNode):
             self._drop("broken", len(msgs))
             self.problem(str(error))
             return
-        if self._roster.last_ns is not None and cloud.stamp_ns <= self._roster.last_ns:
+        if self._presence.last_ns is not None and cloud.stamp_ns <= self._presence.last_ns:
             self._drop("late", len(msgs))
             return
         if self._info is None:
@@ -195,7 +195,7 @@ class FusionNode(StageNode):
         cloud = replace(cloud, sequence=self._count, every=1)  # counted anew: nothing of this count is left out
         self._count += 1
         self._counts["passed_alone"] += len(self._present) < len(self._radars)
-        self._roster.sent({name: from_time(msg.header.stamp) for name, msg in zip(self._present, msgs, strict=True)}, cloud.stamp_ns)
+        self._presence.sent({name: from_time(msg.header.stamp) for name, msg in zip(self._present, msgs, strict=True)}, cloud.stamp_ns)
         self._points.publish(cloud_to_msg(cloud))
         self.finish(cloud.stamp_ns, cloud.sequence, self._started)
         if self._points2.get_subscription_count():

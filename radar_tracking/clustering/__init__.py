@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from radar_core.lazy import lazily
 
 if TYPE_CHECKING:
-    from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints, seen_from
+    from radar_tracking.clustering.base import Clustering, ClusterPoints, seen_from
     from radar_tracking.clustering.choose import make_clustering
-    from radar_tracking.clustering.density import cluster, dbscan, thin
+    from radar_tracking.clustering.config import ClusteringConfig
+    from radar_tracking.clustering.density import cluster, dbscan
+    from radar_tracking.clustering.large import thin
     from radar_tracking.clustering.lloyd import kmeans
     from radar_tracking.clustering.reachability import Optics, optics, split
 
@@ -28,9 +30,11 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "Clustering ClusteringConfig ClusterPoints seen_from": "base",
+        "Clustering ClusterPoints seen_from": "base",
+        "ClusteringConfig": "config",
         "make_clustering": "choose",
-        "cluster dbscan thin": "density",
+        "cluster dbscan": "density",
+        "thin": "large",
         "kmeans": "lloyd",
         "Optics optics split": "reachability",
     },

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints, Float64Array, LabelArray
-from radar_tracking.clustering.density import cluster, occupied, thin
+from radar_tracking.clustering.base import Clustering, ClusterPoints, Float64Array, LabelArray
+from radar_tracking.clustering.config import ClusteringConfig
+from radar_tracking.clustering.density import cluster
+from radar_tracking.clustering.large import occupied, thin
 from radar_tracking.clustering.lloyd import kmeans, spread_centres
 from radar_tracking.clustering.polar import grid_dbscan, polar_dbscan, require_polar
 from radar_tracking.clustering.reachability import optics

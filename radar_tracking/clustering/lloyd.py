@@ -9,8 +9,7 @@ import numpy as np
 
 from radar_core import DataError
 from radar_core.checks import require_finite
-from radar_tracking.clustering.base import Float64Array, LabelArray
-from radar_tracking.clustering.density import dense
+from radar_tracking.clustering.density import Float64Array, LabelArray, dense
 
 _jit = numba.njit(cache=True, nogil=True)
 

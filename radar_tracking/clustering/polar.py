@@ -9,9 +9,10 @@ import numba
 import numpy as np
 
 from radar_core.checks import require_finite
-from radar_tracking.clustering.base import ClusteringConfig, ClusterPoints, Float64Array, LabelArray
-from radar_tracking.clustering.density import in_order, occupied
+from radar_tracking.clustering.base import ClusterPoints, Float64Array, LabelArray
+from radar_tracking.clustering.config import ClusteringConfig
 from radar_tracking.clustering.kernels import grow, weigh
+from radar_tracking.clustering.large import in_order, occupied
 
 _LARGEST_CELL: Final[float] = 2.0**50
 _jit = numba.njit(cache=True, nogil=True)

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 
 _jit = numba.njit(cache=True, nogil=True)
 _LEAST_PIVOT = 1e-12  # of the Cholesky factor of a matrix with unit diagonal; the condition number is at least its reciprocal
-_NOT_FINITE, _SINGULAR = 1, 2
+NOT_FINITE, _SINGULAR = 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def predict(covariance: Float64Array, F: Float64Array, Q: Float64Array) -> Float
     ndarray of float64, shape (n, n_states, n_states)
         Predicted.
     """
-    result: Float64Array = _predict(_own(covariance), _own(F), _own(Q))
+    result: Float64Array = _predict(own(covariance), own(F), own(Q))
     return result
 
 
@@ -96,46 +96,21 @@ def correct(
     SingularError
         When an innovation's covariance is not positive definite or nearly singular.
     """
-    mean, covariance, nis, log_det, spread, status = _correct(_own(mean), _own(covariance), _own(residual), _own(H), _own(R), _owned(used))
+    mean, covariance, nis, log_det, spread, status = _correct(own(mean), own(covariance), own(residual), own(H), own(R), _owned(used))
     refuse(status)
     return Correction(mean, covariance, nis, log_det, spread)
-
-
-def nis_and_log_det(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Squared Mahalanobis lengths of residuals, and log determinants of their covariances.
-
-    Parameters
-    ----------
-    residual : ndarray of float64, shape (n, m)
-        Measured less predicted.
-    spread : ndarray of float64, shape (n, m, m)
-        Covariances.
-
-    Returns
-    -------
-    nis, log_det : ndarray of float64, shape (n,)
-        Of each.
-
-    Raises
-    ------
-    DataError, SingularError
-        As `correct`.
-    """
-    nis, log_det, status = _nis_and_log_det(_own(residual), _own(spread))
-    refuse(status)
-    return nis, log_det
 
 
 def refuse(status: Any) -> None:
     """Raise the error that a kernel's status says: its kind, and the row where."""
     kind, row = status
-    if kind == _NOT_FINITE:
+    if kind == NOT_FINITE:
         raise DataError(f"track {row}: state or measurement is not finite; only a range rate may be NaN (not measured)")
     if kind == _SINGULAR:
         raise SingularError(f"track {row}: the innovation's covariance is singular or not positive definite; measurements need noise")
 
 
-def _own(array: Float64Array) -> Float64Array:
+def own(array: Float64Array) -> Float64Array:
     """Copy for a kernel: contiguous and writable, so that it is compiled for one kind of array only."""
     return np.array(array, np.float64, order="C")
 
@@ -174,17 +149,17 @@ def _correct(mean: Any, P: Any, residual: Any, H: Any, R: Any, used: Any) -> Any
     for k in range(n):
         _mask(residual[k], H[k if H.shape[0] > 1 else 0], R[k], used[k], y, h, noise)
         _innovate(P[k], h, noise, used[k], PH, spread[k])
-        kind, log_det[k] = _factor(spread[k], L, scale)
-        nis[k] = _solve(L, scale, y, solved) if kind == 0 else 0.0
+        kind, log_det[k] = factor(spread[k], L, scale)
+        nis[k] = solve(L, scale, y, solved) if kind == 0 else 0.0
         if kind == 0 and not math.isfinite(nis[k]):
-            kind = _NOT_FINITE
+            kind = NOT_FINITE
         if kind != 0:
             row = k
             break
         for i in range(size):
             for j in range(m):
                 new_mean[k, i] += PH[i, j] * solved[j]
-            _solve(L, scale, PH[i], K[i])
+            solve(L, scale, PH[i], K[i])
         _join(P[k], K, h, noise, keep, half, PH, part, new_P[k])
     return new_mean, new_P, nis, log_det, spread, (kind, row)
 
@@ -239,30 +214,13 @@ def _join(P: Any, K: Any, h: Any, noise: Any, keep: Any, half: Any, KR: Any, par
 
 
 @_jit
-def _nis_and_log_det(residual: Any, spread: Any) -> Any:
-    n, m = residual.shape
-    nis, log_det = np.zeros(n), np.zeros(n)
-    L, scale, solved = np.empty((m, m)), np.empty(m), np.empty(m)
-    kind, row = 0, 0
-    for k in range(n):
-        state, log_det[k] = _factor(spread[k], L, scale)
-        nis[k] = _solve(L, scale, residual[k], solved) if state == 0 else 0.0
-        if state == 0 and not math.isfinite(nis[k]):
-            state = _NOT_FINITE
-        if state != 0:
-            kind, row = state, k
-            break
-    return nis, log_det, (kind, row)
-
-
-@_jit
-def _factor(S: Any, L: Any, scale: Any) -> Any:
+def factor(S: Any, L: Any, scale: Any) -> Any:
     """Cholesky factor of S scaled to a unit diagonal; rows may differ in unit by many orders of magnitude. Status and log determinant."""
     m = S.shape[0]
     log_det = 0.0
     for i in range(m):
         if not math.isfinite(S[i, i]):
-            return _NOT_FINITE, 0.0
+            return NOT_FINITE, 0.0
         if not S[i, i] > 0.0:
             return _SINGULAR, 0.0
         scale[i] = 1.0 / math.sqrt(S[i, i])
@@ -273,7 +231,7 @@ def _factor(S: Any, L: Any, scale: Any) -> Any:
             for s in range(j):
                 total -= L[i, s] * L[j, s]
             if not math.isfinite(total):
-                return _NOT_FINITE, 0.0
+                return NOT_FINITE, 0.0
             if j < i:
                 L[i, j] = total / L[j, j]
             elif total > _LEAST_PIVOT:
@@ -285,8 +243,8 @@ def _factor(S: Any, L: Any, scale: Any) -> Any:
 
 
 @_jit
-def _solve(L: Any, scale: Any, rhs: Any, result: Any) -> Any:
-    """Solve with what `_factor` left; returns the quadratic form of the right-hand side with the inverse."""
+def solve(L: Any, scale: Any, rhs: Any, result: Any) -> Any:
+    """Solve with what `factor` left; returns the quadratic form of the right-hand side with the inverse."""
     m = L.shape[0]
     form = 0.0
     for i in range(m):

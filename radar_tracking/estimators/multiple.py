@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.linalg import canonical_eigh, symmetrise
-from radar_tracking.estimators import kernels
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter, Updated
+from radar_tracking.estimators.innovation import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
 from radar_tracking.estimators.single import check_step, start_at
@@ -166,7 +166,7 @@ class MultipleModels:
         residual = np.stack([u.residual for u in found], axis=1)
         residual = residual[:, :1] + self._measurement_model.difference(prepared, residual, residual[:, :1])
         mean, spread = mixture(residual, np.stack([u.spread for u in found], axis=1), weight[:, None, :])
-        return kernels.nis_and_log_det(mean[:, 0], spread[:, 0])[0]
+        return nis_and_log_det(mean[:, 0], spread[:, 0])[0]
 
 
 class _Chain:

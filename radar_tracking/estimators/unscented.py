@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.linalg import SingularError, symmetrise
-from radar_tracking.estimators import kernels
 from radar_tracking.estimators.filters import Updated, log_likelihood
+from radar_tracking.estimators.innovation import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
 
@@ -71,7 +71,7 @@ class UnscentedKalmanFilter:
         noise = np.where(both, prepared.noise, 0.0)
         S = symmetrise(self._outer(off, off) + noise)
         S += np.where(prepared.used, 0.0, 1.0)[:, :, None] * np.eye(S.shape[-1])
-        nis, log_det = kernels.nis_and_log_det(residual, S)
+        nis, log_det = nis_and_log_det(residual, S)
         deviation = points - mean[:, None, :]
         cross = self._outer(off, deviation)
         scale = 1.0 / np.sqrt(np.diagonal(S, axis1=-2, axis2=-1))[:, :, None]

@@ -66,14 +66,14 @@ class ClockMonitor:
     ----------
     names : sequence of str
         The radars; the first one that is known is what the others are compared with.
-    settings : ClockConfig or None
+    config : ClockConfig or None
         Knobs; None: all defaults.
     """
 
-    def __init__(self, names: Sequence[str], settings: ClockConfig | None = None) -> None:
-        self.settings = settings if settings is not None else ClockConfig()
+    def __init__(self, names: Sequence[str], config: ClockConfig | None = None) -> None:
+        self.config = config if config is not None else ClockConfig()
         self._names = tuple(names)
-        self._part_ns = max(round(self.settings.window / self.settings.parts / _SECOND), 1)
+        self._part_ns = max(round(self.config.window / self.config.parts / _SECOND), 1)
         self.forget()
 
     def forget(self) -> None:
@@ -98,7 +98,7 @@ class ClockMonitor:
             self.forget()
         if number not in self._parts:
             self._newest = max(self._newest, number)
-            self._parts = {k: part for k, part in self._parts.items() if k >= self._newest - self.settings.parts}
+            self._parts = {k: part for k, part in self._parts.items() if k >= self._newest - self.config.parts}
         part, delay = self._parts.setdefault(number, _Part()), arrival_ns - stamp_ns
         part.count[name] = part.count.get(name, 0) + 1
         part.delay[name] = min(delay, part.delay.get(name, delay))
@@ -107,8 +107,8 @@ class ClockMonitor:
 
     def offsets(self) -> tuple[ClockOffset, ...]:
         """Compare the clocks of the radars that all parts of the window know; empty while there are not two of them."""
-        parts = [self._parts.get(self._newest - back, _Part()) for back in range(self.settings.parts, 0, -1)]  # the newest is not over yet
-        known = [name for name in self._names if all(part.count.get(name, 0) >= self.settings.least for part in parts)]
+        parts = [self._parts.get(self._newest - back, _Part()) for back in range(self.config.parts, 0, -1)]  # the newest is not over yet
+        known = [name for name in self._names if all(part.count.get(name, 0) >= self.config.least for part in parts)]
         tick = _resolution([np.array(part.arrivals, np.int64) for part in parts])
         if len(known) < 2 or not np.isfinite(tick):
             return ()

@@ -47,12 +47,12 @@ class FusionConfig:
             )
 
 
-class Roster:
+class RadarPresence:
     """Who of several radars is heard, judged by stamps alone: the same clouds in the same order give the same answers.
 
     Parameters
     ----------
-    settings : FusionConfig
+    config : FusionConfig
         Knobs.
 
     Attributes
@@ -61,10 +61,10 @@ class Roster:
         Stamp of the last cloud that went out [ns].
     """
 
-    def __init__(self, settings: FusionConfig) -> None:
-        self._names = settings.radars
-        self._slop_ns = round(settings.slop * 1e9)
-        self._solo_ns = dict.fromkeys(settings.radars, round(settings.solo_after * 1e9))
+    def __init__(self, config: FusionConfig) -> None:
+        self._names = config.radars
+        self._slop_ns = round(config.slop * 1e9)
+        self._solo_ns = dict.fromkeys(config.radars, round(config.solo_after * 1e9))
         self.forget()
 
     def forget(self) -> None:
@@ -95,7 +95,7 @@ class Roster:
             self._since_ns = stamp_ns
 
     def present(self) -> tuple[str, ...]:
-        """Radars that are not silent, in the order of the settings; one that was never heard counts from the first cloud of any."""
+        """Radars that are not silent, in the order of the configuration; one that was never heard counts from the first cloud of any."""
         if self._since_ns is None:
             return self._names
         now = max(self._newest.values())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from radar_core import ConfigError
 from radar_core.config import config, knob
 from radar_tracking.estimators.config import EstimatorConfig
@@ -42,8 +44,8 @@ class SplitConfig:
 class ValueConfig:
     """How the hand's place becomes a control value, 0..1."""
 
-    axis: str = knob("height", choices=("height", "lateral", "reach"), doc="what it follows: z, y or horizontal distance from the body")
-    origin: str = knob("body", choices=("body", "start"), doc="offsets count from the body, or from where the hand was found")
+    axis: Literal["height", "lateral", "reach"] = knob("height", doc="what it follows: z, y or horizontal distance from the body")
+    origin: Literal["body", "start"] = knob("body", doc="offsets count from the body, or from where the hand was found")
     low: float = knob(-0.4, unit="m", low=-10.0, high=10.0, doc="offset of the hand that gives 0")
     high: float = knob(0.4, unit="m", low=-10.0, high=10.0, doc="offset of the hand that gives 1")
     hysteresis: float = knob(0.02, low=0.0, high=0.5, doc="the value moves only when the hand is farther from it than this, either way")

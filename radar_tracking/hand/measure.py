@@ -107,8 +107,8 @@ class HandMeter:
         sensor = np.bincount(points.sensor[known], share[known]).argmax()
         own = known & (points.sensor == sensor)
         part = share[own] / share[own].sum()
-        settings = self._config.snapshot
-        variance = settings.common**2 + float((part**2) @ (points.rate_std[own] ** 2 + settings.spread**2))
+        config = self._config.snapshot
+        variance = config.common**2 + float((part**2) @ (points.rate_std[own] ** 2 + config.spread**2))
         direction = part @ points.direction[own]
         length = float(np.linalg.norm(direction))
         if length < _LEAST_AGREEMENT:  # points all around their sensor: the mean of their rates is nobody's rate

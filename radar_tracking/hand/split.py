@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.linalg import symmetrise
-from radar_tracking.assignment import mahalanobis
-from radar_tracking.clustering import kmeans
+from radar_tracking.clustering.lloyd import kmeans
 from radar_tracking.hand.candidates import Candidates, MaskArray, outward
 from radar_tracking.hand.config import SplitConfig
+from radar_tracking.mahalanobis import mahalanobis
 
 Float64Array = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, RadarInfo
-from radar_tracking.estimators import Belief, make_estimator
+from radar_tracking.estimators.base import Belief
+from radar_tracking.estimators.make import make_estimator
 from radar_tracking.hand.candidates import Candidates, MaskArray, candidates
 from radar_tracking.hand.config import HandConfig
 from radar_tracking.hand.measure import HandMeasurement, HandMeter
@@ -203,11 +204,11 @@ class HandTracker:
 
     def _find(self, points: Candidates) -> MaskArray:
         """Look for the hand anywhere within reach; one that was followed is elsewhere only if what is found moves: it had to get there."""
-        settings = self.config.split
-        own = split(points, self._body, settings)
+        config = self.config.split
+        own = split(points, self._body, config)
         if not own.any():
             return own
-        least = settings.find_speed if self._rests else settings.body_speed
+        least = config.find_speed if self._rests else config.body_speed
         if self._belief is not None and float(np.median(points.speed[own])) < least:
             return np.zeros(len(points), np.bool_)
         self._belief = None

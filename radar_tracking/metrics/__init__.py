@@ -6,7 +6,8 @@ from radar_core.lazy import lazily
 
 if TYPE_CHECKING:
     from radar_tracking.metrics.clear_mot import ClearMot, ClearMotConfig, ClearMotStep, ClearMotSummary, PersonScore
-    from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band, nees
+    from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band
+    from radar_tracking.metrics.estimation_error import nees
     from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary
     from radar_tracking.metrics.objects import ObjectSet, people
     from radar_tracking.metrics.ospa import Ospa, OspaConfig, OspaMetric, OspaSummary
@@ -37,7 +38,8 @@ __getattr__ = lazily(
     __name__,
     {
         "ClearMot ClearMotConfig ClearMotStep ClearMotSummary PersonScore": "clear_mot",
-        "Consistency ConsistencyConfig ConsistencyMonitor chi_square_band nees": "consistency",
+        "Consistency ConsistencyConfig ConsistencyMonitor chi_square_band": "consistency",
+        "nees": "estimation_error",
         "Gospa GospaConfig GospaMetric GospaSummary": "gospa",
         "ObjectSet people": "objects",
         "Ospa OspaConfig OspaMetric OspaSummary": "ospa",

@@ -150,12 +150,12 @@ class ClearMot:
 
     Parameters
     ----------
-    settings : ClearMotConfig or None
+    config : ClearMotConfig or None
         None: all defaults.
     """
 
-    def __init__(self, settings: ClearMotConfig | None = None) -> None:
-        self.config = settings or ClearMotConfig()
+    def __init__(self, config: ClearMotConfig | None = None) -> None:
+        self.config = config or ClearMotConfig()
         self.reset()
 
     def reset(self) -> None:

@@ -13,7 +13,6 @@ from scipy.special import gammainccinv, gammaincinv
 from radar_core import ConfigError, DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
-from radar_core.linalg import solve_spd
 
 Float64Array = NDArray[np.float64]
 State = Literal["consistent", "over-confident", "under-confident", "unknown"]
@@ -40,35 +39,6 @@ def chi_square_band(dof: ArrayLike, quantile: float = 0.999) -> tuple[Float64Arr
     """
     half, tail = np.asarray(dof, np.float64) / 2, (1 - quantile) / 2
     return np.asarray(gammaincinv(half, tail) / half), np.asarray(gammainccinv(half, tail) / half)
-
-
-def nees(error: Float64Array, covariance: Float64Array) -> Float64Array:
-    """Normalised estimation error squared, ``e^T P^-1 e``; chi-square of n_states degrees of freedom for a consistent filter.
-
-    Parameters
-    ----------
-    error : ndarray of float64, shape (..., n_states)
-        Estimate minus truth.
-    covariance : ndarray of float64, shape (..., n_states, n_states)
-        What the filter believes its covariance to be.
-
-    Returns
-    -------
-    ndarray of float64, shape (...)
-        Not negative but for rounding.
-
-    Raises
-    ------
-    DataError
-        When shapes disagree or a value is not finite.
-    SingularError
-        When a covariance is not positive definite or too close to singular.
-    """
-    if error.ndim < 1 or covariance.shape != (*error.shape, error.shape[-1]):
-        raise DataError(f"error has shape {error.shape} but covariance {covariance.shape}; expected (..., n) and (..., n, n)")
-    require_finite("error", error)
-    require_finite("covariance", covariance)
-    return np.asarray(np.einsum("...i,...i->...", error, solve_spd(covariance, error[..., None])[..., 0]))
 
 
 @config
@@ -135,12 +105,12 @@ class ConsistencyMonitor:
 
     Parameters
     ----------
-    settings : ConsistencyConfig or None
+    config : ConsistencyConfig or None
         None: all defaults.
     """
 
-    def __init__(self, settings: ConsistencyConfig | None = None) -> None:
-        self.config = settings or ConsistencyConfig()
+    def __init__(self, config: ConsistencyConfig | None = None) -> None:
+        self.config = config or ConsistencyConfig()
         self._bin_ns = max(round(self.config.window * _SECOND / _BINS), 1)
         self.reset()
 

@@ -75,7 +75,7 @@ class GospaSummary:
     false_tracks: float
 
 
-def gospa_pairs(apart: Float64Array, visible: BoolArray, settings: GospaConfig) -> tuple[IndexArray, IndexArray]:
+def gospa_pairs(apart: Float64Array, visible: BoolArray, config: GospaConfig) -> tuple[IndexArray, IndexArray]:
     """Find the assignment that makes GOSPA smallest.
 
     A pair costs the p-th power of its distance, an object without partner ``c ** p / 2``. A person who does not count costs nothing, with a
@@ -87,7 +87,7 @@ def gospa_pairs(apart: Float64Array, visible: BoolArray, settings: GospaConfig) 
         Distances [m].
     visible : ndarray of bool, shape (n_truth,)
         Who counts.
-    settings : GospaConfig
+    config : GospaConfig
         p and c.
 
     Returns
@@ -95,7 +95,7 @@ def gospa_pairs(apart: Float64Array, visible: BoolArray, settings: GospaConfig) 
     rows, columns : ndarray of int64, shape (n_pairs,)
         Of true objects and of their estimates.
     """
-    cost = np.minimum(apart / settings.c, 1.0) ** settings.p
+    cost = np.minimum(apart / config.c, 1.0) ** config.p
     if visible.all():  # then pairs at the cut-off cost as much as their two objects alone, and no more has to be said
         rows, columns = linear_sum_assignment(cost)
     else:
@@ -122,12 +122,12 @@ class GospaMetric:
 
     Parameters
     ----------
-    settings : GospaConfig or None
+    config : GospaConfig or None
         None: all defaults.
     """
 
-    def __init__(self, settings: GospaConfig | None = None) -> None:
-        self.config = settings or GospaConfig()
+    def __init__(self, config: GospaConfig | None = None) -> None:
+        self.config = config or GospaConfig()
         self.reset()
 
     def reset(self) -> None:

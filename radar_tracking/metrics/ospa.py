@@ -53,12 +53,12 @@ class OspaMetric:
 
     Parameters
     ----------
-    settings : OspaConfig or None
+    config : OspaConfig or None
         None: all defaults.
     """
 
-    def __init__(self, settings: OspaConfig | None = None) -> None:
-        self.config = settings or OspaConfig()
+    def __init__(self, config: OspaConfig | None = None) -> None:
+        self.config = config or OspaConfig()
         self.reset()
 
     def reset(self) -> None:

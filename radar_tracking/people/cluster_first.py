@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.assignment import assign_tracks, mahalanobis
+from radar_tracking.assignment import assign_tracks
 from radar_tracking.clustering.lloyd import kmeans
+from radar_tracking.mahalanobis import mahalanobis
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.gating import Gating
 from radar_tracking.people.owners import Clusters, Owners, nobody

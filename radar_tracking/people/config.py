@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_tracking.clustering.base import ClusteringConfig
+from radar_tracking.clustering.config import ClusteringConfig
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.people.zones import ZonesConfig
 
@@ -13,12 +15,12 @@ from radar_tracking.people.zones import ZonesConfig
 class AssociationConfig:
     """Which points belong to which track: gate, nearest track, density clustering (thesis, 6.2.2)."""
 
-    method: str = knob("euclidean", choices=("euclidean", "mahalanobis"), doc="distance that the gate measures")
+    method: Literal["euclidean", "mahalanobis"] = knob("euclidean", doc="distance that the gate measures")
     gate: float = knob(1.0, unit="m", low=0.05, high=10.0, doc="points farther from a track than this are not its own; an arm must fit in")
     gate_sigmas: float = knob(4.0, low=0.5, high=100.0, doc="gate of method mahalanobis, in standard deviations; `gate` still bounds it")
     clustering: ClusteringConfig = ClusteringConfig(eps=0.4, min_points=2)
-    largest: str = knob("body", choices=("body", "points"), doc="group_clustering: what makes a cluster large, torso-like points or points")
-    split: str = knob("none", choices=("none", "kmeans", "optics"), doc="cluster_first: how clusters of several merged tracks are divided")
+    largest: Literal["body", "points"] = knob("body", doc="group_clustering: what makes a cluster large, torso-like points or points")
+    split: Literal["none", "kmeans", "optics"] = knob("none", doc="cluster_first: how clusters of several merged tracks are divided")
     body_radius: float = knob(0.35, unit="m", low=0.05, high=5.0, doc="points count less for the centroid the farther beyond this (arms)")
     body_width: float = knob(
         0.35, unit="m", low=0.0, high=2.0, doc="centres of two people are at least this far apart: tracks that meet cannot swap; 0: off"
@@ -160,8 +162,8 @@ class BackgroundConfig:
 class TrackerConfig:
     """Everything that `PeopleTracker` can be told."""
 
-    tracker: str = knob(
-        "group_clustering", choices=("group_clustering", "group", "cluster_first"), doc="how points are given to tracks (thesis, 6.2.2)"
+    tracker: Literal["group_clustering", "group", "cluster_first"] = knob(
+        "group_clustering", doc="how points are given to tracks (thesis, 6.2.2)"
     )
     association: AssociationConfig = AssociationConfig()
     filter: FilterConfig = FilterConfig()

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.clustering.base import ClusterPoints
 from radar_tracking.clustering.density import cluster
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.gating import Gating
@@ -60,9 +59,10 @@ class Clusters:
         self._config = config.clustering
         self.plain = config.clustering.name == "dbscan" and config.clustering.rate_weight == 0
         if not self.plain:
+            from radar_tracking.clustering.base import ClusterPoints
             from radar_tracking.clustering.choose import make_clustering
 
-            self._method = make_clustering(config.clustering)
+            self._points, self._method = ClusterPoints, make_clustering(config.clustering)
 
     def labels(self, points: Points, index: IndexArray) -> IndexArray:
         """Cluster of each point of ``index``, shape (len(index),); -1: noise."""
@@ -71,7 +71,7 @@ class Clusters:
             return cluster(points.position[index, :2], config.eps, config.min_points, config.max_points)
         away = points.position[index, :2] - points.origins[points.sensor[index], :2]
         azimuth = np.arctan2(away[:, 1], away[:, 0])
-        return self._method.labels(ClusterPoints(points.position[index, :2], points.speed[index], points.distance[index], azimuth))
+        return self._method.labels(self._points(points.position[index, :2], points.speed[index], points.distance[index], azimuth))
 
 
 def nobody(n_points: int) -> IndexArray:

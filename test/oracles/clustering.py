@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.clustering.base import Float64Array, LabelArray
+from radar_tracking.clustering.density import Float64Array, LabelArray
 
 MaskArray = NDArray[np.bool_]
 

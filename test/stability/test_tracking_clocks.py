@@ -25,8 +25,8 @@ def test_half_an_hour_does_not_grow():
     """90 000 clouds of each radar leave one window behind, and the answer is as good as after ten seconds."""
     monitor = ClockMonitor(("left", "right"))
     feed(monitor, 3 * MS, 90_000, start_ns=10**18)
-    assert len(monitor._parts) <= monitor.settings.parts + 1
-    assert sum(len(part.arrivals) for part in monitor._parts.values()) <= 64 * (monitor.settings.parts + 1)
+    assert len(monitor._parts) <= monitor.config.parts + 1
+    assert sum(len(part.arrivals) for part in monitor._parts.values()) <= 64 * (monitor.config.parts + 1)
     assert abs(monitor.offsets()[1].offset - 3e-3) < 40e-6
 
 

@@ -10,7 +10,7 @@ from sklearn.cluster import DBSCAN
 
 from radar_core import DataError
 from radar_tracking.clustering import ClusteringConfig, ClusterPoints, dbscan, kmeans, make_clustering, optics, seen_from, split, thin
-from radar_tracking.clustering.density import _dbscan_tree, occupied
+from radar_tracking.clustering.large import dbscan_tree, occupied
 
 NAMES = ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
 ORIGIN = np.zeros(2)
@@ -204,5 +204,5 @@ def test_the_switch_to_the_tree_changes_nothing():
     place = np.random.default_rng(10).uniform(0, 8, (2001, 2))
     expected = DBSCAN(eps=0.2, min_samples=5).fit_predict(place[:2000])
     assert np.array_equal(dbscan(place[:2000], 0.2, 5), expected)
-    assert np.array_equal(_dbscan_tree(place[:2000], 0.2, 5, None), expected)
+    assert np.array_equal(dbscan_tree(place[:2000], 0.2, 5, None), expected)
     assert np.array_equal(dbscan(place, 0.2, 5), DBSCAN(eps=0.2, min_samples=5).fit_predict(place))

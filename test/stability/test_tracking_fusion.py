@@ -11,7 +11,7 @@ from radar_core.cloud import ARRAY_FIELDS
 from radar_ros.filters import SimpleFilter
 from radar_ros.filters_near import ApproximateTimeSynchronizer
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
-from radar_tracking.fusion.clouds import FusionConfig, Roster
+from radar_tracking.fusion.clouds import FusionConfig, RadarPresence
 from radar_tracking.people.zones import Zones, ZonesConfig
 
 MS = 1_000_000
@@ -29,7 +29,7 @@ class Stamped:
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 2000)), max_size=120), st.sampled_from([0.001, 0.02, 0.1]))
 def test_nothing_waits_for_ever(arrivals, slop):
     """Lost, doubled, late, in any order: what waits is never older than the silence allows, sets lie within the slop, time goes forward."""
-    roster = Roster(FusionConfig(radars=("a", "b", "c"), slop=slop, solo_after=0.2))
+    presence = RadarPresence(FusionConfig(radars=("a", "b", "c"), slop=slop, solo_after=0.2))
     inputs = {name: SimpleFilter() for name in "abc"}
     sync = ApproximateTimeSynchronizer(list(inputs.values()), 1000, slop)
     waiting = dict(zip("abc", sync.queues, strict=True))
@@ -37,25 +37,25 @@ def test_nothing_waits_for_ever(arrivals, slop):
 
     def take(*msgs):
         stamps = [m.stamp_ns for m in msgs]
-        if roster.last_ns is None or max(stamps) > roster.last_ns:
-            roster.sent(dict(zip("abc", stamps, strict=True)), max(stamps))
+        if presence.last_ns is None or max(stamps) > presence.last_ns:
+            presence.sent(dict(zip("abc", stamps, strict=True)), max(stamps))
             out.append(stamps)
 
     sync.registerCallback(take)
     for name, ms in arrivals:
         stamp = ms * MS
-        roster.hear(name, stamp)
-        present = roster.present()
+        presence.hear(name, stamp)
+        present = presence.present()
         assert present, "somebody is always there"
-        if not roster.late(name, stamp):
+        if not presence.late(name, stamp):
             inputs[name].signalMessage(Stamped(stamp))
         stamps = {key: list(queue) for key, queue in waiting.items()}
         for key, queue in waiting.items():
             for s in stamps[key]:
-                if roster.hopeless(key, s, stamps):
+                if presence.hopeless(key, s, stamps):
                     queue.pop(s, None)
         if len(present) == 3:  # all are waited for: then none lies further back than silence allows
-            newest = max(roster._newest.values())
+            newest = max(presence._newest.values())
             assert all(newest - s <= 200 * MS for queue in waiting.values() for s in queue)
     assert all(max(stamps) - min(stamps) < slop * 1e9 for stamps in out)
     assert all(max(a) < max(b) for a, b in itertools.pairwise(out))
@@ -63,25 +63,25 @@ def test_nothing_waits_for_ever(arrivals, slop):
 
 def test_bookkeeping_does_not_grow():
     """Bookkeeping does not grow: three numbers per radar, whatever comes."""
-    roster = Roster(FusionConfig())
+    presence = RadarPresence(FusionConfig())
     for k in range(100_000):  # half an hour at 50 Hz
-        roster.hear("left", 20 * MS * k)
-        if "right" not in roster.present():
-            roster.sent({"left": 20 * MS * k}, 20 * MS * k)
-    assert len(roster._newest) + len(roster._used) == 2
-    assert roster.present() == ("left",)
+        presence.hear("left", 20 * MS * k)
+        if "right" not in presence.present():
+            presence.sent({"left": 20 * MS * k}, 20 * MS * k)
+    assert len(presence._newest) + len(presence._used) == 2
+    assert presence.present() == ("left",)
 
 
 def test_stamps_at_the_ends_of_time():
     """Zero and the largest stamp of a message: integers, so that no nanosecond is lost."""
-    roster, largest = Roster(FusionConfig()), (2**31) * 10**9 - 1
-    roster.hear("left", 0)
-    roster.hear("right", largest)
-    assert roster.present() == ("right",)
-    roster.sent({"right": largest}, largest)
-    assert roster.late("left", 0)
-    assert roster.late("right", largest)
-    assert roster.went_back("right", 0)
+    presence, largest = RadarPresence(FusionConfig()), (2**31) * 10**9 - 1
+    presence.hear("left", 0)
+    presence.hear("right", largest)
+    assert presence.present() == ("right",)
+    presence.sent({"right": largest}, largest)
+    assert presence.late("left", 0)
+    assert presence.late("right", largest)
+    assert presence.went_back("right", 0)
 
 
 def test_clouds_of_any_size_through_a_message():

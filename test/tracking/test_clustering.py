@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.cluster import DBSCAN, KMeans
 
 from radar_tracking.clustering import cluster, dbscan, kmeans, thin
-from radar_tracking.clustering.density import _dbscan_tree
+from radar_tracking.clustering.large import dbscan_tree
 
 
 def blobs(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -17,7 +17,7 @@ def blobs(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.vstack([points, rng.uniform(-2, 3, (n // 4 + 1, 2))])
 
 
-@pytest.mark.parametrize("method", [dbscan, _dbscan_tree])
+@pytest.mark.parametrize("method", [dbscan, dbscan_tree])
 @pytest.mark.parametrize("n", [1, 3, 12, 50, 160])
 @pytest.mark.parametrize(("eps", "min_points"), [(0.15, 3), (0.3, 4), (0.3, 1), (0.05, 2)])
 def test_labels_are_those_of_sklearn(method, n, eps, min_points):
@@ -33,7 +33,7 @@ def test_pairs_and_tree_agree(seed, n, eps, min_points):
     """Where the switch between the methods lies is a matter of time alone; weights included."""
     rng = np.random.default_rng(seed)
     points, weights = rng.uniform(-1, 1, (n, 3)), rng.integers(1, 4, n).astype(float)
-    pairs, tree = (m(points, eps, min_points, weights) for m in (dbscan, _dbscan_tree))
+    pairs, tree = (m(points, eps, min_points, weights) for m in (dbscan, dbscan_tree))
     assert np.array_equal(pairs, tree)
     assert np.array_equal(pairs, DBSCAN(eps=eps, min_samples=min_points).fit_predict(points, sample_weight=weights))
 

@@ -11,9 +11,10 @@ import pytest
 from scipy.stats import chi2
 
 from radar_tracking.estimators import Belief, Estimator, EstimatorConfig, Measurement, VelocityMeasurement, from_polar, make_estimator
-from radar_tracking.estimators.convert import range_rate, to_polar
+from radar_tracking.estimators.convert import range_rate
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.make import make_motion
+from radar_tracking.estimators.polar_model import to_polar
 
 RUNS, DT = 200, 0.05
 CHECKED = (1, 10, 40)  # steps after which the errors are looked at

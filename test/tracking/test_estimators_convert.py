@@ -5,7 +5,8 @@ import pytest
 
 from radar_core import DataError, Pose
 from radar_tracking.estimators import from_polar
-from radar_tracking.estimators.convert import polar_jacobian, range_rate, range_rate_jacobian, to_polar, wrap
+from radar_tracking.estimators.convert import range_rate, range_rate_jacobian, wrap
+from radar_tracking.estimators.polar_model import polar_jacobian, to_polar
 
 # (range, azimuth, elevation, range std, azimuth std, elevation std)
 CASES = [(5.0, 0.7, 0.2, 0.05, 0.02, 0.03), (5.0, 2.0, -0.5, 0.05, 0.3, 0.2), (3.0, -2.0, 1.0, 0.1, 0.4, 0.3)]

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from radar_core import AntennaArray, ConfigError, Pose, RadarInfo, Waveform
 from radar_core.geometry import cartesian_to_spherical
-from radar_tracking.fusion.clouds import FusionConfig, Roster, fused_info
+from radar_tracking.fusion.clouds import FusionConfig, RadarPresence, fused_info
 
 MS = 1_000_000
 
 
-def roster(**knobs):
-    return Roster(FusionConfig(**knobs))
+def presence(**knobs):
+    return RadarPresence(FusionConfig(**knobs))
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_settings_that_make_no_sense(knobs, message):
 
 def test_silence_is_judged_by_stamps():
     """At ``solo_after`` a radar is still waited for, beyond it not; a stamp of its own brings it back."""
-    r = roster(solo_after=0.2)
+    r = presence(solo_after=0.2)
     assert r.present() == ("left", "right")
     r.hear("left", 0)
     r.hear("right", 10 * MS)
@@ -53,7 +53,7 @@ def test_silence_is_judged_by_stamps():
 
 def test_a_radar_that_was_never_heard():
     """It is given the same time, from the first cloud of any other."""
-    r = roster(solo_after=0.2)
+    r = presence(solo_after=0.2)
     r.hear("right", 7000 * MS)
     r.hear("right", 7200 * MS)
     assert r.present() == ("left", "right")
@@ -63,7 +63,7 @@ def test_a_radar_that_was_never_heard():
 
 def test_a_slow_radar_is_not_taken_for_a_silent_one():
     """One of 1 Hz is waited for while less than two of its frames are missing."""
-    r = roster(solo_after=0.2)
+    r = presence(solo_after=0.2)
     r.knows("right", 1.0)
     r.hear("right", 0)
     r.hear("left", 1999 * MS)
@@ -74,7 +74,7 @@ def test_a_slow_radar_is_not_taken_for_a_silent_one():
 
 def test_late_is_what_would_go_back_in_time():
     """Older than what went out by the slop, or not newer than what the same radar had in it."""
-    r = roster()
+    r = presence()
     assert not r.late("left", 0)
     r.sent({"left": 100 * MS, "right": 103 * MS}, 103 * MS)
     assert r.late("left", 100 * MS)
@@ -85,7 +85,7 @@ def test_late_is_what_would_go_back_in_time():
 
 def test_hopeless_is_what_no_partner_can_come_for():
     """Once another radar is past the slop without a match, or has waited with one, as the set needs."""
-    r = roster(radars=("a", "b", "c"))
+    r = presence(radars=("a", "b", "c"))
     for name, stamp in (("a", 0), ("b", 3 * MS)):
         r.hear(name, stamp)
     waiting = {"a": [0], "b": [3 * MS], "c": []}
@@ -102,7 +102,7 @@ def test_hopeless_is_what_no_partner_can_come_for():
 
 def test_a_restart_is_not_a_delay():
     """Half a second late is late; seconds back is another recording; after forgetting, everything counts from anew."""
-    r = roster()
+    r = presence()
     r.hear("left", 5000 * MS)
     assert not r.went_back("left", 4000 * MS)
     assert r.went_back("left", 3999 * MS)
