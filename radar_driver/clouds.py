@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import AntennaArray, PointCloud, Pose, Quality, RadarInfo, Waveform
+from radar_core import AntennaArray, PointCloud, Pose, RadarInfo, Waveform
 
 
 def cloud_source_info(frame_interval: float, fov: tuple[float, float], mount: Pose) -> RadarInfo:
@@ -28,15 +28,8 @@ def cloud_source_info(frame_interval: float, fov: tuple[float, float], mount: Po
     return RadarInfo(frame_id="radar", waveform=waveform, array=array, mount=mount)
 
 
-def make_cloud(
-    stamp_ns: int,
-    sequence: int,
-    frame_id: str,
-    position: NDArray[Any],
-    values: Mapping[str, NDArray[Any]],
-    quality: Quality = Quality.GOOD,
-) -> PointCloud:
+def make_cloud(stamp_ns: int, sequence: int, frame_id: str, position: NDArray[Any], values: Mapping[str, NDArray[Any]]) -> PointCloud:
     """Make a cloud of positions, shape (n, 3) = (x, y, z), and of other arrays of a `PointCloud` by name, shape (n,); the rest is NaN."""
     columns = {**dict(zip("xyz", position.T, strict=True)), **values}
     arrays: dict[str, Any] = {name: np.ascontiguousarray(value, np.float32) for name, value in columns.items()}
-    return PointCloud(stamp_ns, sequence, frame_id, quality=quality, **arrays)
+    return PointCloud(stamp_ns, sequence, frame_id, **arrays)

@@ -87,13 +87,7 @@ class Radar:
         return min(self._states.values(), key=order.index, default=PowerState.OFF)
 
     def power_up(self) -> None:
-        """Power up every component that is off, in order.
-
-        Raises
-        ------
-        DeviceError
-            Naming the component that failed; all are powered down then.
-        """
+        """Power up every component that is off, in order; a `DeviceError` names the one that failed, and all are powered down then."""
         for component in self._components:
             if self._states[component.name] in (PowerState.OFF, PowerState.FAILED):
                 self._step(component, "power up", PowerState.SUSPENDED)

@@ -51,13 +51,7 @@ class Reader:
             return self._problem
 
     def start(self) -> None:
-        """Resume the source and read from now on.
-
-        Raises
-        ------
-        DeviceError
-            When the source does not resume.
-        """
+        """Resume the source and read from now on; a `DeviceError` says why it does not resume."""
         self._stop.clear()
         self._source.resume()
         self._thread = threading.Thread(target=self._work, name="device reader", daemon=True)

@@ -28,10 +28,8 @@ class Frames(Protocol):
         What the radar is and where it stands.
     n_frames : int or None
         How many there are; None: no end.
-    interval : float
-        From one frame to the next [s]: what the device's own clock makes of the waveform's frame interval.
-    delay : float
-        From the start to the first frame [s].
+    interval, delay : float
+        From one frame to the next by the device's own clock, and from the start to the first one [s].
     """
 
     info: RadarInfo

@@ -54,12 +54,8 @@ def probe(
     Returns
     -------
     Probe
-        A device that cannot be opened, or is lost meanwhile, is a failed link whose advice says why.
-
-    Raises
-    ------
-    DataError
-        When frames contradict the source's description.
+        A device that cannot be opened, or is lost meanwhile, is a failed link whose advice says why. A `DataError` says that frames
+        contradict the source's description.
     """
     health = Health(source.info, config)
     started = time.monotonic()

@@ -77,10 +77,7 @@ def access_problem(port: str) -> str:
 def open_port(port: str, baud: int, **options: Any) -> serial.Serial:
     """Open a serial port for this program alone; ``options`` go to pyserial.
 
-    Raises
-    ------
-    DeviceError
-        When it is not there, may not be opened, or another program holds it; with what to do.
+    A `DeviceError` says that it is not there, may not be opened, or is held by another program, and what to do.
     """
     try:
         return serial.Serial(port, baud, exclusive=True, **options)

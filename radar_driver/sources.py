@@ -86,22 +86,9 @@ class Source(Protocol):
         ...
 
     def read(self, timeout: float) -> Reading | None:
-        """Wait for what comes next.
+        """Wait ``timeout`` seconds at most for what comes next; None: nothing came.
 
-        Parameters
-        ----------
-        timeout : float
-            How long at most [s].
-
-        Returns
-        -------
-        Reading or None
-            None: nothing came.
-
-        Raises
-        ------
-        DeviceError
-            ``gone``: the device has to be powered up anew; otherwise reading may go on.
+        A `DeviceError` says why; ``gone``: the device has to be powered up anew. Otherwise reading may go on.
         """
         ...
 

@@ -80,13 +80,7 @@ class BagFrames:
         raise DataError(f"{path}: has no radar/frame with radar/info (topics: {topics}); record raw frames, or use: handwave replay")
 
     def frame(self, number: int) -> tuple[RadarFrame, None]:
-        """Read a frame; going back starts from the front.
-
-        Raises
-        ------
-        DataError
-            When the bag has fewer frames.
-        """
+        """Read a frame; going back starts from the front. A `DataError` says that the bag has fewer frames."""
         if number < self._next or self._next == 0:
             self._messages, self._next = self._reader.messages(connections=self._frames), 0
         for connection, _, raw in self._messages:

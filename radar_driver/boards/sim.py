@@ -28,14 +28,9 @@ class SimFrames:
     Parameters
     ----------
     scene : str or Path
-        Scene file, or one of ours by name.
+        Scene file, or one of ours by name; a `ConfigError` names file, line and key.
     namespace : str
         Which radar of the scene, where it has several, e.g. ``left``; the only one is taken whatever its namespace.
-
-    Raises
-    ------
-    ConfigError
-        Naming file, line and key.
     """
 
     def __init__(self, scene: str | Path, namespace: str = "") -> None:

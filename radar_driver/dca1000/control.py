@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections import Counter
 from typing import Final
 
 from radar_core import DeviceError
-from radar_driver.components import Device, Report
+from radar_driver.components import Report
 from radar_driver.dca1000.commands import Code, Event, Lvds, Reply, decode_reply, encode_command, fpga_settings, packet_settings
-from radar_driver.dca1000.sockets import bind, explain_send, wait
+from radar_driver.dca1000.sockets import UdpPort, explain_send, wait
 
 _TRIES: Final = 3
 _FLOOD: Final = 1000  # datagrams: whoever sends more of them at once cannot keep us busy for ever
@@ -18,62 +17,43 @@ _POLL: Final = 0.05  # s
 _SETTLE: Final = 2.0  # s: after it was configured the FPGA hears nothing for a while, far shorter than this
 
 
-class Control(Device):
+class Control(UdpPort):
     """The configuration port.
 
     Parameters
     ----------
-    host, board : str
-        Addresses of this computer and of the board.
-    port : int
-        On both sides.
+    host, board, port : str, str, int
+        As of `UdpPort`; the port on both sides.
     timeout : float
         How long to wait for one answer [s]; the board is asked three times.
     """
 
     name = "configuration port"
+    what = "its answers"
 
     def __init__(self, host: str, board: str, port: int, timeout: float) -> None:
-        self._host, self._board, self._port, self._timeout = host, board, port, timeout
-        self._link: socket.socket | None = None
+        super().__init__(host, board, port)
+        self._timeout = timeout
         self._events: list[Event] = []
         self._counts: Counter[str] = Counter()
         self._version = ""
 
     def open(self) -> None:
-        """Open the socket and see whether the board answers.
-
-        Raises
-        ------
-        DeviceError
-            When the address or the port cannot be had, or nobody answers.
-        """
-        self._link = bind(self._host, self._port, "its answers")
+        """Open the socket and see whether the board answers; a `DeviceError` says that it does not, or why there is no socket."""
+        super().open()
         try:
-            self._read_away()
+            self.events()  # forget what is left of an earlier life
             self.request(Code.SYSTEM_CONNECT)
         except DeviceError:
             self.close()
             raise
-
-    def close(self) -> None:
-        """Let go of the socket."""
-        if self._link is not None:
-            self._link.close()
-            self._link = None
 
     def report(self) -> Report:
         """Give the FPGA's version, requests that had to be repeated, and events by name."""
         return {"fpga": self._version, **self._counts}
 
     def configure(self, lvds: Lvds, packet_delay: float) -> None:
-        """Set the board up: raw samples over the network; a recording that still goes on is ended first.
-
-        Raises
-        ------
-        DeviceError
-            When the board refuses.
-        """
+        """Set the board up for raw samples over the network; a recording that goes on is ended. A `DeviceError` says that it refuses."""
         self._ask(Code.RECORD_STOP, tries=_TRIES)  # fails where nothing was recorded, which is fine
         settings = fpga_settings(lvds=lvds)
         if self._ask(Code.CONFIGURE_FPGA, settings).status != 0:  # as after a crash: once more from the start
@@ -89,7 +69,7 @@ class Control(Device):
 
     def start(self) -> None:
         """Record from now on: what the sensor sends goes to the data port, counted from 0."""
-        self._read_away()
+        self.events()
         self.request(Code.RECORD_START)
 
     def stop(self) -> None:
@@ -108,13 +88,7 @@ class Control(Device):
         return found
 
     def request(self, code: Code, data: bytes = b"") -> Reply:
-        """Ask, and want it done.
-
-        Raises
-        ------
-        DeviceError
-            When nobody answers, or the board says that it failed.
-        """
+        """Ask, and want it done; a `DeviceError` says that nobody answers, or that the board says it failed."""
         reply = self._ask(code, data)
         if reply.status != 0:
             raise DeviceError(
@@ -184,10 +158,6 @@ class Control(Device):
                 self._counts[event.name.lower()] += 1
                 if event not in self._events:
                     self._events.append(event)
-
-    def _read_away(self) -> None:
-        """Forget what is left of an earlier life."""
-        self.events()
 
 
 def _spoken(code: Code) -> str:

@@ -16,13 +16,7 @@ _GAP: Final = 16  # samples: so many zeros in a row are no noise but a hole; a l
 
 
 def frame_bytes(info: RadarInfo, lanes: int) -> int:
-    """Count the bytes of a frame; four lanes always carry four receivers.
-
-    Raises
-    ------
-    ConfigError
-        When the lanes cannot carry frames of that shape.
-    """
+    """Count the bytes of a frame (four lanes always carry four receivers); a `ConfigError` says that the lanes cannot carry its shape."""
     n_tx, n_chirp, n_rx, n_sample = info.cube_shape
     if lanes == 2 and n_rx == 3:
         raise ConfigError("two lanes carry 1, 2 or 4 receivers, but 3 are on; set channelCfg to 1, 3 or 15")
@@ -72,10 +66,7 @@ def decode_frame(data: bytes | bytearray, info: RadarInfo, *, order: str = "q_fi
 def looks_mirrored(cube: NDArray[np.complex64]) -> bool:
     """Whether echoes lie at negative ranges, as they do when I and Q are taken for each other (complex 1X: the image band is filtered).
 
-    Parameters
-    ----------
-    cube : ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
-        One frame.
+    ``cube`` is one frame, shape (n_tx, n_chirp, n_rx, n_sample).
     """
     n = cube.shape[-1]
     if n < 8:
@@ -87,12 +78,7 @@ def looks_mirrored(cube: NDArray[np.complex64]) -> bool:
 
 
 def zeroed_chirps(cube: NDArray[np.complex64]) -> NDArray[np.uint32]:
-    """Find the chirps with holes that a recorder filled with zeros.
-
-    Parameters
-    ----------
-    cube : ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
-        One frame.
+    """Find the chirps with holes that a recorder filled with zeros, in a frame of shape (n_tx, n_chirp, n_rx, n_sample).
 
     Returns
     -------

@@ -146,14 +146,9 @@ class Reassembler:
         self.counts = Counts()
 
     def process(self, packet: bytes | bytearray | memoryview, stamp_ns: int) -> Sequence[RawFrame]:
-        """Take one packet; give the frames that are finished now, in order.
+        """Take one packet, the payload of a UDP datagram that came at ``stamp_ns``; give the frames that are finished now, in order.
 
-        Parameters
-        ----------
-        packet : bytes-like
-            Payload of a UDP datagram; what is needed of it is copied.
-        stamp_ns : int
-            When it came [ns].
+        What is needed of the packet is copied.
         """
         if not HEAD.size < len(packet) <= _LONGEST:
             self.counts.garbled += 1

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
-from radar_driver.components import Device, Report
+from radar_driver.components import Report
 from radar_driver.dca1000.packets import RawFrame, Reassembler
-from radar_driver.dca1000.sockets import bind, wait
+from radar_driver.dca1000.sockets import UdpPort, wait
 
 _KEPT: Final = 4  # finished frames that wait to be read; older ones make room
 _WANTED, _NEEDED = 16, 2  # frames that the system is asked to buffer, and that it has to
@@ -21,15 +21,13 @@ _NAP: Final = 0.001  # s: to wake up for every packet costs a third more, to wai
 _AT_ONCE: Final = 4096  # packets; then whoever waits for a frame gets to see what is finished
 
 
-class Receiver(Device):
+class Receiver(UdpPort):
     """Receives data packets, and finishes frames.
 
     Parameters
     ----------
-    host, board : str
-        Addresses of this computer and of the board; packets of others are counted and passed over.
-    port : int
-        The data port.
+    host, board, port : str, str, int
+        As of `UdpPort`.
     frame_bytes : int
         Bytes of a frame.
     nap : float
@@ -44,10 +42,11 @@ class Receiver(Device):
     """
 
     name = "data port"
+    what = "its samples"
 
     def __init__(self, host: str, board: str, port: int, frame_bytes: int, *, nap: float = _NAP) -> None:
-        self._host, self._board, self._port, self._size, self._nap = host, board, port, frame_bytes, nap
-        self._link: socket.socket | None = None
+        super().__init__(host, board, port)
+        self._size, self._nap = frame_bytes, nap
         self._buffer = memoryview(bytearray(1 << 16))
         self._frames: deque[RawFrame] = deque()
         self._stream = Reassembler(frame_bytes)
@@ -56,21 +55,14 @@ class Receiver(Device):
         self.heard = 0.0
 
     def open(self) -> None:
-        """Open the socket with a buffer for several frames.
-
-        Raises
-        ------
-        DeviceError
-            When the address or the port cannot be had.
-        """
-        self._link = bind(self._host, self._port, "its samples")
+        """Open the socket with a buffer for several frames."""
+        super().open()
+        assert self._link is not None
         self.warning = _enlarge(self._link, self._size)
 
     def close(self) -> None:
         """Let go of the socket, and of what is unfinished."""
-        if self._link is not None:
-            self._link.close()
-            self._link = None
+        super().close()
         self._frames.clear()
 
     def start_afresh(self) -> None:

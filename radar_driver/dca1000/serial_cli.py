@@ -46,10 +46,7 @@ class SerialCli(Device):
     def open(self) -> None:
         """Open the port and see whether the sensor's demo answers.
 
-        Raises
-        ------
-        DeviceError
-            When the port is not there, not allowed or held by somebody else; when nobody answers, or another firmware does.
+        A `DeviceError` says that the port is not there, not allowed or held, that nobody answers, or that another firmware does.
         """
         port = _only_port() if self._port == "auto" else self._port
         self._link = open_port(port, BAUD, timeout=_SLICE, write_timeout=self._timeout)
@@ -74,19 +71,8 @@ class SerialCli(Device):
     def send(self, line: str, where: str = "", *, timeout: float = 0.0) -> None:
         """Send one line and wait until it is done.
 
-        Parameters
-        ----------
-        line : str
-            A command.
-        where : str
-            File and number of the line, for the message.
-        timeout : float
-            How long the answer may take [s]; 0: as given in the beginning.
-
-        Raises
-        ------
-        DeviceError
-            When the sensor refuses the line (with its own words), does not answer in time, or is gone.
+        ``where`` is file and number of the line, for messages; ``timeout`` how long the answer may take [s], 0: as given at first.
+        A `DeviceError` says that the sensor refuses the line (with its own words), does not answer in time, or is gone.
         """
         timeout = timeout or self._timeout
         said, firmware = self._exchange(line, timeout)

@@ -35,22 +35,7 @@ class Dca1000Config:
 
 
 def check_settings(config: Dca1000Config, ti: TiConfig, size: int) -> None:
-    """Refuse what could only give silence or nonsense.
-
-    Parameters
-    ----------
-    config : Dca1000Config
-        Of the boards.
-    ti : TiConfig
-        Of the .cfg that they name.
-    size : int
-        Bytes of a frame.
-
-    Raises
-    ------
-    ConfigError
-        Naming file and setting.
-    """
+    """Refuse (`ConfigError`) what could only give silence or nonsense: settings that contradict the .cfg, or frames of ``size`` bytes."""
     four = ti.platform.lower().startswith(("xwr14", "xwr12"))
     if ti.platform and four != (config.lanes == 4):
         raise ConfigError(f"{config.config} is for {ti.platform}, which has {4 if four else 2} lanes, but dca1000.lanes is {config.lanes}")

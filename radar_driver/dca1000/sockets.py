@@ -7,22 +7,41 @@ import select
 import socket
 
 from radar_core import DeviceError
+from radar_driver.components import Device
 
 
-def bind(host: str, port: int, what: str) -> socket.socket:
-    """Open a UDP socket that does not block.
+class UdpPort(Device):
+    """A UDP port on which the board sends.
 
     Parameters
     ----------
-    host, port : str, int
-        Address of this computer on the board's network.
-    what : str
-        What arrives there, for the message.
+    host, board : str
+        Addresses of this computer and of the board; what others send is counted and passed over.
+    port : int
+        On this computer.
+    """
 
-    Raises
-    ------
-    DeviceError
-        When this computer does not have the address, or another program has the port.
+    what = ""  # arrives there, for messages
+
+    def __init__(self, host: str, board: str, port: int) -> None:
+        self._host, self._board, self._port = host, board, port
+        self._link: socket.socket | None = None
+
+    def open(self) -> None:
+        """Open the socket; a `DeviceError` says that the address or the port cannot be had."""
+        self._link = bind(self._host, self._port, self.what)
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+
+def bind(host: str, port: int, what: str) -> socket.socket:
+    """Open a UDP socket that does not block; ``what`` arrives there, for messages.
+
+    A `DeviceError` says that this computer does not have the address ``host``, or that another program has the port.
     """
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:

@@ -29,20 +29,14 @@ class TiConfig:
         E.g. xWR18xx; empty when the file does not say.
     start_hz, slope : float
         Where the ramp begins [Hz] and how it rises [Hz/s].
-    idle, adc_start, ramp_end : float
-        Times within a chirp [s].
-    n_sample : int
-        Samples per chirp.
+    idle, adc_start, ramp_end, frame_interval : float
+        Times within a chirp, and from one frame to the next [s].
+    n_sample, n_rx, n_loop : int
+        Samples per chirp, receivers that are on, chirps per transmitter.
     sample_rate : float
         [Hz].
     tx : tuple of int
         Transmitters (from 1) in the order of the chirps.
-    n_rx : int
-        Receivers that are on.
-    n_loop : int
-        Chirps per transmitter.
-    frame_interval : float
-        [s].
     n_frame : int
         Frames until the sensor stops by itself; 0: never.
     streams : bool
@@ -128,10 +122,7 @@ def read_ti_config(path: Path) -> TiConfig:
 def cli_lines(path: Path) -> list[tuple[int, str]]:
     """Commands of a .cfg file as the sensor's CLI gets them: numbers of their lines (from 1), and text without comments and blanks.
 
-    Raises
-    ------
-    DataError
-        When the file cannot be read.
+    A `DataError` says that the file cannot be read.
     """
     lines = ((number, line.strip()) for number, line in enumerate(_text(path).splitlines(), 1))
     return [(number, line) for number, line in lines if line and not line.startswith("%")]
@@ -162,20 +153,14 @@ def _commands(path: Path) -> tuple[str, dict[str, list[tuple[int, list[float]]]]
         wanted = _ARGUMENTS.get(name) or _OPTIONAL.get(name)
         if wanted:
             try:
-                arguments = [_number(word) for word in words]
+                arguments = [float(word) for word in words]
             except ValueError:
-                raise DataError(f"{path}:{number}: {name} has an argument that is no number") from None
+                arguments = [math.nan]
+            _require(path, number, all(map(math.isfinite, arguments)), f"{name} has an argument that is no number")
             if len(arguments) < wanted:
                 raise DataError(f"{path}:{number}: {name} has {len(arguments)} arguments, expected {wanted}")
             commands.setdefault(name, []).append((number, arguments))
     return platform, commands
-
-
-def _number(word: str) -> float:
-    number = float(word)
-    if not math.isfinite(number):
-        raise ValueError(f"{word} is not finite")
-    return number
 
 
 def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: int) -> int:
@@ -206,17 +191,13 @@ def radar_info(
         Transmitters (from 1) in the order of their chirps; empty: as configured.
     shape : tuple of int, length 3
         Receivers, chirps per transmitter, samples per chirp; 0: as configured.
-    frame_id : str
-        Name of the sensor frame.
-    mount : Pose or None
-        Where it stands; None: the default.
+    frame_id, mount : str, Pose or None
+        Name of the sensor frame and where it stands; None: the default.
 
     Raises
     ------
-    ConfigError
-        When the samples last longer than a chirp.
-    DataError
-        When the board has no such transmitter.
+    ConfigError, DataError
+        When the samples last longer than a chirp; when the board has no such transmitter.
     """
     tx = tuple(tx) or ti.tx
     n_rx, n_chirp, n_sample = shape[0] or ti.n_rx, shape[1] or ti.n_loop, shape[2] or ti.n_sample
@@ -239,25 +220,11 @@ def radar_info(
 
 
 def board_array(platform: str, tx: Sequence[int], n_rx: int, carrier: float) -> AntennaArray:
-    """Antennas of an evaluation board.
+    """Antennas of an evaluation board, with half a wavelength of ``carrier`` [Hz] between elements.
 
     Along the board's line the phase rises for targets on the right (TI's x), so the elements run to the left (our y); TX2 lies higher.
-
-    Parameters
-    ----------
-    platform : str
-        E.g. xWR18xx.
-    tx : sequence of int
-        Transmitters (from 1), in the order of the chirps.
-    n_rx : int
-        Receivers, from the first.
-    carrier : float
-        Frequency whose half wavelength separates the elements [Hz].
-
-    Raises
-    ------
-    DataError
-        When the board has no such transmitter.
+    ``tx`` are transmitters (from 1) in the order of the chirps, ``n_rx`` receivers, from the first. A `DataError` says that the board, e.g.
+    xWR18xx, has no such transmitter.
     """
     half = SPEED_OF_LIGHT / carrier / 2
     known = _TWO_TX if platform.lower() == "xwr16xx" else _ELEMENT

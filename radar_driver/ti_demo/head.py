@@ -22,11 +22,15 @@ class Head:
     Attributes
     ----------
     family : str
-        Of demos, see `radar_driver.ti_demo.tlv`.
+        ``demo``, ``area scanner``, ``people 3D`` or ``people 2D``, see `radar_driver.ti_demo.tlv`.
     size, length : int
         Bytes of the head, and of the whole packet.
-    version, platform, number, subframe : int
-        As in `radar_driver.ti_demo.tlv.Packet`.
+    version : int
+        Of the SDK: major, minor, bugfix and build in one byte each, the major one highest ("demo" only, else as it comes).
+    platform : int
+        Chip, in hexadecimal digits: 0xA6843 is an xWR6843.
+    number, subframe : int
+        The radar's count of frames, and part of the frame where it has several.
     n_items, n_points : int
         How many items follow; how many points they have, where it says so.
     """
@@ -58,17 +62,7 @@ def _checksum_holds(head: bytes) -> bool:
 def read_heads(held: bytearray, limit: int) -> list[Head] | None:
     """Read the header at the front in every way that makes sense, the likeliest first; None: it is not complete yet.
 
-    Parameters
-    ----------
-    held : bytearray
-        Begins with a magic word.
-    limit : int
-        How many of its bytes may belong to this packet.
-
-    Raises
-    ------
-    ItemError
-        When it makes no sense.
+    ``held`` begins with a magic word, and ``limit`` of its bytes may belong to this packet. An `ItemError` says that it makes no sense.
     """
     more = limit == len(held)  # bytes may still come
     if limit < SHORTEST:

@@ -77,28 +77,18 @@ class Points:
             good &= (place[:, 0] >= 0) & np.isfinite(place[:, 1])
         if good.all():
             return self
-        return Points(
-            None if self.cartesian is None else self.cartesian[good],
-            None if self.spherical is None else self.spherical[good],
-            self.radial_speed[good],
-            self.snr[good],
-            self.noise[good],
-            int(len(good) - good.sum()),
-        )
+        cartesian, spherical = (None if place is None else place[good] for place in (self.cartesian, self.spherical))
+        refused = int(len(good) - good.sum())
+        return Points(cartesian, spherical, self.radial_speed[good], self.snr[good], self.noise[good], refused)
 
 
 def packed_points(value: bytes) -> Points:
     """Read points of 8 bytes behind the five units that scale them (people counting 3D: item 1020, in old packets item 6).
 
-    The SNR is the tracker's: a ratio of powers, 0 where there is none.
-
-    Raises
-    ------
-    ContentError
-        When the units make no sense.
+    The SNR is the tracker's: a ratio of powers, 0 where there is none. A `ContentError` says that the units make no sense.
     """
     if len(value) < 20:
-        return _nothing()
+        return NOTHING
     units = struct.unpack_from("<5f", value)
     if not all(np.isfinite(unit) and 0 < unit < _FAR for unit in units):
         raise ContentError(f"points are in units of {units}, which make no sense")
@@ -108,14 +98,9 @@ def packed_points(value: bytes) -> Points:
 
 
 def float_points(value: bytes, names: str) -> Points:
-    """Read points of single-precision numbers.
+    """Read points of single-precision numbers; bytes that fill no whole point at the end are ignored.
 
-    Parameters
-    ----------
-    value : bytes
-        Bytes that fill no whole point at its end are ignored.
-    names : str
-        What the numbers are, in order: ``x y z`` or ``range azimuth`` with or without ``elevation``, ``doppler``, ``snr`` (a ratio).
+    ``names`` are the numbers' in order: ``x y z`` or ``range azimuth`` with or without ``elevation``, ``doppler``, ``snr`` (a ratio).
     """
     columns = names.split()
     n = len(value) // (4 * len(columns))
@@ -138,6 +123,5 @@ def decibel(ratio: Float64Array) -> Float64Array:
     return 10 * result
 
 
-def _nothing() -> Points:
-    empty = np.empty(0)
-    return Points(None, np.empty((0, 3)), empty, empty, empty)
+NOTHING: Final = Points(None, np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
+"""No points."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import PointCloud, Quality
+from radar_core import PointCloud
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_driver.clouds import make_cloud
 
@@ -37,10 +37,8 @@ def cloud_from_ti(
     *,
     noise: float | NDArray[Any] = 0.0,
     spherical: NDArray[Any] | None = None,
-    frame_id: str = "radar",
-    quality: Quality = Quality.GOOD,
 ) -> PointCloud:
-    """Make a cloud in the sensor frame, of positions or of ranges and angles or of both.
+    """Make a cloud in the frame ``radar`` of the sensor, of positions or of ranges and angles or of both.
 
     Parameters
     ----------
@@ -56,10 +54,6 @@ def cloud_from_ti(
         What the strength is relative to [dB].
     spherical : ndarray, shape (n, 3), or None
         Range [m], azimuth (right positive) and elevation [rad] as recorded; None: they follow from the positions.
-    frame_id : str
-        Of the sensor.
-    quality : Quality
-        Of the cloud.
     """
     position = np.empty((0, 3)) if xyz is None else to_our_axes(xyz)
     if spherical is None:
@@ -70,4 +64,4 @@ def cloud_from_ti(
             position = spherical_to_cartesian(distance, azimuth, np.nan_to_num(elevation, nan=0.0))
     noise = np.broadcast_to(noise, len(snr))
     measured = {"range": distance, "azimuth": azimuth, "elevation": elevation, "radial_speed": radial_speed, "snr": snr, "noise": noise}
-    return make_cloud(stamp_ns, sequence, frame_id, position, measured, quality)
+    return make_cloud(stamp_ns, sequence, "radar", position, measured)

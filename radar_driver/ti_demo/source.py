@@ -18,7 +18,7 @@ from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
 from radar_driver.sources import Reading
-from radar_driver.ti_demo.items import Points
+from radar_driver.ti_demo.items import NOTHING
 from radar_driver.ti_demo.points import cloud_from_ti
 from radar_driver.ti_demo.tlv import Packet, Parser
 from radar_driver.ti_demo.uart import Uart
@@ -75,13 +75,7 @@ class _Sensor(Component):
 
 
 def send_config(port: str, path: Path) -> None:
-    """Send every command of a .cfg to a command port, each after the answer to the one before.
-
-    Raises
-    ------
-    DeviceError
-        When the port cannot be opened, or a line is refused or not answered.
-    """
+    """Send every command of a .cfg to a command port, each after the answer to the one before; a `DeviceError` names what failed."""
     line = SerialCli(port, _ANSWER, firmware="")  # every demo has a prompt of its own
     line.open()
     try:
@@ -151,13 +145,7 @@ class TiDemo(Radar):
         self._heard, self._bytes, self._refused = time.monotonic(), self._parser.received, self._parser.counts["refused"]
 
     def read(self, timeout: float) -> Reading | None:
-        """Wait for the next cloud.
-
-        Raises
-        ------
-        DeviceError
-            When the port has gone, or nothing useful came for ``silence``; the message says what came instead.
-        """
+        """Wait for the next cloud; a `DeviceError` says that the port has gone, or what came instead of clouds for ``silence``."""
         if not self._ready:
             data = self._uart.read(timeout)
             arrived = time.monotonic_ns()
@@ -200,23 +188,11 @@ class TiDemo(Radar):
         wait = self._config.latency if np.isnan(packet.processing) else packet.processing
         stamp = arrived_ns - round((behind * _BITS / self._config.baud + wait) * 1e9) - self._half
         self._stamp = max(stamp, self._stamp + 1)  # bytes that come in bursts must not turn time back
-        self._ready.append(self._cloud(packet, self._stamp))
-        self._counts["points"] += 0 if packet.points is None else len(packet.points)
-        self._counts["points_refused"] += 0 if packet.points is None else packet.points.refused
-
-    def _cloud(self, packet: Packet, stamp_ns: int) -> PointCloud:
-        points = packet.points if packet.points is not None else Points(np.empty((0, 3)), None, *(np.empty(0),) * 3)
-        return cloud_from_ti(
-            stamp_ns,
-            packet.number,
-            points.cartesian,
-            points.radial_speed,
-            points.snr,
-            noise=points.noise,
-            spherical=points.spherical,
-            frame_id=self.info.frame_id,
-            quality=self._quality,
-        )
+        points = NOTHING if packet.points is None else packet.points
+        self._counts.update(points=len(points), points_refused=points.refused)
+        number, place, speed = packet.number, points.cartesian, points.radial_speed
+        cloud = cloud_from_ti(self._stamp, number, place, speed, points.snr, noise=points.noise, spherical=points.spherical)
+        self._ready.append(replace(cloud, frame_id=self.info.frame_id, quality=self._quality))
 
     def report(self) -> dict[str, Any]:
         """Say which demo it is, and what was lost."""

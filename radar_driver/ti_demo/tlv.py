@@ -15,7 +15,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from radar_driver.ti_demo.head import MAGIC, SHORTEST, Head, read_heads
@@ -25,21 +25,11 @@ _PIECE: Final = 4096  # bytes taken in at a time, so that a long read does not p
 
 
 @dataclass(frozen=True, eq=False)
-class Packet:
-    """What one packet holds.
+class Packet(Head):
+    """What one packet holds, beside its head.
 
     Attributes
     ----------
-    family : str
-        ``demo``, ``area scanner``, ``people 3D`` or ``people 2D``.
-    version : int
-        Of the SDK: major, minor, bugfix and build in one byte each, the major one highest ("demo" only, else as it comes).
-    platform : int
-        Chip, in hexadecimal digits: 0xA6843 is an xWR6843.
-    number, subframe : int
-        The radar's count of frames, and part of the frame where it has several.
-    length : int
-        Bytes on the line.
     end : int
         Bytes of the stream up to its last one.
     points : Points or None
@@ -50,12 +40,6 @@ class Packet:
         Types of the items that are not used.
     """
 
-    family: str
-    version: int
-    platform: int
-    number: int
-    subframe: int
-    length: int
     end: int
     points: Points | None
     processing: float
@@ -97,18 +81,7 @@ class Parser:
         self._fresh = 0
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take in the next bytes; give the packets that are complete now.
-
-        Parameters
-        ----------
-        data : bytes
-            Of any length.
-
-        Returns
-        -------
-        list of Packet
-            In the order of the stream.
-        """
+        """Take in the next bytes, however many; give the packets that are complete now, in the order of the stream."""
         found: list[Packet] = []
         for start in range(0, len(data), _PIECE):
             piece = data[start : start + _PIECE]
@@ -203,9 +176,7 @@ class _Decoder:
             points = points.with_side(used.get("side", b"")).sane()
         stats = used.get("stats", b"")
         processing = struct.unpack_from("<I", stats)[0] * 1e-6 if len(stats) >= 24 else float("nan")
-        return Packet(
-            head.family, head.version, head.platform, head.number, head.subframe, head.length, end, points, processing, tuple(skipped)
-        )
+        return Packet(**asdict(head), end=end, points=points, processing=processing, skipped=tuple(skipped))
 
     def _points(self, family: str, used: dict[str, bytes]) -> Points | None:
         if "packed" in used:
@@ -228,13 +199,7 @@ class _Decoder:
 
 
 def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
-    """List type and value of the items.
-
-    Raises
-    ------
-    ItemError
-        When one is longer than the packet.
-    """
+    """List type and value of the items; an `ItemError` says that one is longer than the packet."""
     at = head.size
     for _ in range(head.n_items):
         if at + 8 > len(data):

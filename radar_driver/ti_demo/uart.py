@@ -32,13 +32,7 @@ class Uart(Component):
         self._serial: serial.Serial | None = None
 
     def power_up(self) -> None:
-        """Open the port for this program alone.
-
-        Raises
-        ------
-        DeviceError
-            When it is not there, may not be opened, or another program holds it; with what to do.
-        """
+        """Open the port for this program alone; a `DeviceError` says that it is not there or may not be opened, and what to do."""
         self.power_down()
         self.port = self._wanted or _only_port()
         self._serial = open_port(self.port, self.baud, timeout=0)
@@ -51,17 +45,9 @@ class Uart(Component):
                 held.close()
 
     def read(self, timeout: float) -> bytes:
-        """Read what is there; wait for the first byte so long [s].
+        """Read what is there, waiting ``timeout`` seconds at most for the first byte; empty: nothing came.
 
-        Returns
-        -------
-        bytes
-            Empty: nothing came.
-
-        Raises
-        ------
-        DeviceError
-            ``gone``: the port has disappeared, or was never opened.
+        A `DeviceError` says that the port has disappeared, or was never opened.
         """
         if self._serial is None:
             raise DeviceError(f"{self.port} is not open", gone=True)

@@ -51,12 +51,12 @@ class Controller(Component):
 
     def resume(self) -> None:
         """Reset the radar: nothing is left of what it did before."""
-        self._link.ask(wire.reset())
+        self._link.ask(wire.RESET)
         time.sleep(_AFTER_RESET)
 
     def suspend(self) -> None:
         """Reset it again: nothing else silences the transmitter."""
-        self._link.ask(wire.reset(), timeout=_STOP)
+        self._link.ask(wire.RESET, timeout=_STOP)
 
     def _synchronise(self) -> None:
         try:
@@ -68,10 +68,10 @@ class Controller(Component):
         self._link.drain()
 
     def _identify(self) -> None:
-        (word,) = self._link.ask(wire.version(), 1)[:1]
+        (word,) = self._link.ask(wire.VERSION, 1)[:1]
         version = (word >> 16 & 0xFF, word >> 8 & 0xFF, word & 0xFF)
         name = ".".join(map(str, version))
-        low, high = self._link.ask(wire.unique_id(), 2)[:2]
+        low, high = self._link.ask(wire.UNIQUE_ID, 2)[:2]
         self._known |= {"firmware": name, "uid": f"{high << 32 | low:016x}"}
         if version[0] != FIRMWARE and not self._config.any_firmware:
             raise DeviceError(
@@ -96,7 +96,7 @@ class Controller(Component):
 
     def measure_temperature(self) -> None:
         """Ask for the temperature, for `report`."""
-        self._known["temperature"] = wire.temperature(self._link.ask(wire.info(), 2)[1])
+        self._known["temperature"] = wire.temperature(self._link.ask(wire.INFO, 2)[1])
 
     def report(self) -> dict[str, Any]:
         """Say what the board is; temperature in degree Celsius."""
@@ -136,7 +136,7 @@ class Converter(Component):
 
     def resume(self) -> None:
         """Start its clock."""
-        answer = self._link.ask(wire.converter_clock(), 1)
+        answer = self._link.ask(wire.CONVERTER_CLOCK, 1)
         self._locked = 1 in answer[:2]  # one old version of the vendor's library looks at the second word
         if not self._locked:
             raise DeviceError("the converter's clock did not lock: unplug the TinyRad, wait ten seconds, plug it in again", gone=True)

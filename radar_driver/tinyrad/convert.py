@@ -128,19 +128,9 @@ class Converter:
         self._began: int | None = None  # the last frame's first chirp
 
     def process(self, block: bytes, arrived_ns: int) -> RadarFrame:
-        """Convert one block.
+        """Convert one block, as it came over the cable; its last byte arrived at ``arrived_ns`` on CLOCK_MONOTONIC.
 
-        Parameters
-        ----------
-        block : bytes
-            As it came over the cable.
-        arrived_ns : int
-            When its last byte did, on CLOCK_MONOTONIC.
-
-        Raises
-        ------
-        DeviceError
-            When fewer than half of its chirps can be placed: the link is out of step (``gone``).
+        A `DeviceError` says that fewer than half of its chirps can be placed: the link is out of step (``gone``).
         """
         c = self._config
         values = np.frombuffer(block, "<i2").reshape(self._n_slot, c.samples, wire.N_RX)

@@ -28,10 +28,8 @@ class Calibration:
     ----------
     factors : ndarray of complex128, shape (2, 4) = (transmitter, receiver)
         Each channel's spectrum times its factor is that of an ideal channel.
-    kind, date : int
-        Type and date of the calibration, as written.
-    distance : float
-        Range of the reflector that served [m].
+    kind, date, distance : int, int, float
+        Type and date of the calibration, as written, and range of the reflector that served [m].
     """
 
     factors: NDArray[np.complex128]
@@ -40,33 +38,14 @@ class Calibration:
     distance: float
 
     def applied(self, array: AntennaArray, transmitters: tuple[int, ...]) -> AntennaArray:
-        """Put it into an array: a channel responds with the inverse of its factor.
-
-        Parameters
-        ----------
-        array : AntennaArray
-            With ``transmitters`` in this order.
-        transmitters : tuple of int
-            Which ones, from 1.
-        """
+        """Put it into an array with these transmitters (from 1, in this order): a channel responds with the inverse of its factor."""
         response = 1 / self.factors[[tx - 1 for tx in transmitters]].ravel()
         gain, phase = 20 * np.log10(np.abs(response)), np.angle(response)
         return dataclasses.replace(array, channel_gain=tuple(map(float, gain)), channel_phase=tuple(map(float, phase)))
 
 
 def parse(memory: bytes) -> Calibration:
-    """Understand the memory.
-
-    Parameters
-    ----------
-    memory : bytes
-        From address 0.
-
-    Raises
-    ------
-    DeviceError
-        When it is too short, empty, or holds factors that no board has.
-    """
+    """Understand the memory from address 0; a `DeviceError` says that it is too short, empty, or holds factors that no board has."""
     if len(memory) < N_BYTES:
         raise DeviceError(f"gives {len(memory)} of {N_BYTES} bytes")
     values = struct.unpack_from("<16i4I", memory)

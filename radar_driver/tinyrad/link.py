@@ -26,18 +26,7 @@ _QUIET: Final = 0.02  # s: so long without a byte, and nothing was left
 
 
 def usb_devices(backend: Any = None) -> list[Any]:
-    """List the TinyRads that are plugged in, as pyusb's devices.
-
-    Parameters
-    ----------
-    backend : usb.backend.IBackend or None
-        How to reach them; None: libusb.
-
-    Raises
-    ------
-    DeviceError
-        When pyusb or libusb is not there.
-    """
+    """List the TinyRads that are plugged in, as pyusb's devices; a `DeviceError` says that pyusb or libusb is not there."""
     try:
         import usb.core
     except ImportError:
@@ -168,21 +157,9 @@ class UsbLink(Device):
         return memoryview(buffer)[: n or 0].tobytes()
 
     def ask(self, frame: bytes, least: int = 0, timeout: float | None = None) -> tuple[int, ...]:
-        """Send a command and return the words of its answer.
+        """Send a command and return the words of its answer, ``least`` or more, within ``timeout`` [s] (None: the link's).
 
-        Parameters
-        ----------
-        frame : bytes
-            The command.
-        least : int
-            How many words there have to be.
-        timeout : float or None
-            How long it may take [s]; None: as the link's.
-
-        Raises
-        ------
-        DeviceError
-            When it does not come, or something else does; ``gone`` then.
+        A `DeviceError` says that the answer does not come, or that something else does; ``gone`` then.
         """
         code, patience = int.from_bytes(frame[2:4], "little"), timeout or self._timeout
         for attempt in (1, 2):
@@ -204,22 +181,16 @@ class UsbLink(Device):
         """Come in step with a board of which nothing is known: throw away what it still sends, and find where its next command begins.
 
         A program that was killed may leave answers and samples that nobody read, a request that the board still works on, and a command of
-        which only some packets went. After the last, whole commands are read from their middle; single packets of zeros shift them.
-
-        Parameters
-        ----------
-        attempts : int
-            How often at most; once is enough where all commands went whole.
-        patience : float
-            So long without a byte [s], and the next attempt follows.
+        which only some packets went. After the last, whole commands are read from their middle; single packets of zeros shift them. At most
+        ``attempts`` times (once is enough where all commands went whole), each ended by ``patience`` seconds without a byte.
         """
         for attempt in range(attempts):
-            self.write(wire.version())
+            self.write(wire.VERSION)
             if self._await(wire.Code.VERSION, patience):
                 if attempt == 0:
                     return
                 self._await(-1, _QUIET)  # that may have been a late answer to an earlier attempt: only a prompt one counts now
-                self.write(wire.version())
+                self.write(wire.VERSION)
                 if self._await(wire.Code.VERSION, patience):
                     return
             self.counts["resynchronised"] += 1

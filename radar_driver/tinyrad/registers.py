@@ -36,19 +36,9 @@ def _divide(frequency: float, unit: float) -> tuple[int, int]:
 
 
 def receiver(channels: Sequence[int] = (1, 2, 3, 4), *, oscillator: bool = True) -> tuple[int, ...]:
-    """Words of the ADF5904 that power its channels.
+    """Words of the ADF5904 that power some of its receivers 1 to 4, and the input of the local oscillator.
 
-    Parameters
-    ----------
-    channels : sequence of int
-        Which of the receivers 1 to 4.
-    oscillator : bool
-        Whether the local oscillator's input is powered.
-
-    Returns
-    -------
-    tuple of int
-        In the order in which they are written: registers 3, 2, 1 (once a channel, once for what they share), 0.
+    In the order in which they are written: registers 3, 2, 1 (once a channel, once for what they share), 0.
     """
     each = [_field("channel", channel, 29, 3) | 0x1498 | 1 for channel in (1, 2, 3, 4)]
     shared = _field("channel", 5, 29, 3) | 0x18 | 1
@@ -120,24 +110,9 @@ def _deviation(bandwidth: float, ramp: float) -> tuple[int, int, int]:
 
 
 def synthesiser(start: float, bandwidth: float, ramp: float) -> tuple[int, ...]:
-    """Words of the ADF4159 for a sawtooth that runs up once per trigger.
+    """Words of the ADF4159 for a sawtooth from ``start``, up by ``bandwidth`` [Hz], in ``ramp`` [s] (whole microseconds) per trigger.
 
-    Parameters
-    ----------
-    start, bandwidth : float
-        Lowest frequency and how far it rises [Hz].
-    ramp : float
-        How long it rises [s], in whole microseconds.
-
-    Returns
-    -------
-    tuple of int
-        In the order in which they are written: registers 7 to 0, those of the two ramps twice.
-
-    Raises
-    ------
-    ConfigError
-        When the chip cannot do it.
+    In the order in which they are written: registers 7 to 0, those of the two ramps twice. A `ConfigError` says that the chip cannot do it.
     """
     steps, word, offset = _deviation(bandwidth, ramp)
     back = 129  # steps of the second ramp, which this mode does not use

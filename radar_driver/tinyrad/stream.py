@@ -24,10 +24,8 @@ class Stream:
     ----------
     link : UsbLink
         Open, the board measuring.
-    n_value : int
-        16-bit values of a frame.
-    transfer : int
-        Bytes of one read, a multiple of the packet; 0: a whole frame.
+    n_value, transfer : int
+        16-bit values of a frame; bytes of one read, a multiple of the packet (0: a whole frame).
     patience : float
         So long without a byte [s], and the board hangs.
 
@@ -66,22 +64,9 @@ class Stream:
             wire.words(answer, wire.Code.DATA)
 
     def fetch(self, timeout: float) -> bytes | None:
-        """Wait for the next frame.
+        """Wait ``timeout`` seconds at most for the next frame: its values, little endian. None: not all came yet; they are kept.
 
-        Parameters
-        ----------
-        timeout : float
-            How long at most [s]; what has come until then is kept for the next call.
-
-        Returns
-        -------
-        bytes or None
-            The values, little endian; None: not all of them came.
-
-        Raises
-        ------
-        DeviceError
-            When a frame came broken, or nothing came for too long (``gone``).
+        A `DeviceError` says that a frame came broken, or that nothing came for too long (``gone``).
         """
         deadline = time.monotonic() + timeout
         if not self._asked:

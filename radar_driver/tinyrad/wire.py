@@ -51,24 +51,21 @@ def command(code: int, *arguments: int) -> bytes:
     return struct.pack(f"<H{len(words)}I", 4 * len(words), *words).ljust(COMMAND_BYTES, b"\0")
 
 
-def version() -> bytes:
-    """Ask for the firmware's version."""
-    return command(Code.VERSION, 0)
-
-
-def unique_id() -> bytes:
-    """Ask for the board's number."""
-    return command(Code.BOARD, 1, 0)
+VERSION: Final = command(Code.VERSION, 0)
+"""Ask for the firmware's version."""
+UNIQUE_ID: Final = command(Code.BOARD, 1, 0)
+"""Ask for the board's number."""
+INFO: Final = command(Code.INFO, 0)
+"""Ask for software number and temperature."""
+RESET: Final = command(Code.RADAR, 1, 0)
+"""Reset the radar: measuring ends and registers are lost; the USB link stays."""
+CONVERTER_CLOCK: Final = command(Code.RADAR, 1, 12, 3, 5, 76, 100)
+"""Set up the clock of the converter (ADAR7251): dividers X, R, N, M of its loop for 1 MHz per channel."""
 
 
 def eeprom(address: int) -> bytes:
     """Ask for one byte of the calibration memory."""
     return command(Code.BOARD, 1, 2, address)
-
-
-def info() -> bytes:
-    """Ask for software number and temperature."""
-    return command(Code.INFO, 0)
 
 
 def registers(chip: Chip, words: Sequence[int]) -> bytes:
@@ -78,28 +75,8 @@ def registers(chip: Chip, words: Sequence[int]) -> bytes:
     return command(Code.REGISTERS, 7, 1, chip, *words)
 
 
-def reset() -> bytes:
-    """Reset the radar: measuring ends and registers are lost; the USB link stays."""
-    return command(Code.RADAR, 1, 0)
-
-
-def converter_clock() -> bytes:
-    """Set up the clock of the converter (ADAR7251): dividers X, R, N, M of its loop for 1 MHz per channel."""
-    return command(Code.RADAR, 1, 12, 3, 5, 76, 100)
-
-
 def sizes(n_sequence: int, chirps: int, measured: int, buffers: int) -> bytes:
-    """Say how a frame is made up.
-
-    Parameters
-    ----------
-    n_sequence : int
-        Length of the sequence of transmitters.
-    chirps, measured : int
-        How often it runs per frame, and how many of these runs are recorded.
-    buffers : int
-        Frames in the board's ring.
-    """
+    """Say how a frame is made up: length of the sequence, how often it runs and is recorded per frame, frames in the board's ring."""
     return command(Code.RADAR, 1, 2, n_sequence, chirps, measured, buffers)
 
 
@@ -127,21 +104,9 @@ def is_response(data: bytes, code: int) -> bool:
 
 
 def words(data: bytes, code: int, least: int = 0) -> tuple[int, ...]:
-    """Take the words out of a response.
+    """Take the words, ``least`` or more, out of one transfer that answers the command ``code``.
 
-    Parameters
-    ----------
-    data : bytes
-        One transfer.
-    code : int
-        Of the command it answers.
-    least : int
-        How many words there have to be.
-
-    Raises
-    ------
-    DeviceError
-        When it is not that response: the link is out of step.
+    A `DeviceError` says that it is no such answer (the link is out of step), or that words are missing.
     """
     if not is_response(data, code):
         raise DeviceError(

@@ -10,9 +10,9 @@ from radar_core import ConfigError, DeviceError
 from radar_driver.tinyrad import registers, wire
 
 GOLDEN = {
-    "version": (wire.version(), "08000e90020000000000"),
-    "reset": (wire.reset(), "0c00319003000100000000000000"),
-    "converter clock": (wire.converter_clock(), "1c0031900700010000000c00000003000000050000004c00000064000000"),
+    "version": (wire.VERSION, "08000e90020000000000"),
+    "reset": (wire.RESET, "0c00319003000100000000000000"),
+    "converter clock": (wire.CONVERTER_CLOCK, "1c0031900700010000000c00000003000000050000004c00000064000000"),
     "sizes": (wire.sizes(2, 100, 64, 2), "1c0031900700010000000200000002000000640000004000000002000000"),
     "sequence": (wire.sequence((1, 2)), "14003190050001000000030000000100000002000000"),
     "start": (wire.start(100e-6, 64), "14003190050001000000010000001027000040000000"),
@@ -34,9 +34,9 @@ def test_golden_command_frames(name):
 def test_the_other_commands():
     """Unique number, one byte of the memory, software and temperature: layout as documented, no golden bytes are known."""
     for frame, code, words in (
-        (wire.unique_id(), 0x9030, (1, 0)),
+        (wire.UNIQUE_ID, 0x9030, (1, 0)),
         (wire.eeprom(77), 0x9030, (1, 2, 77)),
-        (wire.info(), 0x9013, (0,)),
+        (wire.INFO, 0x9013, (0,)),
     ):
         n = len(words) + 1
         assert frame[: 2 + 4 * n] == struct.pack(f"<H{n}I", 4 * n, n << 16 | code, *words)

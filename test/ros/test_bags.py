@@ -14,6 +14,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
+from radar_driver.boards import board
+from radar_driver.probing import probe
 from radar_ros import bags
 from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import cloud_from_msg
@@ -54,6 +56,16 @@ def test_frames_come_back_bit_for_bit(raw_bag):
     with pytest.raises(DataError, match="ends before frame 100"):
         source.frame(100)
     source.close()
+
+
+def test_a_recording_is_a_source_as_any_board(raw_bag):
+    """By name from the registry, in its own time, with a health."""
+    bag = board("bag")
+    found = probe(bag.source(bag.config(bag=str(raw_bag))), 0.5)
+    checks = {check.name: check for check in found.checks}
+    assert checks["link"].value > 5
+    assert checks["noise floor"].value is not None
+    assert found.report["state"] == "running"
 
 
 def test_other_tools_can_read_it(raw_bag):
