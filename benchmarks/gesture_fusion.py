@@ -43,7 +43,7 @@ WAYS: Final = ("left", "right", "fused", "before")
 _DRAWS: Final = 2000  # of the bootstrap over scenes
 
 
-def scene(distance: float, seed: int) -> Scene:
+def scene(distance: float, seed: int, names: Sequence[str] = NAMED) -> Scene:
     """Draw somebody who does every gesture once before the two radars.
 
     Parameters
@@ -52,13 +52,15 @@ def scene(distance: float, seed: int) -> Scene:
         From the middle between the radars [m].
     seed : int
         Of everything drawn: body, direction (10 degrees to either side at most), order and size of the gestures, pauses, receivers.
+    names : sequence of str
+        The gestures.
     """
     rng = np.random.default_rng([seed, round(1000 * distance), 0xF5])
     pair = load_file(Scene, find_config("two_radars", "scenes", ".yaml"))
     side = math.radians(rng.uniform(-10.0, 10.0))
     place = (distance * math.cos(side), distance * math.sin(side))
     steps = [Action(stand=1.5)]
-    for name in rng.permutation(NAMED):
+    for name in rng.permutation(names):
         steps += [stroke(rng, str(name)), Action(stand=float(rng.uniform(1.0, 2.0)))]
     person = dataclasses.replace(body(rng, 1, place, steps), heading=math.remainder(math.pi + side, 2 * math.pi))
     number = int(rng.integers(1 << 31))
@@ -181,13 +183,13 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[
     Parameters
     ----------
     quick : bool
-        One person at two distances instead of four at six.
+        One person and three gestures, instead of four people at six distances and all nine.
     keep : Path or None
         Folder for the clouds, with which an interrupted run goes on; None: they are thrown away.
     n_jobs : int
         Streams simulated at the same time.
     """
-    scenes = [scene(far, seed) for far in (DISTANCES[1::3] if quick else DISTANCES) for seed in range(1 if quick else PEOPLE)]
+    scenes = [scene(2.5, 0, NAMED[:3])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
     if keep is not None:
         return measure(scenes, keep, n_jobs)
     with tempfile.TemporaryDirectory() as folder:
