@@ -51,11 +51,8 @@ def probe(
     progress : callable
         Called with the share of the time that has passed.
 
-    Returns
-    -------
-    Probe
-        A device that cannot be opened, or is lost meanwhile, is a failed link whose advice says why. A `DataError` says that frames
-        contradict the source's description.
+    A device that cannot be opened, or is lost meanwhile, is a failed link whose advice says why. A `DataError` says that frames
+    contradict the source's description.
     """
     health = Health(source.info, config)
     started = time.monotonic()
@@ -65,16 +62,7 @@ def probe(
         source.power_up()
         source.resume()
         started = time.monotonic()
-        while (passed := time.monotonic() - started) < seconds and not lost:
-            progress(passed / seconds)
-            try:
-                reading = source.read(_WAIT)
-            except DeviceError as error:
-                health.trouble(str(error))
-                lost = error.gone
-                continue
-            if reading is not None:
-                health.process(reading.data, time.monotonic_ns())
+        lost = _listen(source, seconds, health, progress)
         report = dict(source.report())
         source.suspend()
     except DeviceError as error:
@@ -87,3 +75,20 @@ def probe(
     if lost:
         checks = (replace(checks[0], verdict=Verdict.FAIL), *checks[1:])
     return Probe(checks, report)
+
+
+def _listen(source: Source, seconds: float, health: Health, progress: Callable[[float], None]) -> bool:
+    """Take in what comes until the time is up; whether the device was lost."""
+    started = time.monotonic()
+    while (passed := time.monotonic() - started) < seconds:
+        progress(passed / seconds)
+        try:
+            reading = source.read(_WAIT)
+        except DeviceError as error:
+            health.trouble(str(error))
+            if error.gone:
+                return True
+            continue
+        if reading is not None:
+            health.process(reading.data, time.monotonic_ns())
+    return False
