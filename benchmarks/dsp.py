@@ -11,7 +11,7 @@ import functools
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import scipy.fft
@@ -23,7 +23,8 @@ from benchmarks import dsp_losses
 from benchmarks.dsp_frames import INFO, SNR_DB, WAVE, busy_frame
 from benchmarks.report import choice, measure_together
 from radar_core import RadarFrame
-from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, TdmConfig
+from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, TdmConfig, kernels
+from radar_dsp.config import FftName
 from radar_dsp.doa import DirectionFinder
 
 HEAVY = "doa search=grid 121x61"
@@ -50,7 +51,7 @@ def variants() -> dict[str, BasebandConfig]:
     table = {"default": BasebandConfig()}
     for name in RANGE_WINDOWS:
         table[f"range window={name}"] = BasebandConfig(spectrum=SpectrumConfig(range_window=name))
-    for name in ("scipy", "numpy", "fftw", "fixed"):
+    for name in get_args(FftName):
         table[f"fft={name}"] = BasebandConfig(spectrum=SpectrumConfig(fft=name))
     table |= cfar_variants()
     for name in ("hann", "nuttall"):
@@ -102,7 +103,7 @@ def steps(frame: RadarFrame, repeat: int) -> dict[str, Any]:
     """Single steps against their references: CFAR against scipy's rank filter, directions against a search of the whole grid."""
     baseband = Baseband(BasebandConfig(), INFO)
     spectrum = baseband._spectrum.process(frame.cube).copy()
-    power = baseband._run.integrate(spectrum)
+    power = kernels.integrate(spectrum)
     config = CfarConfig()
     detector, footprint = measured.detector(config, SpectrumConfig()), measured.footprint(config)
     rank = round(config.rank * footprint.sum()) - 1
@@ -110,7 +111,7 @@ def steps(frame: RadarFrame, repeat: int) -> dict[str, Any]:
     finder = DirectionFinder(DoaConfig(), INFO)
     calls: dict[str, Callable[[], Any]] = {
         "spectrum": lambda: baseband._spectrum.process(frame.cube),
-        "integration": lambda: baseband._run.integrate(spectrum),
+        "integration": lambda: kernels.integrate(spectrum),
         "cfar": lambda: detector.detect(power),
         "rank_filter": lambda: rank_filter(power, rank, footprint=footprint, mode="wrap"),
         "doa_300": lambda: finder.process(given, snr),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,13 @@ from benchmarks.tradeoff import directions
 from benchmarks.tradeoff.directions import snapshots
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, kernels
 from radar_dsp.cfar import TrainingWindow, make_detector
+from radar_dsp.config import CfarAlgorithm, CfarWindow
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.spectrum import make_spectrum
 from radar_dsp.windows import noise_correlation
 
 N_CHANNEL = WAVE.n_tx * INFO.array.n_rx
-ALGORITHMS, WINDOWS, RATES = ("os", "ca", "go", "so"), ("2d", "range", "speed"), (1e-2, 1e-3, 1e-4)
+ALGORITHMS, WINDOWS, RATES = get_args(CfarAlgorithm), get_args(CfarWindow), (1e-2, 1e-3, 1e-4)
 
 
 def detector(config: CfarConfig, spectrum: SpectrumConfig) -> Any:

@@ -15,7 +15,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from radar_dsp.fixed_point import WordLengthError, word_length_error
+from benchmarks.word_length import WordLengthError, word_length_error
 
 LEVELS = (0.0, 20.0, 40.0, 54.0)
 """Strongest echo over the noise, both in a sample [dB]; leakage of -60 dB stands 54 dB above the noise of the default radar."""

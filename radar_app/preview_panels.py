@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, RadarFrame, RadarInfo
 from radar_dsp.baseband import coupling_region
 from radar_dsp.config import BasebandConfig
-from radar_dsp.spectrum import integrate, make_spectrum
+from radar_dsp.kernels import integrate
+from radar_dsp.spectrum import make_spectrum
 from radar_sim.scene import Scene
 from radar_sim.simulator import Simulator
 from radar_sim.things import Corner, Furniture, Point, Wall

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, PointCloud, Quality, RadarFrame, RadarInfo
-from radar_dsp.cfar import OPERATIONS, Cells, make_detector
+from radar_dsp import kernels
+from radar_dsp.cfar import make_detector
 from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.doa import DirectionFinder, Directions
 from radar_dsp.gaps import Gaps
+from radar_dsp.kernels import CLOUD_ROWS, Cells, FloatMap, Scales
 from radar_dsp.peaks import Interpolator
-from radar_dsp.reference import CLOUD_ROWS, Scales
-from radar_dsp.refine import Refiner
 from radar_dsp.spectrum import make_spectrum, normalise
-from radar_dsp.unfold import Unfolder
 from radar_dsp.windows import noise_correlation
 
+if TYPE_CHECKING:
+    from radar_dsp.refine import Refiner
+    from radar_dsp.unfold import Unfolder
+
 T = TypeVar("T")
-FloatMap = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 _FAINT, _LOUD = 1e-20, 1e30
 """Powers within which float32 neither loses echoes nor overflows; outside, the samples are scaled first."""
@@ -81,19 +83,18 @@ class Baseband:
             return
         if waveform.n_sample == 1 and waveform.modulation != "cw":
             raise ConfigError("one sample per chirp measures no range; use more samples (waveform.n_sample) or modulation 'cw'")
-        self._run = OPERATIONS[config.backend]
         self._n_channel = info.array.n_tx * info.array.n_rx
         self._spectrum = make_spectrum(config.spectrum, info)
         windows = (self._spectrum.speed_window, self._spectrum.range_window)
         correlation = (noise_correlation(windows[0]), noise_correlation(windows[1]))
         usable = ~coupling_region(config.coupling, info)
-        self._detector = make_detector(config.cfar, usable, correlation, self._n_channel, config.backend)
+        self._detector = make_detector(config.cfar, usable, correlation, self._n_channel)
         self._finder = DirectionFinder(config.doa, info, config.backend)
         self._scales = make_scales(windows, info)
         self._gaps = Gaps(config.spectrum.missing, info)
         self._half_ns, self._least_snr = waveform.acquisition_ns // 2, 10 ** (config.min_snr / 10)
-        self._unfolder = Unfolder(info) if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1 else None
-        self._refiner = Refiner(info, self._finder.mode, backend=config.backend) if config.refine == "ml" else None
+        self._unfolder = _unfolder(info) if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1 else None
+        self._refiner = _refiner(info, self._finder.mode) if config.refine == "ml" else None
         self._first_frame()
 
     def _first_frame(self) -> None:
@@ -131,14 +132,14 @@ class Baseband:
         spectrum, power, exponent = self._transform(frame, cube)
         if not power.any() and not cube.any():
             quality |= Quality.NO_SIGNAL
-        cells = self._run.find(self._detector.detect(power), power, self.config.grouping)
+        cells = kernels.find(self._detector.detect(power), power, self.config.grouping)
         if self.config.select == "doppler":
             cells = strongest_per_speed(cells, power)
         kept = self._cap(cells, power)
         if len(kept[0]) < len(cells[0]):
             quality |= Quality.CAPPED
         noise = self._detector.noise(power, kept)
-        distance, distance_std, speed, speed_std, snr = self._run.estimate(power, kept, noise, self._scales)
+        distance, distance_std, speed, speed_std, snr = kernels.estimate(power, kept, noise, self._scales)
         estimates = Estimates(distance, distance_std, speed, speed_std, snr, noise)
         snapshot, estimates = self._snapshots(spectrum, kept, estimates)
         directions = self._finder.process(snapshot, estimates.snr)
@@ -182,7 +183,7 @@ class Baseband:
         """Spectrum, integrated power, and the power of two by which both were scaled down."""
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is looked for below
             spectrum = self._spectrum.process(cube)
-            power: FloatMap = self._run.integrate(spectrum)
+            power: FloatMap = kernels.integrate(spectrum)
             largest = float(power.max())  # NaN survives the maximum
         if _FAINT <= largest <= _LOUD:
             return spectrum, power, 0
@@ -192,7 +193,7 @@ class Baseband:
         samples = np.ascontiguousarray(cube).view(np.float32)
         cube, exponent = normalise(cube, max(float(samples.max()), -float(samples.min())))
         spectrum = self._spectrum.process(cube)
-        return spectrum, self._run.integrate(spectrum), exponent
+        return spectrum, kernels.integrate(spectrum), exponent
 
     def _cap(self, cells: Cells, power: FloatMap) -> Cells:
         excess = len(cells[0]) - self.config.max_detections
@@ -207,7 +208,7 @@ class Baseband:
         """Take out the phase by which echoes turned from one transmitter's turn to the next (thesis, figure A.17)."""
         waveform = self.info.waveform
         if self._unfolder is not None:
-            still = self._run.snapshots(spectrum, cells, np.zeros(len(cells[0])))
+            still = kernels.snapshots(spectrum, cells, np.zeros(len(cells[0])))
             found = self._unfolder.process(still.reshape(-1, waveform.n_tx, spectrum.shape[2]), estimates.speed, estimates.snr)
             # The Doppler shift within a chirp, which was taken out of the range, is that of the true range rate.
             distance = np.maximum(estimates.distance - (found.speed - estimates.speed) * self._scales.coupling, 0.0)
@@ -217,10 +218,10 @@ class Baseband:
         moves = waveform.n_tx > 1 and waveform.n_chirp > 1 and self.config.tdm.compensate == "tdm"
         turn = 4 * np.pi * waveform.chirp_interval / waveform.wavelength * estimates.speed if moves else np.zeros(len(cells[0]))
         if not self._finder.neighbours:
-            return self._run.snapshots(spectrum, cells, turn), estimates
+            return kernels.snapshots(spectrum, cells, turn), estimates
         n_speed, n_range = spectrum.shape[1], spectrum.shape[3]
         around = [
-            self._run.snapshots(spectrum, ((cells[0] + i) % n_speed, np.clip(cells[1] + j, 0, n_range - 1)), turn)
+            kernels.snapshots(spectrum, ((cells[0] + i) % n_speed, np.clip(cells[1] + j, 0, n_range - 1)), turn)
             for i in (0, -1, 1)
             for j in (0, -1, 1)
         ]
@@ -249,9 +250,21 @@ class Baseband:
             keep &= directions.inside
         estimates = np.array((found.distance, found.distance_std, found.speed, found.speed_std, found.snr))
         angles = np.array((directions.azimuth, directions.elevation, directions.azimuth_std, directions.elevation_std))
-        arrays = self._run.pack(estimates, found.noise, angles, np.flatnonzero(keep), self._finder.mode == "azimuth", shift_db)
+        arrays = kernels.pack(estimates, found.noise, angles, np.flatnonzero(keep), self._finder.mode == "azimuth", shift_db)
         named = dict(zip(CLOUD_ROWS, arrays, strict=True))
         return PointCloud(frame.stamp_ns + self._half_ns, frame.sequence, frame.frame_id, quality=quality, **named)
+
+
+def _unfolder(info: RadarInfo) -> Unfolder:
+    from radar_dsp.unfold import Unfolder  # loaded only where it is chosen
+
+    return Unfolder(info)
+
+
+def _refiner(info: RadarInfo, mode: str) -> Refiner:
+    from radar_dsp.refine import Refiner  # loaded only where it is chosen
+
+    return Refiner(info, mode)
 
 
 def strongest_per_speed(cells: Cells, power: FloatMap) -> Cells:

@@ -7,24 +7,21 @@ zeros would raise the false-alarm rate there a hundredfold.
 from __future__ import annotations
 
 import functools
-from types import ModuleType
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError
-from radar_dsp import kernels, reference, thresholds
+from radar_dsp import kernels, thresholds
 from radar_dsp.config import CfarConfig
+from radar_dsp.kernels import Cells, FloatMap
 
 MIN_TRAINING = 4
 """A cell with fewer training cells is not judged at all: the threshold would be so high that it only hides the problem."""
 _USUAL = 0.1
 """Patterns of training cells that a larger share of the cells has get a more careful threshold than those beside ends and coupling."""
-OPERATIONS: dict[str, ModuleType] = {"numba": kernels, "numpy": reference}
 
-FloatMap = NDArray[np.float32]
-Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
 Correlation = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 """Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), shapes (n_speed,) and (n_range,)."""
 
@@ -80,7 +77,7 @@ class TrainingWindow:
         tuple of (ndarray of bool, ndarray of intp)
             Existing training cells, shape (n_patterns, n_offsets); pattern of every cell, shape (n_speed, n_range).
         """
-        padded = reference.pad(np.ones(self.usable.shape, np.float32), self.usable, self.half, 0.0) > 0
+        padded = kernels.pad(np.ones(self.usable.shape, np.float32), self.usable, self.half, 0.0) > 0
         n_speed, n_range = self.usable.shape
         key = np.zeros(self.usable.shape)
         for weight, (i, j) in zip(np.random.default_rng(0).random(len(self.offsets)), self.offsets + self.half, strict=True):
@@ -120,12 +117,10 @@ class OrderedStatistic:
         Of the noise.
     n_channel : int
         Number of integrated channels.
-    backend : str
-        Who runs the loops.
     """
 
-    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int, backend: str) -> None:
-        self._window, self._run = window, OPERATIONS[backend]
+    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int) -> None:
+        self._window = window
         exists, pattern = window.patterns()
         rank = np.clip(np.round(config.rank * exists.sum(axis=1)), 1, None).astype(np.int32)
         factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
@@ -138,23 +133,23 @@ class OrderedStatistic:
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
         """Mask of the cells above their threshold, shape (n_speed, n_range)."""
         window = self._window
-        padded = self._run.pad(power, window.usable, window.half, np.inf)
-        mask: NDArray[np.bool_] = self._run.rank_test(padded, power * self._reciprocal, self._rank, window.offsets, window.half)
+        padded = kernels.pad(power, window.usable, window.half, np.inf)
+        mask: NDArray[np.bool_] = kernels.rank_test(padded, power * self._reciprocal, self._rank, window.offsets, window.half)
         return mask
 
     def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
         """Estimated noise power at single cells, shape (n_cells,)."""
         window = self._window
-        padded = self._run.pad(power, window.usable, window.half, np.inf)
-        level: FloatMap = self._run.ordered(padded, cells, window.offsets, window.half, self._rank[cells])
+        padded = kernels.pad(power, window.usable, window.half, np.inf)
+        level: FloatMap = kernels.ordered(padded, cells, window.offsets, window.half, self._rank[cells])
         return level / self._level[cells]
 
 
 class Average:
     """Cell-averaging CFAR, and the greater or the smaller of the averages on both sides; parameters as `OrderedStatistic`."""
 
-    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int, backend: str) -> None:
-        self._window, self._run = window, OPERATIONS[backend]
+    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int) -> None:
+        self._window = window
         exists, pattern = window.patterns()
         factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
         self.factor = np.where(window.usable, factor[pattern], np.inf)
@@ -171,9 +166,9 @@ class Average:
 
     def _level(self, power: FloatMap) -> FloatMap:
         window = self._window
-        padded = self._run.pad(power, window.usable, window.half, 0.0)
+        padded = kernels.pad(power, window.usable, window.half, 0.0)
         means = [
-            np.divide(self._run.sums(padded, offsets, window.half), n, out=np.full(n.shape, np.nan, np.float32), where=n > 0)
+            np.divide(kernels.sums(padded, offsets, window.half), n, out=np.full(n.shape, np.nan, np.float32), where=n > 0)
             for offsets, n in self._parts
         ]
         level: FloatMap = means[0] if len(means) == 1 else self._choose(*means)  # NaN where a side is not compared
@@ -248,9 +243,7 @@ def _design(
     return thresholds.design(correlation, level, false_alarm, n_channel, numbers)
 
 
-def make_detector(
-    config: CfarConfig, usable: NDArray[np.bool_], correlation: Correlation, n_channel: int, backend: str = "numba"
-) -> Detector:
+def make_detector(config: CfarConfig, usable: NDArray[np.bool_], correlation: Correlation, n_channel: int) -> Detector:
     """Make the CFAR detector that the configuration names.
 
     Parameters
@@ -263,8 +256,6 @@ def make_detector(
         Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), per axis.
     n_channel : int
         Number of integrated channels.
-    backend : str
-        ``numba`` or ``numpy``; both give the same mask.
 
     Raises
     ------
@@ -279,4 +270,4 @@ def make_detector(
             "lower cfar.guard_*, raise cfar.training_*, shrink the coupling region, or use more samples and chirps"
         )
     kind = OrderedStatistic if config.algorithm == "os" else Average
-    return kind(config, window, correlation, n_channel, backend)
+    return kind(config, window, correlation, n_channel)

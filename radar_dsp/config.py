@@ -8,10 +8,13 @@ from radar_core.config import config, knob
 from radar_core.errors import ConfigError
 from radar_dsp.windows import make_window
 
+FftName = Literal["scipy", "numpy", "fftw", "fixed"]
+CfarAlgorithm = Literal["os", "ca", "go", "so"]
+CfarWindow = Literal["2d", "range", "speed"]
 Missing = Literal["autoregressive", "cubic", "zero"]
-GROUPINGS = ("none", "range", "peak")
-DOA_MODES = ("auto", "azimuth_elevation", "azimuth", "elevation", "void")
-BACKENDS = ("numba", "numpy")
+Grouping = Literal["none", "range", "peak"]
+DoaMode = Literal["auto", "azimuth_elevation", "azimuth", "elevation", "void"]
+Backend = Literal["numba", "numpy"]
 
 
 @config
@@ -22,14 +25,11 @@ class SpectrumConfig:
         "nuttall", doc="window over the samples of a chirp (scipy name, parameters after colons); low side lobes keep the coupling down"
     )
     speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name, parameters after colons)")
-    fft: str = knob(
-        "scipy", choices=("scipy", "numpy", "fftw", "fixed"), doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA"
-    )
+    fft: FftName = knob("scipy", doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA")
     word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
-    static: str = knob(
-        "keep", choices=("keep", "remove"), doc="remove: take out the mean over the chirps, that is all that stands still, people included"
+    static: Literal["keep", "remove"] = knob(
+        "keep", doc="remove: take out the mean over the chirps, that is all that stands still, people included"
     )
-
     missing: Missing = knob(
         "autoregressive",
         doc="chirps that the device lost; autoregressive: predicted from both sides, range cell by range cell; cubic: polynomial through "
@@ -54,12 +54,11 @@ class CouplingConfig:
 class CfarConfig:
     """Constant-false-alarm detection (thesis, figure A.12): an algorithm and a window, chosen apart."""
 
-    algorithm: str = knob(
+    algorithm: CfarAlgorithm = knob(
         "os",
-        choices=("os", "ca", "go", "so"),
         doc="os: ordered statistic, sturdy beside other echoes; ca: cell average; go, so: greater or smaller of the averages on both sides",
     )
-    window: str = knob("2d", choices=("2d", "range", "speed"), doc="training cells around the cell, or only along one axis")
+    window: CfarWindow = knob("2d", doc="training cells around the cell, or only along one axis")
     false_alarm: float = knob(1e-4, low=1e-12, high=0.1, doc="wanted probability of a false alarm per cell on noise")
     guard_range: int = knob(2, low=0, high=32, doc="cells left out on each side of the cell under test, in range")
     guard_speed: int = knob(1, low=0, high=32, doc="cells left out on each side of the cell under test, in speed")
@@ -84,9 +83,7 @@ class CfarConfig:
 class TdmConfig:
     """What transmitters taking turns does to moving echoes (thesis, figure A.17)."""
 
-    compensate: str = knob(
-        "tdm", choices=("tdm", "none"), doc="tdm: take out the phase by which echoes turn between two transmitters' turns"
-    )
+    compensate: Literal["tdm", "none"] = knob("tdm", doc="tdm: take out the phase by which echoes turn between two transmitters' turns")
     unfold: bool = knob(False, doc="find the range rate beyond the unambiguous one by which of its hypotheses the array's phases fit best")
 
 
@@ -94,18 +91,16 @@ class TdmConfig:
 class DoaConfig:
     """Direction of arrival from the phases between the virtual channels (thesis, 2.3, 2.16 and figure A.15)."""
 
-    mode: str = knob(
+    mode: DoaMode = knob(
         "auto",
-        choices=DOA_MODES,
         doc="auto: whatever the array can measure; azimuth: elevation is NaN and points lie at the sensor's height; "
         "elevation: azimuth is NaN, and x, y, z with it; void: x, y, z are NaN",
     )
-    method: str = knob(
+    method: Literal["dml", "dml2", "capon"] = knob(
         "dml",
-        choices=("dml", "dml2", "capon"),
         doc="dml: deterministic maximum likelihood; dml2: two echoes in one cell where they fit clearly better; capon: minimum variance",
     )
-    search: str = knob("newton", choices=("newton", "grid"), doc="newton: coarse grid, then refinement; grid: the best point of the grid")
+    search: Literal["newton", "grid"] = knob("newton", doc="newton: coarse grid, then refinement; grid: the best point of the grid")
     grid_azimuth: int = knob(17, low=2, high=721, doc="points of the coarse search over azimuth")
     grid_elevation: int = knob(5, low=2, high=361, doc="points of the coarse search over elevation")
     newton_steps: int = knob(2, low=0, high=20, doc="refinement steps after the coarse search")
@@ -123,21 +118,18 @@ class BasebandConfig:
     cfar: CfarConfig = CfarConfig()
     tdm: TdmConfig = TdmConfig()
     doa: DoaConfig = DoaConfig()
-    grouping: str = knob(
+    grouping: Grouping = knob(
         "range",
-        choices=GROUPINGS,
         doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
     )
-    select: str = knob(
+    select: Literal["all", "doppler"] = knob(
         "all",
-        choices=("all", "doppler"),
         doc="doppler: of every Doppler bin only the strongest cell over range becomes a point (thesis, 4.2); for one person in view",
     )
-    refine: str = knob(
+    refine: Literal["none", "ml"] = knob(
         "none",
-        choices=("none", "ml"),
         doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound",
     )
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
     min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")
-    backend: str = knob("numba", choices=BACKENDS, doc="who runs the inner loops; both give the same points")
+    backend: Backend = knob("numba", doc="who finds the directions: compiled loops, or numpy; both give the same points")

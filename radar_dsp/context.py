@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from radar_core import RadarInfo
 from radar_core.config import config, knob
 from radar_core.mounting import MountCalibration, load_mount
-from radar_dsp.array_file import CalibratedArray, calibrate_info, load_array
 from radar_dsp.config import BasebandConfig
+
+if TYPE_CHECKING:
+    from radar_dsp.array_file import CalibratedArray
 
 
 @config
@@ -47,6 +50,8 @@ class RadarContext:
     def __post_init__(self) -> None:
         radar = self.info if self.mount is None else self.mount.applied(self.info)
         if self.array is not None and radar.waveform.n_sample > 0:
+            from radar_dsp.array_file import calibrate_info  # loaded only where there is a calibration
+
             radar = calibrate_info(radar, self.array)
         object.__setattr__(self, "radar", radar)
 
@@ -68,4 +73,8 @@ def load_context(info: RadarInfo, array: str = "", mount: str = "") -> RadarCont
     ConfigError
         When a file is missing, cannot be read, or is of another array or carrier.
     """
-    return RadarContext(info, load_array(array) if array else None, load_mount(mount) if mount else None)
+    if not array:
+        return RadarContext(info, None, load_mount(mount) if mount else None)
+    from radar_dsp.array_file import load_array
+
+    return RadarContext(info, load_array(array), load_mount(mount) if mount else None)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, RadarInfo
 from radar_core.checks import require_finite
-from radar_dsp import doa_numpy
-from radar_dsp.capon_kernels import locate_capon
-from radar_dsp.config import BACKENDS, DoaConfig
+from radar_dsp.config import Backend, DoaConfig
 from radar_dsp.doa_kernels import locate
 from radar_dsp.steering import make_steering, resolve_mode
-from radar_dsp.two_sources import TwoSources
 
 __all__ = ["DirectionFinder", "Directions", "resolve_mode"]
 
@@ -80,9 +78,9 @@ class DirectionFinder:
         When the array cannot measure what the mode or the method asks for, or the back end is unknown.
     """
 
-    def __init__(self, config: DoaConfig, info: RadarInfo, backend: str = "numba") -> None:
-        if backend not in BACKENDS:
-            raise ConfigError(f"backend is {backend!r}, choose one of {', '.join(BACKENDS)}")
+    def __init__(self, config: DoaConfig, info: RadarInfo, backend: Backend = "numba") -> None:
+        if backend not in get_args(Backend):
+            raise ConfigError(f"backend is {backend!r}, choose one of {', '.join(get_args(Backend))}")
         self.mode = resolve_mode(config.mode, info.array.virtual, info.waveform.wavelength)
         self.neighbours = config.method == "capon" and self.mode != "void"
         self.steps = config.newton_steps if config.search == "newton" else 0
@@ -90,7 +88,9 @@ class DirectionFinder:
         self._method, self._loading, self._backend = config.method, config.loading, backend
         self._n_channel = info.array.n_tx * info.array.n_rx
         if config.method == "dml2" and self.steering is not None:
-            self._pairs = TwoSources(config, info, self.steering, backend)
+            from radar_dsp.two_sources import TwoSources  # as the others below, loaded only where it is chosen
+
+            self._pairs = TwoSources(config, info, self.steering)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.floating]) -> Directions:
         """Estimate directions.
@@ -134,6 +134,8 @@ class DirectionFinder:
         if self._method == "dml2":
             return self._pairs.process(snapshot, snr)
         if self._backend == "numpy":
+            from radar_dsp import doa_numpy
+
             if self._method == "capon":
                 found = doa_numpy.capon(snapshot, snr, self.steering, self.steps, self._loading)
             else:
@@ -141,6 +143,8 @@ class DirectionFinder:
             return *found, np.arange(n)
         angles, inside = np.empty((4, n)), np.empty(n, np.bool_)
         if self._method == "capon":
+            from radar_dsp.capon_kernels import locate_capon
+
             locate_capon(snapshot, snr, *self.steering.arguments, self.steps, self._loading, angles, inside)
         else:
             locate(snapshot, snr, *self.steering.arguments, self.steps, angles, inside)

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_dsp.config import SpectrumConfig
-from radar_dsp.fixed_point import FixedFft, wrong_shape
+from radar_dsp.windows import Shape, wrong_shape
 
-Shape = tuple[int, int, int, int]
 Cube = NDArray[np.complex64]
 Window = NDArray[np.float64]
 
@@ -168,6 +167,8 @@ def make_fft(config: SpectrumConfig, shape: Shape, speed_window: Window, range_w
         When pyfftw is missing, or the fixed-point transform is asked for a length that is not a power of two.
     """
     if config.fft == "fixed":
+        from radar_dsp.fixed_point import FixedFft  # loaded only where it is chosen
+
         return FixedFft(config.word_length, shape, speed_window, range_window)
     backends: dict[str, type[ScipyFft] | type[NumpyFft] | type[FftwFft]] = {"scipy": ScipyFft, "numpy": NumpyFft, "fftw": FftwFft}
     return backends[config.fft](shape, speed_window, range_window)

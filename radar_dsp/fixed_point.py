@@ -17,26 +17,22 @@ Windows and twiddle factors have the same word length. Ones need no multiplier, 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numba
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
-from radar_core import ConfigError, DataError
-from radar_dsp.windows import make_window
+from radar_core import ConfigError
+from radar_dsp.windows import Shape, wrong_shape
 
 Words = NDArray[np.int16]
 Window = NDArray[np.float64]
-Shape = tuple[int, int, int, int]
 
-_EMPTY = -4096
+EMPTY = -4096
 """Exponent of a block of zeros: below all others, so that it does not decide when blocks are aligned."""
-_GROWTH = 2490
+GROWTH = 2490
 """1/1024 of how much a butterfly can grow a part: 1 + sqrt(2), and the twiddle factor's rounding at 8 bits."""
 
 
@@ -95,8 +91,6 @@ class FixedFft:
         Of the frames, (n_tx, n_chirp, n_rx, n_sample).
     speed_window, range_window : ndarray, shape (n_chirp,) and (n_sample,)
         Windows.
-    backend : str
-        ``numba`` or ``numpy``; both give the same bits.
 
     Raises
     ------
@@ -104,13 +98,12 @@ class FixedFft:
         When the word length is outside 8 to 16, or a length is not a power of two.
     """
 
-    def __init__(self, word_length: int, shape: Shape, speed_window: Window, range_window: Window, backend: str = "numba") -> None:
+    def __init__(self, word_length: int, shape: Shape, speed_window: Window, range_window: Window) -> None:
         if not 8 <= word_length <= 16:
             raise ConfigError(f"SpectrumConfig.word_length is {word_length}; choose 8 to 16 bits")
         self._bits, self._shape = word_length, shape
         self._speed, self._range = make_plan(word_length, speed_window), make_plan(word_length, range_window)
         self._scale = self._speed.scale * self._range.scale
-        self._transform: Callable[..., None] = transform if backend == "numba" else transform_reference
 
     def process(self, cube: NDArray[np.complex64]) -> NDArray[np.complex64]:
         """Window and transform a frame; see `radar_dsp.fft.Fft.process`."""
@@ -134,12 +127,7 @@ class FixedFft:
     def _pass(self, real: Words, imag: Words, exponents: NDArray[np.int64], plan: Plan) -> None:
         n = real.shape[-1]
         lines = (real.reshape(-1, n), imag.reshape(-1, n), exponents.reshape(-1))
-        self._transform(*lines, plan.bits, plan.window, plan.cosine, plan.sine, plan.order)
-
-
-def wrong_shape(given: Shape, wanted: Shape) -> DataError:
-    """Make the error for a frame of another shape than the transform was planned for."""
-    return DataError(f"the frame has shape {given} (tx, chirp, rx, sample), but its radar gives {wanted}; check the radar's info")
+        transform(*lines, plan.bits, plan.window, plan.cosine, plan.sine, plan.order)
 
 
 def quantise(values: NDArray[np.complex64], bits: int) -> tuple[Words, Words, int]:
@@ -155,57 +143,14 @@ def align(real: Words, imag: Words, exponents: NDArray[np.int64]) -> tuple[Words
     """Bring the lines (block, line, word) of a block to the largest of their exponents (block, line), which is the third result."""
     top: NDArray[np.int64] = exponents.max(axis=1)
     shift = np.minimum(top[:, None] - exponents, 24)[:, :, None]
-    as16 = [_round_shift(words.astype(np.int64), shift).astype(np.int16) for words in (real, imag)]
+    as16 = [round_shift(words.astype(np.int64), shift).astype(np.int16) for words in (real, imag)]
     return as16[0], as16[1], top
 
 
-def _round_shift(value: Any, shift: Any) -> Any:
+def round_shift(value: Any, shift: Any) -> Any:
     """``value / 2^shift`` to the nearest integer, ties to the even one."""
     half = (1 << shift) >> 1
     return np.where(np.equal(shift, 0), value, (value + half - 1 + ((value >> shift) & 1)) >> shift)
-
-
-def transform_reference(
-    real: Words,
-    imag: Words,
-    exponents: NDArray[np.int64],
-    bits: int,
-    window: NDArray[np.int32],
-    cosine: NDArray[np.int32],
-    sine: NDArray[np.int32],
-    order: NDArray[np.intp],
-) -> None:
-    """Weight and transform lines of words in place.
-
-    Parameters
-    ----------
-    real, imag : ndarray of int16, shape (n_line, n)
-        Words; replaced by their transforms.
-    exponents : ndarray of int64, shape (n_line,)
-        Of each line, value = word * 2^exponent; updated.
-    bits, window, cosine, sine, order
-        As in `Plan`.
-    """
-    n_line, n = real.shape
-    limit, q = (1 << (bits - 1)) - 1, bits - 1
-    peak = np.maximum(np.abs(real.astype(np.int64)), np.abs(imag.astype(np.int64))).max(axis=1)
-    room = np.where(peak == 0, 0, bits - 1 - np.frexp(peak.astype(np.float64))[1])
-    exponents -= room
-    parts = [_round_shift((words.astype(np.int64) << room[:, None]) * window, q)[:, order] for words in (real, imag)]
-    half = 1
-    while half < n:
-        peak = np.maximum(np.abs(parts[0]), np.abs(parts[1])).max(axis=1)
-        reach = (peak * (2048 if half <= 2 else _GROWTH)) >> 10
-        shift = (reach > limit).astype(np.int64) + (reach > 2 * limit)
-        exponents += shift
-        c, s = (table[:: n // (2 * half)].astype(np.int64) for table in (cosine, sine))
-        (ar, br), (ai, bi) = ((p.reshape(n_line, -1, 2, half)[:, :, 0], p.reshape(n_line, -1, 2, half)[:, :, 1]) for p in parts)
-        tr, ti = br * c - bi * s, br * s + bi * c
-        sums = [np.stack([(a << q) + t, (a << q) - t], axis=2).reshape(n_line, n) for a, t in ((ar, tr), (ai, ti))]
-        parts = [_round_shift(total, q + shift[:, None]) for total in sums]
-        half *= 2
-    exponents[(parts[0] == 0).all(axis=1) & (parts[1] == 0).all(axis=1)] = _EMPTY
-    real[...], imag[...] = parts
 
 
 @numba.njit(cache=True, nogil=True)
@@ -240,7 +185,17 @@ def _stage(re: Any, im: Any, half: int, q: int, down: int, cosine: Any, sine: An
 
 @numba.njit(cache=True, nogil=True)
 def transform(real: Any, imag: Any, exponents: Any, bits: int, window: Any, cosine: Any, sine: Any, order: Any) -> None:
-    """Equal `transform_reference`, bit for bit, as compiled loops."""
+    """Weight and transform lines of words in place.
+
+    Parameters
+    ----------
+    real, imag : ndarray of int16, shape (n_line, n)
+        Words; replaced by their transforms.
+    exponents : ndarray of int64, shape (n_line,)
+        Of each line, value = word * 2^exponent; updated.
+    bits, window, cosine, sine, order
+        As in `Plan`.
+    """
     n_line, n = real.shape
     limit, q = (1 << (bits - 1)) - 1, bits - 1
     re, im = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -249,7 +204,7 @@ def transform(real: Any, imag: Any, exponents: Any, bits: int, window: Any, cosi
             re[i], im[i] = real[line, i], imag[line, i]
         peak = _peak(re, im)
         if peak == 0:
-            exponents[line] = _EMPTY
+            exponents[line] = EMPTY
             continue
         room = 0
         while (peak << (room + 1)) <= limit:
@@ -260,111 +215,11 @@ def transform(real: Any, imag: Any, exponents: Any, bits: int, window: Any, cosi
             im[i] = _shift_right((np.int64(imag[line, k]) << room) * window[k], q)
         exponent, half = exponents[line] - room, 1
         while half < n:
-            reach = (_peak(re, im) * (2048 if half <= 2 else _GROWTH)) >> 10
+            reach = (_peak(re, im) * (2048 if half <= 2 else GROWTH)) >> 10
             shift = 2 if reach > 2 * limit else (1 if reach > limit else 0)
             exponent += shift
             _stage(re, im, half, q, q + shift, cosine, sine)
             half *= 2
-        exponents[line] = exponent if _peak(re, im) > 0 else _EMPTY
+        exponents[line] = exponent if _peak(re, im) > 0 else EMPTY
         for i in range(n):
             real[line, i], imag[line, i] = re[i], im[i]
-
-
-@dataclass(frozen=True)
-class WordLengthError:
-    """What one word length costs.
-
-    Attributes
-    ----------
-    word_length : int
-        Bits of a real or imaginary word.
-    floor : float
-        Mean power of the error over the cells beside a strong echo alone in the frame, relative to the echo's peak [dB].
-    spur : float
-        The largest error among those cells, relative to the echo's peak [dB].
-    snr_loss : tuple of float
-        How much of its signal-to-noise ratio a target near the noise floor loses, for each of the levels asked for [dB].
-    """
-
-    word_length: int
-    floor: float
-    spur: float
-    snr_loss: tuple[float, ...]
-
-
-def word_length_error(word_length: int, levels: tuple[float, ...], *, size: int = 64, n_trial: int = 64, seed: int = 0) -> WordLengthError:
-    """Measure the error of a word length with the default windows on a square frame.
-
-    Parameters
-    ----------
-    word_length : int
-        Bits of a real or imaginary word, 8 to 16.
-    levels : tuple of float
-        Powers of the strongest echo in the frame over the noise, both in a raw sample [dB]: what the word has to span.
-    size : int
-        Samples and chirps.
-    n_trial : int
-        Channels with random noise and phases to average over.
-    seed : int
-        Of the random numbers; the same ones for every word length.
-
-    Returns
-    -------
-    WordLengthError
-        The figures.
-    """
-    floor, spur = _spurs(word_length, size, n_trial, np.random.default_rng([seed, 1]))
-    losses = tuple(_snr_loss(word_length, level, size, n_trial, np.random.default_rng([seed, 2])) for level in levels)
-    return WordLengthError(word_length, floor, spur, losses)
-
-
-def _windows(size: int) -> tuple[Window, Window]:
-    return make_window("hann", size), make_window("nuttall", size)
-
-
-def _both(word_length: int, cube: NDArray[np.complex64]) -> tuple[NDArray[np.complex64], NDArray[np.complex128]]:
-    """Transform a frame in integers and in double precision."""
-    size = cube.shape[-1]
-    speed, distance = _windows(size)
-    shape: Shape = (1, size, cube.shape[2], size)
-    exact = scipy.fft.fft2(cube.astype(np.complex128) * speed[:, None, None] * distance, axes=(1, 3))
-    return FixedFft(word_length, shape, speed, distance).process(cube), exact
-
-
-def _tone(size: int, speed: Any, distance: Any, phase: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Make unit echoes at fractional cells, one per trial, shape (1, chirp, trial, sample)."""
-    i = np.arange(size) / size
-    speed, distance = np.broadcast_to(speed, phase.shape), np.broadcast_to(distance, phase.shape)
-    turns = np.multiply.outer(i, speed)[:, :, None] + np.multiply.outer(distance, i)
-    tone: NDArray[np.complex128] = np.exp(2j * np.pi * (turns + phase[:, None]))[None]
-    return tone
-
-
-def _spurs(word_length: int, size: int, n_trial: int, rng: np.random.Generator) -> tuple[float, float]:
-    speed, distance, phase = rng.uniform(0, size, n_trial), rng.uniform(0, size, n_trial), rng.uniform(0, 1, n_trial)
-    # Just below a power of two, so that the echo fills the word.
-    fixed, exact = _both(word_length, (0.95 * _tone(size, speed, distance, phase)).astype(np.complex64))
-    error, peak = np.abs(fixed - exact) ** 2, (np.abs(exact) ** 2).max(axis=(1, 3), keepdims=True)
-    cell = np.arange(size)
-    away = [np.abs((cell - at[:, None] + size / 2) % size - size / 2) > 5 for at in (speed, distance)]
-    # The main lobe is left out: an error there is a change of gain, not a spur.
-    beside = (away[0].T[:, :, None] | away[1][None])[None]
-    relative = (error / peak)[beside]
-    return 10 * math.log10(relative.mean()), 10 * math.log10(relative.max())
-
-
-def _snr_loss(word_length: int, level: float, size: int, n_trial: int, rng: np.random.Generator) -> float:
-    """Of a target 13 dB above the noise in its cell; the strong echo stands still near zero range, as leakage does."""
-    speed, distance = _windows(size)
-    cell, phase = (size // 4, size // 2), rng.uniform(0, 1, (2, n_trial))
-    noise = rng.standard_normal((1, size, n_trial, size, 2)) @ np.array([1, 1j]) * math.sqrt(0.5)
-    strong = 10 ** (level / 20) * _tone(size, 0.0, 0.3, phase[0])
-    target = 10 ** (13 / 20) / (speed.sum() * distance.sum()) * _tone(size, *cell, phase[1])
-    cube = (noise + strong + target).astype(np.complex64)
-    wanted = np.exp(2j * np.pi * phase[1])
-    snr = []
-    for spectrum in _both(word_length, cube):
-        value = spectrum[0, cell[0], :, cell[1]] * wanted.conj()
-        gain = value.mean()
-        snr.append(abs(gain) ** 2 / np.mean(np.abs(value - gain) ** 2))
-    return float(10 * np.log10(snr[1] / snr[0]))

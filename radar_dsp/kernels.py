@@ -1,21 +1,38 @@
-"""Inner loops of the baseband as compiled loops; each function equals its namesake in `radar_dsp.reference`, where it is described."""
+"""Inner loops of the baseband, compiled; the tests hold each of them to plain numpy."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from radar_dsp.reference import FLOOR, LEAST_SNR, TINY, Cells, FloatMap, Mask, Offsets, Scales
+FloatMap = NDArray[np.float32]
+Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
+Mask = NDArray[np.bool_]
+Offsets = NDArray[np.intp]
+CLOUD_ROWS = (
+    *("x", "y", "z", "range", "azimuth", "elevation", "radial_speed"),
+    *("snr", "noise", "range_std", "azimuth_std", "elevation_std", "radial_speed_std"),
+)
+"""Names of the rows that `pack` gives."""
+FLOOR = 1e-3
+"""Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
+LEAST_SNR = 1e-3
+TINY = float(np.finfo(np.float32).tiny)
 
 _jit = numba.njit(cache=True, nogil=True)
 _GROUPING = {"none": 0, "range": 1, "peak": 2}
 
 
 def integrate(spectrum: Any) -> FloatMap:
-    """Mean power over the virtual channels, shape (n_speed, n_range)."""
+    """Non-coherent integration: mean power over the virtual channels, shape (n_speed, n_range).
+
+    The thesis sums; the mean differs by a constant and keeps the noise floor in the unit of the samples' power.
+    """
     result: FloatMap = _integrate(spectrum)
     return result
 
@@ -148,7 +165,11 @@ def _select(values: Any, rank: int) -> Any:
 
 
 def find(mask: Any, power: FloatMap, grouping: str) -> Cells:
-    """Cells of a mask that become points, ordered by speed, then range."""
+    """Cells of a mask that become points, ordered by speed, then range.
+
+    ``none``: all; ``range``: local maxima along range; ``peak``: larger than all eight neighbours; of equal neighbours the first wins. Both
+    axes are circular: a transform leaks around its ends, in range too. On an axis of one cell everything is a maximum.
+    """
     speed, distance = _find(mask, power, _GROUPING[grouping])
     return speed, distance
 
@@ -177,8 +198,53 @@ def _find(mask: Any, power: Any, grouping: int) -> Any:
     return speed[:n].copy(), distance[:n].copy()
 
 
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """What turns offsets in cells into estimates.
+
+    Attributes
+    ----------
+    tables : ndarray of float64, shape (2, 2, n_table)
+        Of the speed and of the range axis (`peaks.Interpolator`): offset over the vertex of the parabola from -1 to 1, and variance of the
+        offset over the offset from -0.5 to 0.5, times the cell's total signal-to-noise ratio.
+    edges : ndarray of float64, shape (2,)
+        Vertex beyond which an echo does not peak in the cell, per axis.
+    range_resolution, speed_resolution, max_speed : float
+        Of the waveform [m, m/s, m/s]; the range is not measured where its resolution is infinite, the speed where there is one chirp.
+    coupling : float
+        By how much a range rate of 1 m/s makes an echo look farther [s].
+    n_channel : int
+        Number of integrated channels.
+    """
+
+    tables: NDArray[np.float64]
+    edges: NDArray[np.float64]
+    range_resolution: float
+    speed_resolution: float
+    max_speed: float
+    coupling: float
+    n_channel: int
+
+
 def estimate(power: FloatMap, cells: Cells, noise: FloatMap, scales: Scales) -> Any:
-    """Estimates between the cells, shape (5, n_points) = (distance, distance_std, speed, speed_std, snr)."""
+    """Estimates between the cells: parabolas through three log powers, corrected for the window.
+
+    Parameters
+    ----------
+    power : ndarray of float32, shape (n_speed, n_range)
+        Integrated spectrum.
+    cells : tuple of ndarray of intp, shape (n_points,)
+        Detections.
+    noise : ndarray of float32, shape (n_points,)
+        Noise power.
+    scales : Scales
+        Tables and units.
+
+    Returns
+    -------
+    ndarray of float64, shape (5, n_points) = (distance, distance_std, speed, speed_std, snr)
+        Range [m], range rate [m/s], with standard deviations, and signal-to-noise power ratio per channel; NaN where not measured.
+    """
     unit = (scales.range_resolution, scales.speed_resolution, scales.max_speed, scales.coupling, float(scales.n_channel))
     return _estimate(power, cells[0], cells[1], noise, scales.tables, scales.edges, unit)
 
@@ -255,7 +321,27 @@ def _snapshots(spectrum: Any, speed: Any, distance: Any, turn: Any) -> Any:
 
 
 def pack(estimates: Any, noise: FloatMap, angles: Any, keep: Any, flat: bool, shift: float) -> FloatMap:
-    """Arrays of a point cloud, one row for each name in `radar_dsp.reference.CLOUD_ROWS`, shape (13, n_kept)."""
+    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`.
+
+    Parameters
+    ----------
+    estimates : ndarray of float64, shape (5, n_points)
+        Of `estimate`.
+    noise : ndarray of float32, shape (n_points,)
+        Noise power.
+    angles : ndarray of float64, shape (4, n_points) = (azimuth, elevation, azimuth_std, elevation_std)
+        Directions [rad].
+    keep : ndarray of intp, shape (n_kept,)
+        Points to keep.
+    flat : bool
+        Without elevation points lie at the sensor's height: the best guess there is.
+    shift : float
+        Added to the noise floor [dB].
+
+    Returns
+    -------
+    ndarray of float32, shape (13, n_kept)
+    """
     result: FloatMap = _pack(estimates, noise, angles, keep, flat, shift)
     return result
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_dsp.reference import FLOOR
+from radar_dsp.kernels import FLOOR
 from radar_dsp.windows import noise_correlation, response
 
 AnyArray = NDArray[Any]

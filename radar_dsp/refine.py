@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,13 +12,13 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, RadarInfo
 from radar_core.checks import require_finite, require_shape
+from radar_dsp import refine_kernels
 from radar_dsp.bounds import Bound, phase_information, phase_model
-from radar_dsp.refine_kernels import DONE, FloatCube, Model, correlate, correlate_numpy, replace, replace_numpy, take_step, take_step_numpy
+from radar_dsp.refine_kernels import DONE, FloatCube, Model
 from radar_dsp.windows import make_window
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-BACKENDS = ("numba", "numpy")
 _OTHERS = 12
 """At most this many strong echoes that were not given are modelled besides."""
 _NEAR = 3.0
@@ -99,24 +98,19 @@ class Refiner:
         How often every echo is visited at most.
     max_echoes : int
         Only this many of the strongest are refined.
-    backend : str
-        ``numba`` or ``numpy``.
 
     Raises
     ------
     ConfigError
-        When the waveform is not FMCW, or mode or backend is unknown.
+        When the waveform is not FMCW, or the mode is unknown.
     """
 
-    def __init__(self, info: RadarInfo, mode: str = "auto", cycles: int = 8, max_echoes: int = 64, backend: str = "numba") -> None:
+    def __init__(self, info: RadarInfo, mode: str = "auto", cycles: int = 8, max_echoes: int = 64) -> None:
         if info.waveform.modulation != "fmcw":
             raise ConfigError(f"refine is 'ml' but the waveform is {info.waveform.modulation!r}; it models FMCW only: set refine to 'none'")
-        if backend not in BACKENDS:
-            raise ConfigError(f"backend is {backend!r}; choose one of {', '.join(map(repr, BACKENDS))}")
         self.info, self.cycles, self.max_echoes = info, cycles, max_echoes
         self._bound = Bound(info, mode)
         self._model, self._free = _make_model(info, mode), mode == "void"
-        self._kernels = _COMPILED if backend == "numba" else _REFERENCE
         w = info.waveform
         self._tapered = min(w.n_chirp, w.n_sample) >= 4
         windows = [make_window("hann" if self._tapered else "boxcar", n) for n in (w.n_chirp, w.n_sample)]
@@ -221,11 +215,11 @@ class Refiner:
 
     def _sweep(self, re: FloatCube, im: FloatCube, state: _State, noise: float, n_listed: int) -> None:
         """Visit the echoes, strongest first, until nothing moves; updates residual and state in place."""
-        model, kernels = self._model, self._kernels
+        model = self._model
         strength = np.zeros(len(state.theta))
         for i in np.flatnonzero(state.active):
-            sums = kernels.correlate(re, im, model, state.theta[i, 0], state.theta[i, 1])
-            strength[i] = kernels.step(sums, model, state.theta[i].copy(), state.amplitude[i].copy(), state.free[i], noise)[1]
+            sums = refine_kernels.correlate(re, im, model, state.theta[i, 0], state.theta[i, 1])
+            strength[i] = refine_kernels.take_step(sums, model, state.theta[i].copy(), state.amplitude[i].copy(), state.free[i], noise)[1]
         order = np.argsort(-strength, kind="stable")
         self._link(state, order, n_listed)
         alone = np.count_nonzero(state.active) == 1
@@ -257,12 +251,12 @@ class Refiner:
 
     def _visit(self, re: FloatCube, im: FloatCube, state: _State, noise: float, i: int, alone: bool) -> None:
         """Move one echo by a step, or give it up."""
-        model, kernels, theta, amplitude = self._model, self._kernels, state.theta[i], state.amplitude[i]
+        model, theta, amplitude = self._model, state.theta[i], state.amplitude[i]
         before, was = theta.copy(), amplitude.copy()
         if alone:  # there is nobody to take it away from: the residual stays the frame
             amplitude[:] = 0.0
-        sums = kernels.correlate(re, im, model, before[0], before[1])
-        state.length[i], energy = kernels.step(sums, model, theta, amplitude, state.free[i], noise)
+        sums = refine_kernels.correlate(re, im, model, before[0], before[1])
+        state.length[i], energy = refine_kernels.take_step(sums, model, theta, amplitude, state.free[i], noise)
         moved = np.abs(theta - state.start[i]) > _REACH * model.limit
         state.active[i] = energy > model.least[int(state.free[i])] and not moved.any()
         if energy > model.least[int(state.free[i])]:
@@ -270,7 +264,7 @@ class Refiner:
         if not state.active[i]:
             amplitude[:] = 0.0
         if not alone:
-            kernels.replace(re, im, model, before, was, theta, amplitude)
+            refine_kernels.replace(re, im, model, before, was, theta, amplitude)
 
     def _finish(self, given: list[FloatArray], state: _State, noise: float) -> Refined:
         n = len(given[0])
@@ -321,15 +315,3 @@ def _make_model(info: RadarInfo, mode: str) -> Model:
         cells=float(w.n_chirp * w.n_sample),
         limit=np.where(which, cell / 2, np.inf),
     )
-
-
-class _Kernels(NamedTuple):
-    """The loops of one backend."""
-
-    correlate: Callable[..., Any]
-    replace: Callable[..., Any]
-    step: Callable[..., Any]
-
-
-_COMPILED = _Kernels(correlate, replace, take_step)
-_REFERENCE = _Kernels(correlate_numpy, replace_numpy, take_step_numpy)

@@ -1,4 +1,4 @@
-"""Compiled loops of the maximum-likelihood refinement, each with its numpy reference beside it.
+"""Compiled loops of the maximum-likelihood refinement.
 
 The residual is kept as real and imaginary parts of shape (n_tx, n_chirp, n_rx * n_sample): the inner loops run over receivers and samples
 of one chirp at once and hold no sum and no library call, so they become vector code without permission to reorder anything.
@@ -7,7 +7,7 @@ of one chirp at once and hold no sum and no library call, so they become vector 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -160,40 +160,6 @@ def _mix(xr: FloatCube, xi: FloatCube, pr: FloatCube, pi: FloatCube, qr: FloatCu
         pi[k] = p * qi[k] + q * qr[k]
 
 
-def correlate_numpy(re: FloatCube, im: FloatCube, model: Model, distance: float, speed: float) -> ComplexArray:
-    """Do as `correlate`, in double precision."""
-    n_tx, n_chirp, _ = re.shape
-    start, echo = _echo_numpy(n_tx, n_chirp, model, distance, speed)
-    x = (re + 1j * im.astype(np.float64)).reshape(n_tx, n_chirp, -1, len(model.wave))
-    gradient = np.empty((3, *echo.shape))
-    gradient[0], gradient[1] = 1.0, model.wave - model.mean[0]
-    gradient[2] = model.wave * (start[:, :, None] + model.fast) - model.mean[1]
-    sums = np.einsum("tlrk,gtlk->trg", x, echo.conj() * gradient, optimize=True)
-    return np.asarray(sums.reshape(-1, 3))
-
-
-def replace_numpy(
-    re: FloatCube, im: FloatCube, model: Model, old: FloatArray, was: ComplexArray, new: FloatArray, now: ComplexArray
-) -> None:
-    """Do as `replace`."""
-    n_tx, n_chirp, _ = re.shape
-    for theta, amplitude in ((old, was), (new, -now)):
-        _, echo = _echo_numpy(n_tx, n_chirp, model, theta[0], theta[1])
-        wave = (amplitude.reshape(n_tx, 1, -1, 1) * echo[:, :, None, :]).reshape(re.shape)
-        re += wave.real.astype(np.float32)
-        im += wave.imag.astype(np.float32)
-
-
-def _echo_numpy(n_tx: int, n_chirp: int, model: Model, distance: float, speed: float) -> tuple[FloatArray, ComplexArray]:
-    """Start times, shape (n_tx, n_chirp), and the model of unit amplitude, shape (n_tx, n_chirp, n_sample)."""
-    start = np.asarray((np.arange(n_chirp) * n_tx + np.arange(n_tx)[:, None]) * model.interval - model.middle, np.float64)
-    phase: FloatArray = model.wave * (distance + speed * (start[:, :, None] + model.fast)) - (
-        model.mean[0] * distance + model.mean[1] * speed
-    )
-    echo: ComplexArray = np.exp(1j * phase)
-    return start, echo
-
-
 @numba.njit(cache=True)
 def take_step(
     sums: ComplexArray, model: Model, theta: FloatArray, amplitude: ComplexArray, free: bool, noise: float
@@ -246,7 +212,3 @@ def _match(sums: ComplexArray, model: Model, theta: FloatArray, amplitude: Compl
         own += steering[c].conjugate() * amplitude[c]
         weight += abs(steering[c]) ** 2
     amplitude[:] = (match / model.cells + own) / weight * steering
-
-
-take_step_numpy: Any = take_step.py_func
-"""The same step, uncompiled."""

@@ -1,4 +1,4 @@
-"""Range-speed spectrum of a frame for each modulation (thesis, 2.12, 2.13 and figure A.14), and its non-coherent integration."""
+"""Range-speed spectrum of a frame for each modulation (thesis, 2.12, 2.13 and figure A.14)."""
 
 from __future__ import annotations
 
@@ -179,14 +179,6 @@ def _subtract_mean(cube: Any, moving: Any) -> None:
                     moving[t, chirp, rx, s] = cube[t, chirp, rx, s] - mean32[rx, s] if seen[chirp] else np.float32(0.0)
 
 
-def remove_static_reference(cube: Cube) -> Cube:
-    """Equal `remove_static`, in numpy."""
-    seen = cube.any(axis=(2, 3), keepdims=True)
-    mean = cube.sum(axis=1, keepdims=True, dtype=np.complex128) / np.maximum(seen.sum(axis=1, keepdims=True), 1)
-    still: Cube = cube - mean.astype(np.complex64) * seen
-    return still
-
-
 def make_spectrum(config: SpectrumConfig, info: RadarInfo) -> SpectrumGenerator:
     """Make the generator for the modulation of ``info``.
 
@@ -213,23 +205,6 @@ def make_spectrum(config: SpectrumConfig, info: RadarInfo) -> SpectrumGenerator:
         "ofdm": OfdmSpectrum,
     }
     return generators[info.waveform.modulation](config, info)
-
-
-def integrate(spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
-    """Non-coherent integration: mean power over the virtual channels, shape (n_speed, n_range).
-
-    The thesis sums; the mean differs by a constant and keeps the noise floor in the unit of the samples' power.
-    """
-    n_tx, n_speed, n_rx, n_range = spectrum.shape
-    power = np.zeros((n_speed, n_range), np.float32)
-    # Channel by channel: the partial results stay in the cache, and the order of the sum is fixed.
-    for tx in range(n_tx):
-        for rx in range(n_rx):
-            channel = spectrum[tx, :, rx, :]
-            power += channel.real**2
-            power += channel.imag**2
-    power *= np.float32(1.0 / (n_tx * n_rx))
-    return power
 
 
 def normalise(cube: NDArray[np.complex64], peak: float) -> tuple[NDArray[np.complex64], int]:

@@ -1,6 +1,6 @@
 """Compiled refinement of two echoes in one cell, and the decision for them, one detection at a time.
 
-`radar_dsp.two_sources.fit_pairs` is the reference. All that the refinement needs are moments of the beams (see `radar_dsp.pair_kernels`)
+All that the refinement needs are moments of the beams (see `radar_dsp.pair_kernels`)
 and of g with the phases, so that no steering vector is ever projected.
 """
 
@@ -250,11 +250,22 @@ def _channel_moments(fold: NDArray[np.complex128], phase: Floats, weight: Floats
 
 
 @numba.njit(forceinline=True, cache=True)
-def _store_pair(u: Floats, covariance: Floats, axes: int, limit: Floats, angles: Floats, inside: NDArray[np.bool_], i: int) -> None:
+def _total_power(real: Floats, imag: Floats, weight: Floats) -> float:
+    """Power of a snapshot over all channels, the responses taken off."""
+    total = 0.0
+    for c in range(weight.shape[0]):
+        total += (real[0, c] ** 2 + imag[0, c] ** 2) / weight[c]
+    return total
+
+
+@numba.njit(forceinline=True, cache=True)
+def _store_pair(
+    u: Floats, covariance: Floats, floor: float, axes: int, limit: Floats, angles: Floats, inside: NDArray[np.bool_], i: int
+) -> None:
     scaled = np.empty(3)
     for k in range(2):
         v = 2 * k
-        scaled[0], scaled[1], scaled[2] = covariance[v, v], covariance[v, v + 1], covariance[v + 1, v + 1]
+        scaled[0], scaled[1], scaled[2] = covariance[v, v] * floor, covariance[v, v + 1] * floor, covariance[v + 1, v + 1] * floor
         store_direction(u[v], u[v + 1], scaled, axes, limit, angles, inside, i + k)
 
 
@@ -314,9 +325,7 @@ def locate_pairs(
                 angles[k, 2 * i] = math.nan
             inside[2 * i] = False
             continue
-        total = 0.0
-        for c in range(n):
-            total += (real[0, c] ** 2 + imag[0, c] ** 2) / weight[c]
+        total = _total_power(real, imag, weight)
         ratio = max(np.float64(snr[i]), 1e-12)
         floor = total / n / (1.0 + min(ratio, 1e12))
         beam_power(real, imag, table, beam, power)
@@ -327,25 +336,12 @@ def locate_pairs(
         # Two cannot gain more than one leaves over, which spares nearly all single echoes the search.
         statistic[i] = (total - one) / floor
         if statistic[i] > threshold:
+            # fmt: off
             pair = _fit_pair(
-                real[0],
-                imag[0],
-                complex(br, bi),
-                uy,
-                uz,
-                beam,
-                power,
-                weight,
-                self_moment,
-                phase,
-                grid,
-                spacing,
-                gain,
-                cross,
-                row,
-                u,
-                covariance,
+                real[0], imag[0], complex(br, bi), uy, uz, beam, power, weight, self_moment, phase, grid,
+                spacing, gain, cross, row, u, covariance,
             )
+            # fmt: on
             statistic[i] = (pair - one) / floor
         second[i] = statistic[i] > threshold
         if not second[i]:
@@ -353,7 +349,4 @@ def locate_pairs(
                 scaled[j] = bound[j] / ratio
             store_direction(uy, uz, scaled, axes, limit, angles, inside, 2 * i)
             continue
-        for k in range(4):
-            for j in range(4):
-                covariance[k, j] *= floor
-        _store_pair(u, covariance, axes, limit, angles, inside, 2 * i)
+        _store_pair(u, covariance, floor, axes, limit, angles, inside, 2 * i)

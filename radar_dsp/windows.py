@@ -1,11 +1,15 @@
-"""Window functions by scipy's names, and what a window does to noise."""
+"""Window functions by scipy's names, what a window does to noise, and frames that windows do not fit."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_core import DataError
 from radar_core.windows import window_shape
+
+Shape = tuple[int, int, int, int]
+"""Of a frame: (n_tx, n_chirp, n_rx, n_sample)."""
 
 
 def make_window(name: str, n: int) -> NDArray[np.float64]:
@@ -66,3 +70,8 @@ def response(window: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArra
     n = len(window)
     result: NDArray[np.complex128] = np.exp(-2j * np.pi / n * offset[..., None] * np.arange(n)) @ window
     return result
+
+
+def wrong_shape(given: Shape, wanted: Shape) -> DataError:
+    """Make the error for a frame of another shape than the transform was planned for."""
+    return DataError(f"the frame has shape {given} (tx, chirp, rx, sample), but its radar gives {wanted}; check the radar's info")

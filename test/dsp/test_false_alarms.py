@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from echoes import amplitude_for, echo, frame, noise
+from oracles import baseband as reference
 
 from radar_core import ConfigError, RadarInfo
-from radar_dsp import BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, SpectrumConfig, kernels, reference, thresholds
+from radar_dsp import BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, SpectrumConfig, kernels, thresholds
 from radar_dsp.baseband import Baseband
 from radar_dsp.cfar import TrainingWindow, make_detector
 from radar_dsp.kernels import integrate

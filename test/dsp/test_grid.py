@@ -9,7 +9,7 @@ import pytest
 from echoes import amplitude_for, echo, frame, noise
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform, known_symbols
-from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, TdmConfig
+from radar_dsp import Baseband, BasebandConfig, CfarConfig, DoaConfig, SpectrumConfig, TdmConfig, kernels
 
 INFO = RadarInfo()
 GRID = list(itertools.product((1.3, 4.6), (-2.1, 2.6), (-0.7, 0.5), (-0.25, 0.3)))  # range, range rate, azimuth, elevation
@@ -111,6 +111,6 @@ def test_float32_against_float64():
     power = np.mean(np.abs(double) ** 2, axis=(0, 2))
     cells = tuple(np.array([index]) for index in np.unravel_index(int(np.argmax(power)), power.shape))
     floor = np.full(1, 1.0, np.float32)
-    exact = baseband._run.estimate(power.astype(np.float64), cells, floor, baseband._scales)
-    ours = baseband._run.estimate(baseband._run.integrate(single), cells, floor, baseband._scales)
+    exact = kernels.estimate(power.astype(np.float64), cells, floor, baseband._scales)
+    ours = kernels.estimate(kernels.integrate(single), cells, floor, baseband._scales)
     assert (np.abs(ours[[0, 2]] - exact[[0, 2]]) < 0.02 * exact[[1, 3]]).all()

@@ -1,35 +1,19 @@
-"""Inner loops of the baseband in plain numpy: what `radar_dsp.kernels` has to equal, function by function."""
+"""Inner loops of the baseband in plain numpy: what `radar_dsp.kernels` has to equal, function by function; it describes them too."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-FloatMap = NDArray[np.float32]
-Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
-Mask = NDArray[np.bool_]
-Offsets = NDArray[np.intp]
-AnyArray = NDArray[Any]
+from radar_dsp.kernels import FLOOR, LEAST_SNR, TINY, Cells, FloatMap, Mask, Offsets, Scales
 
-FLOOR = 1e-3
-"""Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
-LEAST_SNR = 1e-3
-TINY = float(np.finfo(np.float32).tiny)
-CLOUD_ROWS = (
-    *("x", "y", "z", "range", "azimuth", "elevation", "radial_speed"),
-    *("snr", "noise", "range_std", "azimuth_std", "elevation_std", "radial_speed_std"),
-)
-"""Names of the rows that `pack` gives."""
+AnyArray = NDArray[Any]
 
 
 def integrate(spectrum: NDArray[np.complex64]) -> FloatMap:
-    """Non-coherent integration: mean power over the virtual channels, shape (n_speed, n_range).
-
-    The thesis sums; the mean differs by a constant and keeps the noise floor in the unit of the samples' power.
-    """
+    """Non-coherent integration: mean power over the virtual channels, shape (n_speed, n_range)."""
     n_tx, n_speed, n_rx, n_range = spectrum.shape
     power = np.zeros((n_speed, n_range), np.float32)
     # Channel by channel: the partial results stay in the cache, and the order of the sum is fixed.
@@ -81,11 +65,7 @@ def ordered(padded: FloatMap, cells: Cells, offsets: Offsets, half: tuple[int, i
 
 
 def find(mask: NDArray[np.bool_], power: FloatMap, grouping: str) -> Cells:
-    """Cells of a mask that become points, ordered by speed, then range.
-
-    ``none``: all; ``range``: local maxima along range; ``peak``: larger than all eight neighbours; of equal neighbours the first wins. Both
-    axes are circular: a transform leaks around its ends, in range too. On an axis of one cell everything is a maximum.
-    """
+    """Cells of a mask that become points, ordered by speed, then range."""
     if grouping != "none" and power.shape[1] > 1:
         mask = mask & (power > np.roll(power, 1, 1)) & (power >= np.roll(power, -1, 1))
     if grouping == "peak" and power.shape[0] > 1:
@@ -96,53 +76,8 @@ def find(mask: NDArray[np.bool_], power: FloatMap, grouping: str) -> Cells:
     return speed, distance
 
 
-@dataclass(frozen=True, eq=False)
-class Scales:
-    """What turns offsets in cells into estimates.
-
-    Attributes
-    ----------
-    tables : ndarray of float64, shape (2, 2, n_table)
-        Of the speed and of the range axis (`peaks.Interpolator`): offset over the vertex of the parabola from -1 to 1, and variance of the
-        offset over the offset from -0.5 to 0.5, times the cell's total signal-to-noise ratio.
-    edges : ndarray of float64, shape (2,)
-        Vertex beyond which an echo does not peak in the cell, per axis.
-    range_resolution, speed_resolution, max_speed : float
-        Of the waveform [m, m/s, m/s]; the range is not measured where its resolution is infinite, the speed where there is one chirp.
-    coupling : float
-        By how much a range rate of 1 m/s makes an echo look farther [s].
-    n_channel : int
-        Number of integrated channels.
-    """
-
-    tables: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    range_resolution: float
-    speed_resolution: float
-    max_speed: float
-    coupling: float
-    n_channel: int
-
-
 def estimate(power: FloatMap, cells: Cells, noise: FloatMap, scales: Scales) -> NDArray[np.float64]:
-    """Estimates between the cells: parabolas through three log powers, corrected for the window.
-
-    Parameters
-    ----------
-    power : ndarray of float32, shape (n_speed, n_range)
-        Integrated spectrum.
-    cells : tuple of ndarray of intp, shape (n_points,)
-        Detections.
-    noise : ndarray of float32, shape (n_points,)
-        Noise power.
-    scales : Scales
-        Tables and units.
-
-    Returns
-    -------
-    ndarray of float64, shape (5, n_points) = (distance, distance_std, speed, speed_std, snr)
-        Range [m], range rate [m/s], with standard deviations, and signal-to-noise power ratio per channel; NaN where not measured.
-    """
+    """Estimates between the cells: parabolas through three log powers, corrected for the window."""
     n_speed = power.shape[0]
     snr = np.maximum(power[cells].astype(np.float64) / np.maximum(noise, np.float32(TINY)) - 1, LEAST_SNR)
     (offset_v, std_v), (offset_r, std_r) = (interpolate(power, cells, axis, snr, scales) for axis in (0, 1))
@@ -188,27 +123,7 @@ def snapshots(spectrum: NDArray[np.complex64], cells: Cells, turn: NDArray[np.fl
 def pack(
     estimates: NDArray[np.float64], noise: FloatMap, angles: NDArray[np.float64], keep: NDArray[np.intp], flat: bool, shift: float
 ) -> FloatMap:
-    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`.
-
-    Parameters
-    ----------
-    estimates : ndarray of float64, shape (5, n_points)
-        Of `estimate`.
-    noise : ndarray of float32, shape (n_points,)
-        Noise power.
-    angles : ndarray of float64, shape (4, n_points) = (azimuth, elevation, azimuth_std, elevation_std)
-        Directions [rad].
-    keep : ndarray of intp, shape (n_kept,)
-        Points to keep.
-    flat : bool
-        Without elevation points lie at the sensor's height: the best guess there is.
-    shift : float
-        Added to the noise floor [dB].
-
-    Returns
-    -------
-    ndarray of float32, shape (13, n_kept)
-    """
+    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`."""
     distance, distance_std, speed, speed_std, snr = estimates[:, keep]
     azimuth, elevation, azimuth_std, elevation_std = angles[:, keep]
     up, level = (np.zeros(len(keep)), np.ones(len(keep))) if flat else (np.sin(elevation), np.cos(elevation))
