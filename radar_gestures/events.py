@@ -54,17 +54,17 @@ class EventDetector:
 
     Parameters
     ----------
-    settings : EventConfig
+    config : EventConfig
         The knobs.
     """
 
-    def __init__(self, settings: EventConfig) -> None:
-        self._settings = settings
-        self._bridge_ns = round(settings.bridge * 1e9)
-        self._min_ns = round(settings.min_duration * 1e9)
-        self._quiet_ns = round(settings.quiet * 1e9)
-        self._max_ns = round(settings.max_duration * 1e9)
-        self._gap_ns = round(settings.max_gap * 1e9)
+    def __init__(self, config: EventConfig) -> None:
+        self._config = config
+        self._bridge_ns = round(config.bridge * 1e9)
+        self._min_ns = round(config.min_duration * 1e9)
+        self._quiet_ns = round(config.quiet * 1e9)
+        self._max_ns = round(config.max_duration * 1e9)
+        self._gap_ns = round(config.max_gap * 1e9)
         self._start: int | None = None
         self._last_above = 0
         self._last_stamp: int | None = None
@@ -82,7 +82,7 @@ class EventDetector:
     def process(self, stamp_ns: int, speed: float) -> Event | None:
         """Take the speed [m/s] at ``stamp_ns`` (either sign; NaN counts as rest) and return the event that ended with it, if any."""
         self._follow(stamp_ns)
-        above = abs(speed) > (self._settings.release if self.active else self._settings.threshold)
+        above = abs(speed) > (self._config.release if self.active else self._config.threshold)
         if self._wait_for_rest:
             self._wait_for_rest = above or stamp_ns - self._last_above < self._quiet_ns
             if above:

@@ -139,7 +139,7 @@ def _between(place: int, x: float, positions: list[float], values: list[float], 
 
 
 def summarise(
-    cloud: Detections, body: tuple[float, float, float], settings: FeatureConfig, picked: NDArray[np.intp] | None = None
+    cloud: Detections, body: tuple[float, float, float], config: FeatureConfig, picked: NDArray[np.intp] | None = None
 ) -> MotionSample:
     """Reduce one cloud's points of one track to a motion sample.
 
@@ -154,7 +154,7 @@ def summarise(
         The track's points only.
     body : tuple of float
         Distance, azimuth, elevation of the track's centre seen from the sensor [m, rad, rad].
-    settings : FeatureConfig
+    config : FeatureConfig
         The knobs.
     picked : ndarray of int, shape (n_gates,), or None
         The strongest detections of the gates, where the caller has them already (`doppler_gates`).
@@ -165,13 +165,13 @@ def summarise(
         Speed and weight 0 and NaN for the place when nothing moves. A direction is NaN when none of the gates that count has one: those
         that have one decide. A detection without SNR counts as one of ``min_snr``, one without a range rate not at all.
     """
-    snr = np.clip(np.where(np.isnan(cloud.snr), settings.min_snr, cloud.snr).astype(np.float64), -200.0, 200.0)
+    snr = np.clip(np.where(np.isnan(cloud.snr), config.min_snr, cloud.snr).astype(np.float64), -200.0, 200.0)
     if picked is None:
-        picked = doppler_gates(cloud.radial_speed, cloud.snr, settings.gate)
-    picked = picked[_is_arm(cloud, snr, settings)[picked]]
-    snr = snr[picked] + _beside(cloud.range[picked], cloud.azimuth[picked] - body[1], settings.lateral)
+        picked = doppler_gates(cloud.radial_speed, cloud.snr, config.gate)
+    picked = picked[_is_arm(cloud, snr, config)[picked]]
+    snr = snr[picked] + _beside(cloud.range[picked], cloud.azimuth[picked] - body[1], config.lateral)
     if len(picked):
-        strong = snr >= snr.max() - settings.weak
+        strong = snr >= snr.max() - config.weak
         picked, snr = picked[strong], snr[strong]
     speed = cloud.radial_speed[picked].astype(np.float64)
     if not len(picked):
@@ -185,17 +185,17 @@ def summarise(
     return MotionSample(cloud.stamp_ns, fastest, float(weights.sum()), distance, azimuth, elevation, body)
 
 
-def _is_arm(cloud: Detections, snr: NDArray[np.float64], settings: FeatureConfig) -> NDArray[np.bool_]:
+def _is_arm(cloud: Detections, snr: NDArray[np.float64], config: FeatureConfig) -> NDArray[np.bool_]:
     """Mask of the detections that move and are no leakage of a strong slow one (the body) through the side lobes of the Doppler window."""
     speed = np.abs(cloud.radial_speed)
-    moving = (speed >= settings.body_speed) & (snr >= settings.min_snr)
-    slow = np.flatnonzero(speed < settings.body_speed)
+    moving = (speed >= config.body_speed) & (snr >= config.min_snr)
+    slow = np.flatnonzero(speed < config.body_speed)
     if not len(slow) or not moving.any():
         return np.asarray(moving)
     with np.errstate(invalid="ignore"):  # two infinite ranges: not near
         near = np.abs(cloud.range[:, None] - cloud.range[None, slow]) <= _SIDELOBE_RANGE
     strongest = np.where(near, snr[None, slow], -np.inf).max(axis=1)
-    return np.asarray(moving & (snr >= strongest - settings.sidelobe))
+    return np.asarray(moving & (snr >= strongest - config.sidelobe))
 
 
 def _beside(distance: NDArray[np.floating], azimuth: NDArray[np.floating], lateral: float) -> NDArray[np.float64]:
@@ -242,7 +242,7 @@ def zero_crossings(speed: NDArray[np.float64], threshold: float) -> int:
     return int(np.count_nonzero(sign[1:] != sign[:-1]))
 
 
-def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureConfig, *, min_samples: int = 3) -> NDArray[np.float64] | None:
+def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfig, *, min_samples: int = 3) -> NDArray[np.float64] | None:
     """Compute the thirteen features of one event (section 4.2).
 
     Parameters
@@ -251,7 +251,7 @@ def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureCon
         The event, in order of time.
     start_ns : int
         Start of the event: the two times are counted from here, in seconds, so that they do not depend on the frame rate.
-    settings : FeatureConfig
+    config : FeatureConfig
         The knobs.
     min_samples : int
         Fewest samples with motion from which features are made.
@@ -275,12 +275,12 @@ def extract(samples: Iterable[MotionSample], start_ns: int, settings: FeatureCon
     time, speed, weight = rows[:, 0] * 1e-9, rows[:, 1], rows[:, 2]
     moving = weight > 0
     time, speed, weight = time[moving], speed[moving], weight[moving]
-    angles = [_fill(angle[moving], time, weight, settings.smoothing) for angle in _angles(rows, settings.angles)]
-    speed, lateral, height = running_medians(np.array([speed, *angles]), time, settings.median)
+    angles = [_fill(angle[moving], time, weight, config.smoothing) for angle in _angles(rows, config.angles)]
+    speed, lateral, height = running_medians(np.array([speed, *angles]), time, config.median)
     first, last = int(np.argmax(speed)), int(np.argmin(speed))
     return np.array(
         [
-            zero_crossings(speed, settings.body_speed),
+            zero_crossings(speed, config.body_speed),
             time[first],
             time[last],
             speed[first],
