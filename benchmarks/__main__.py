@@ -69,7 +69,7 @@ def everything(quick: bool) -> tuple[dict[str, Any], bool]:
         good = good and not failed
         told = found[name].get("absent") or failed or "done"
         console.print(f"{name}: {told} ({found[name]['seconds']:.0f} s)", highlight=False, markup=False)
-    return {"benchmarks": found, "seconds": sum(one["seconds"] for one in found.values())}, good
+    return {"benchmarks": found, **{key: sum(one[key] for one in found.values()) for key in ("seconds", "cpu_seconds")}}, good
 
 
 def main() -> int:

@@ -63,9 +63,10 @@ def apart(name: str, quick: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        What it printed, or ``failed`` or ``absent`` with the end of what it said; and ``seconds``.
+        What it printed, or ``failed`` or ``absent`` with the end of what it said; ``seconds`` by the clock, and ``cpu_seconds``, which do
+        not depend on what else runs on the machine.
     """
-    start = time.monotonic()
+    start, before = time.monotonic(), os.times()
     command = [sys.executable, "-m", "benchmarks", name, "--json", *(["--quick"] if quick else [])]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode == 0:
@@ -73,7 +74,9 @@ def apart(name: str, quick: bool = False) -> dict[str, Any]:
     else:
         key = "absent" if done.returncode == os.EX_UNAVAILABLE else "failed"
         found = {key: (done.stderr.strip().splitlines() or [f"status {done.returncode}"])[-1]}
-    return {**found, "seconds": time.monotonic() - start}
+    after = os.times()
+    used = after.children_user + after.children_system - before.children_user - before.children_system
+    return {**found, "seconds": time.monotonic() - start, "cpu_seconds": used}
 
 
 def measured(name: str, file: str) -> dict[str, Any]:
@@ -87,7 +90,7 @@ def measured(name: str, file: str) -> dict[str, Any]:
     if file:
         return join(json.loads(Path(part).read_text(encoding="utf-8").splitlines()[-1]) for part in file.split(","))
     found = apart(name)
-    del found["seconds"]
+    del found["seconds"], found["cpu_seconds"]
     if why := found.get("failed") or found.get("absent"):
         sys.exit(f"{name}: {why}")
     return found

@@ -52,9 +52,13 @@ def test_all_goes_on_after_one_that_fails(monkeypatch, capsys):
     """What is absent is no failure; what fails is named, the others are measured, and the status says so. Parts are not measured twice."""
     said = {"a": {"choices": []}, "b": {"absent": "no recordings"}, "c": {"failed": "broken"}}
     monkeypatch.setattr(command, "names", lambda: [*said, "propagation"])
-    monkeypatch.setattr(document, "apart", lambda name, quick: {**said[name], "seconds": 1.0})
+    monkeypatch.setattr(document, "apart", lambda name, quick: {**said[name], "seconds": 1.0, "cpu_seconds": 0.5})
     found, good = command.everything(quick=True)
-    assert found == {"benchmarks": {name: {**one, "seconds": 1.0} for name, one in said.items()}, "seconds": 3.0}
+    assert found == {
+        "benchmarks": {name: {**one, "seconds": 1.0, "cpu_seconds": 0.5} for name, one in said.items()},
+        "seconds": 3.0,
+        "cpu_seconds": 1.5,
+    }
     assert not good
     assert "c: broken" in capsys.readouterr().err
     del said["c"]
