@@ -32,11 +32,12 @@ def calibrate(
 
     Examples: `handwave calibrate chamber -o array.npz` · `handwave calibrate az el -o a.npz --azimuth -60:60:1 --elevation -30:30:1`
     """
+    from radar_core.config import load
     from radar_lab.arrays.calibration import Calibration
     from radar_lab.arrays.sweeps import sweep_options
     from radar_ros.turntables import calibrate as fit
 
-    chosen = Calibration(method=method, distance=distance, offsets=offsets)
+    chosen = load(Calibration, {"method": method, "distance": distance, "offsets": offsets}, "options")
     report = fit(recordings, out, sweep_options(azimuth, elevation, dwell, settle), chosen)
     print("\n".join(report.lines()))
     print(f"calibration in {out}, ambiguity functions in {out.with_suffix('.png')}")

@@ -35,6 +35,7 @@ def calibrate_camera(
     """
     import yaml
 
+    from radar_core.config import load
     from radar_lab.alignment import TrajectoryConfig
     from radar_lab.camera.extrinsics import calibrate
     from radar_lab.camera.pinhole import CameraMount
@@ -45,7 +46,7 @@ def calibrate_camera(
     assumed = CameraMount(**before.get("mount", {}))
     radar, camera = trajectories(bag, what, joint)
     latency = float(before.get("latency", 0.0))
-    found = calibrate(radar, camera, assumed, latency, TrajectoryConfig(freedom=freedom, clock=not synchronised))
+    found = calibrate(radar, camera, assumed, latency, load(TrajectoryConfig, {"freedom": freedom, "clock": not synchronised}, "options"))
     mount = {name: round(getattr(found.mount, name), 5) for name in ("x", "y", "z", "yaw", "tilt", "roll")}
     after = {**before, "mount": mount, "position_std": round(found.position_std, 5), "angle_std": round(found.angle_std, 6)}
     if not math.isnan(found.latency_std):

@@ -77,32 +77,32 @@ class Budget(Generic[T]):
 
     def __init__(self, node: Any, base: T, prepare: Callable[[tuple[T, ...]], Callable[[], None]]) -> None:
         self._node, self._base = node, base
-        self._settings = declare_config(node, BudgetConfig, changeable=True)
+        self._config = declare_config(node, BudgetConfig, changeable=True)
         self._publisher = node.create_publisher(StageBudgetMsg, "stage_budget", qos.LATCHED)
-        self._ladder = self._read(self._settings)
+        self._ladder = self._read(self._config)
         self._configs = self._over(base, self._ladder)
         self._governor: Governor | None = None
         self._first = 0
         self._start()
 
-        def slower(settings: BudgetConfig) -> None:
-            self._settings = settings
+        def slower(config: BudgetConfig) -> None:
+            self._config = config
 
-        def change(settings: BudgetConfig) -> Callable[[], None]:
-            if replace(settings, device_factor=self._settings.device_factor) == self._settings:
-                return partial(slower, settings)  # levels, and the one that works, stay
-            ladder = self._read(settings)
+        def change(config: BudgetConfig) -> Callable[[], None]:
+            if replace(config, device_factor=self._config.device_factor) == self._config:
+                return partial(slower, config)  # levels, and the one that works, stay
+            ladder = self._read(config)
             configs = self._over(self._base, ladder)
             place = prepare(configs)
 
             def apply() -> None:
-                self._settings, self._ladder, self._configs = settings, ladder, configs
+                self._config, self._ladder, self._configs = config, ladder, configs
                 self._start()
                 place()
 
             return apply
 
-        on_change(node, self._settings, change)
+        on_change(node, self._config, change)
 
     @property
     def number(self) -> int:
@@ -131,13 +131,13 @@ class Budget(Generic[T]):
     def _levels(self) -> tuple[Level, ...]:
         return self._ladder.levels if self._ladder is not None else (_AS_CONFIGURED,)
 
-    def _read(self, settings: BudgetConfig) -> Ladder | None:
+    def _read(self, config: BudgetConfig) -> Ladder | None:
         """Read the levels of this stage; None: there is no budget."""
-        if settings.frame_budget_ms == 0:
+        if config.frame_budget_ms == 0:
             return None
         if self._node.reliable:
             raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
-        stage, path = self._node.stage, settings.budget.tuning
+        stage, path = self._node.stage, config.budget.tuning
         ladders = load_ladders(path)
         if stage not in ladders:
             raise ConfigError(f"{path}: has no levels of {stage!r}, only of {', '.join(ladders)}; make it anew: handwave tradeoff --tune")
@@ -157,9 +157,9 @@ class Budget(Generic[T]):
         if self._ladder is None:
             self._governor = None
             return
-        self._governor = Governor(self._levels, self._settings.frame_budget_ms, self._settings.budget)
+        self._governor = Governor(self._levels, self._config.frame_budget_ms, self._config.budget)
         self._first = self._governor.level
-        fits = self._governor.expected_ms <= self._settings.frame_budget_ms
+        fits = self._governor.expected_ms <= self._config.frame_budget_ms
         why = "the most accurate level that fits, as tuned" if fits else "no level fits, as tuned: this is the quickest"
         self._tell(0, math.nan, self._governor.expected_ms, why)
 
@@ -168,8 +168,8 @@ class Budget(Generic[T]):
 
         Only work takes longer on such a device. Waiting for a core that another process has does not, so it is not multiplied.
         """
-        if self._settings.device_factor > 1:
-            time.sleep((self._settings.device_factor - 1) * (time.thread_time_ns() - worked_ns) * 1e-9)
+        if self._config.device_factor > 1:
+            time.sleep((self._config.device_factor - 1) * (time.thread_time_ns() - worked_ns) * 1e-9)
 
     def spent(self, stamp_ns: int, started_ns: int) -> None:
         """Take note of a message of some stamp that was begun at a time of CLOCK_MONOTONIC and is done; the level may change with it."""
@@ -181,7 +181,7 @@ class Budget(Generic[T]):
             self._tell(stamp_ns, step.measured_ms, step.expected_ms, self._why(step))
 
     def _why(self, step: Step) -> str:
-        budget = self._settings.frame_budget_ms
+        budget = self._config.frame_budget_ms
         if step.after > step.before:
             return f"a frame took {step.measured_ms:.3g} ms of {budget:g} ms"
         return f"a better level has fitted into {budget:g} ms for a while"
@@ -208,7 +208,7 @@ class Budget(Generic[T]):
             StageBudgetMsg(
                 header=header(stamp_ns, ""),
                 stage=self._node.stage,
-                budget_ms=self._settings.frame_budget_ms,
+                budget_ms=self._config.frame_budget_ms,
                 measured_ms=measured_ms,
                 expected_ms=expected_ms,
                 level=level.name,
@@ -229,7 +229,7 @@ class Budget(Generic[T]):
         """Values for the diagnostics, and what to warn of; nothing without a budget."""
         if self._governor is None:
             return {}, []
-        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._settings.frame_budget_ms
+        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._config.frame_budget_ms
         values = {"frame_budget_ms": f"{budget:g}", "level": f"{self.number + 1} of {len(self._levels)}: {level.name}"}
         values |= {"level_expected_ms": f"{expected:.3g}", "gave_up": ", ".join(self.gave_up()) or "nothing"}
         warnings = [f"stepped down to {level.name} to keep within {budget:g} ms"] if self.number > self._first else []

@@ -13,7 +13,7 @@ from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import canonical_svd
-from radar_lab.alignment.solver import LOSSES, Linear, NotObservableError, Solution, SolverSettings, solve
+from radar_lab.alignment.solver import Freedom, Linear, Loss, NotObservableError, Scale, Solution, SolverSettings, solve
 
 Float64Array = NDArray[np.float64]
 
@@ -27,12 +27,10 @@ _CENTRED = 1e-9  # of a spread: below it points coincide
 class RigidConfig:
     """How two sets of points are aligned."""
 
-    freedom: str = knob("yaw", choices=("yaw", "full"), doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
-    loss: str = knob("huber", choices=LOSSES, doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
+    freedom: Freedom = knob("yaw", doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
+    loss: Loss = knob("huber", doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
     cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
-    scale: str = knob(
-        "measured", choices=("given", "measured"), doc="covariances are believed as given, or up to a factor that the median residual tells"
-    )
+    scale: Scale = knob("measured", doc="covariances are believed as given, or up to a factor that the median residual tells")
     max_condition: float = knob(1e6, low=1.0, high=1e14, doc="worse conditioned geometry is refused")
     max_noise: float = knob(
         0.25, low=0.0, high=1.0, doc="a turn is refused when this share of what seems to tell it is the points' own noise"

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from radar_core.linalg import SingularError, canonical_svd, first_max, symmetris
 Float64Array = NDArray[np.float64]
 S = TypeVar("S")
 
-LOSSES = ("none", "huber", "tukey")
+Loss = Literal["none", "huber", "tukey"]
+Scale = Literal["given", "measured"]
+Freedom = Literal["yaw", "full"]
 _CUTOFF = {"none": math.inf, "huber": 2.0, "tukey": 5.0}  # standard deviations
 _CONVERGED, _NEARLY = 1e-4, 0.05  # steps in standard deviations of the result; weights of few samples near a cutoff may dance
 _EXACT = 1e-6  # of the given errors: smaller residuals are rounding errors
@@ -72,7 +74,7 @@ class SolverSettings:
     Attributes
     ----------
     loss : str
-        One of `LOSSES`.
+        How residuals count.
     cutoff : float
         Residual, in standard deviations, beyond which a sample counts less (huber) or not at all (tukey); 0: 2 and 5.
     scale : str
@@ -85,9 +87,9 @@ class SolverSettings:
         More is an error.
     """
 
-    loss: str = "huber"
+    loss: Loss = "huber"
     cutoff: float = 0.0
-    scale: str = "measured"
+    scale: Scale = "measured"
     max_condition: float = 1e6
     max_noise: float = 0.25
     max_iterations: int = 100

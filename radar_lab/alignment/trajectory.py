@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from radar_core.checks import require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_lab.alignment.rigid import check_points
-from radar_lab.alignment.solver import LOSSES, SolverSettings
+from radar_lab.alignment.solver import Freedom, Loss, SolverSettings
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -23,7 +24,7 @@ IndexArray = NDArray[np.int64]
 class TrajectoryConfig:
     """How two trajectories are aligned."""
 
-    freedom: str = knob("yaw", choices=("yaw", "full"), doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
+    freedom: Freedom = knob("yaw", doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
     clock: bool = knob(True, doc="also find a constant offset between the clocks")
     max_offset: float = knob(0.2, unit="s", low=0.0, high=60.0, doc="largest offset between the clocks that is looked for")
     max_gap: float = knob(
@@ -42,8 +43,8 @@ class TrajectoryConfig:
     depth_difference_std: float = knob(
         0.0, unit="m", low=0.0, high=10.0, doc="and one sensor's this much farther before it than the other's"
     )
-    depth: str = knob("considered", choices=("considered", "estimated"), doc="both only make the result less sure, or are estimated")
-    loss: str = knob("tukey", choices=LOSSES, doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
+    depth: Literal["considered", "estimated"] = knob("considered", doc="both only make the result less sure, or are estimated")
+    loss: Loss = knob("tukey", doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
     cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
     correlation_time: float = knob(
         0.0, unit="s", low=0.0, high=1e3, doc="errors this far apart in time are independent; 0: measured from the residuals"

@@ -8,7 +8,7 @@ into A_m: it cannot be seen, and no direction depends on it; here their means ar
 from __future__ import annotations
 
 import dataclasses
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,8 @@ _SPAN = 0.15
 class Calibration:
     """How an array is calibrated."""
 
-    method: str = knob(
+    method: Literal["fit", "outer"] = knob(
         "fit",
-        choices=("fit", "outer"),
         doc="fit: gain, phase and position of each channel by least squares; outer: also the thesis's table of both sweeps, for comparison",
     )
     distance: float = knob(0.0, unit="m", low=0.0, high=1e4, doc="where the reflector stands; 0: the strongest echo beyond nearest")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class MarsOptions(SourceOptions):
     """How to read the recording."""
 
     frame_interval: float = knob(0.1, unit="s", low=1e-3, high=10.0, doc="time between two frames; the files carry no time")
-    hand: str = knob("right", choices=("right", "left"), doc="which hand becomes the truth's")
+    hand: Literal["right", "left"] = knob("right", doc="which hand becomes the truth's")
     height: float = knob(1.0, unit="m", low=-100.0, high=100.0, doc="of the radar above the floor; the default puts the feet there")
 
 

@@ -34,11 +34,11 @@ class CameraNode(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("camera", **kwargs)
-        self._settings = declare_config(self, CameraTruthConfig)
+        self._config = declare_config(self, CameraTruthConfig)
         slop = declare(
             self, "slop", 0.01, "colour and depth whose stamps differ by less than this belong together", unit="s", low=1e-4, high=1.0
         )
-        self._estimator = make_estimator(self._settings.pose)  # before anything comes: a model loads for a second, or is not there
+        self._estimator = make_estimator(self._config.pose)  # before anything comes: a model loads for a second, or is not there
         self._camera: CameraModel | None = None
         self._truth: CameraTruth | None = None
         self._refused = False
@@ -63,7 +63,7 @@ class CameraNode(StageNode):
             return
         if self._camera is None:
             try:
-                self._truth = CameraTruth(camera, self._settings, self._estimator)
+                self._truth = CameraTruth(camera, self._config, self._estimator)
             except HandwaveError as error:
                 self.problem(str(error))
                 return

@@ -65,19 +65,19 @@ class FusionNode(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("fusion", **kwargs)
-        self._settings = declare_config(self, FusionConfig)
-        self._radars = {name: _Radar(name) for name in self._settings.radars}
-        self._presence = RadarPresence(self._settings)
-        self._clocks = ClockMonitor(self._settings.radars, self._settings.clocks)
+        self._config = declare_config(self, FusionConfig)
+        self._radars = {name: _Radar(name) for name in self._config.radars}
+        self._presence = RadarPresence(self._config)
+        self._clocks = ClockMonitor(self._config.radars, self._config.clocks)
         self._info: RadarInfo | None = None
         self._count = 0
         self._counts: Counter[str] = Counter()  # since the start: clouds of each radar, drops by reason, clouds passed on alone
         self._told: Counter[str] = Counter()  # the same when diagnostics were published last
-        self._regroup(self._settings.radars)
+        self._regroup(self._config.radars)
         self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
-        for name in self._settings.radars:
+        for name in self._config.radars:
             self.create_subscription(RadarInfoMsg, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
             profile = qos.sensor(reliable=self.reliable)
             self.create_subscription(PointCloudMsg, f"{name}/radar/points", partial(self._take, name), profile)
@@ -89,7 +89,7 @@ class FusionNode(StageNode):
             self._drop("unmatched", len(queue))
         self._present = names
         self._inputs = {name: _Input() for name in names}
-        self._sync = ApproximateTimeSynchronizer(list(self._inputs.values()), _QUEUE, self._settings.slop)
+        self._sync = ApproximateTimeSynchronizer(list(self._inputs.values()), _QUEUE, self._config.slop)
         self._sync.registerCallback(self._merge)
         self._waiting: dict[str, dict[int, Any]] = dict(zip(names, self._sync.queues, strict=True))
 
@@ -160,7 +160,7 @@ class FusionNode(StageNode):
         self._clocks.forget()
         for radar in self._radars.values():
             radar.gaps = Gaps()
-        self._regroup(self._settings.radars)
+        self._regroup(self._config.radars)
 
     def _tell(self, present: tuple[str, ...]) -> None:
         """Say who fell silent and who is back."""
@@ -182,7 +182,7 @@ class FusionNode(StageNode):
     def _merge(self, *msgs: Any) -> None:
         """Send one fused cloud of one message of every radar that is waited for."""
         try:
-            cloud = merge(*self._understood(msgs), tolerance=self._settings.slop)
+            cloud = merge(*self._understood(msgs), tolerance=self._config.slop)
         except HandwaveError as error:
             self._drop("broken", len(msgs))
             self.problem(str(error))
@@ -227,7 +227,7 @@ class FusionNode(StageNode):
         warnings += [f"{new[reason]} clouds {text}" for reason, text in _REASONS.items() if new[reason]]
         clocks = {offset.name: offset for offset in self._clocks.offsets()}
         warnings += [
-            self._complain(offset) for offset in clocks.values() if abs(offset.offset) - offset.spread > self._settings.max_clock_offset
+            self._complain(offset) for offset in clocks.values() if abs(offset.offset) - offset.spread > self._config.max_clock_offset
         ]
         values: dict[str, Any] = {key: new[key] for key in keys}
         for name in self._radars:
@@ -254,7 +254,7 @@ class FusionNode(StageNode):
         quiet = 0.0 if radar.arrived_ns is None else (self.get_clock().now().nanoseconds - radar.arrived_ns) * 1e-9
         if radar.arrived_ns is None:
             return "is silent: no cloud has come yet"
-        if quiet > max(self._settings.solo_after, 2 * radar.info.waveform.frame_interval):
+        if quiet > max(self._config.solo_after, 2 * radar.info.waveform.frame_interval):
             return f"is silent: no cloud for {quiet:.1f} s"
         return (
             "is not waited for: its stamps are behind those of the others; synchronise the clocks"
