@@ -102,9 +102,8 @@ def split(
 ) -> tuple[LabelArray, Float64Array]:
     """Split one merged cluster into ``k`` at the largest peaks of its reachability plot (after Wagner, Feger, Stelzer 2018).
 
-    A peak ends one dense region and starts the next: cutting there is cutting the link between a point and the one that reached it.
-    Links are cut from the longest on, wherever enough points stay on both sides, so that a stray point is no body. Where density shows no
-    ``k`` bodies, k-means from the given centres decides.
+    A peak ends one dense region and starts the next: the link between a point and the one that reached it is cut, the longest links first,
+    where enough points stay on both sides. Where density shows no ``k`` bodies, k-means from the given centres decides.
 
     Parameters
     ----------
@@ -138,8 +137,7 @@ def split(
     parts, made = _cut(optics(points, min_points), k, max(1, math.ceil(min_share * len(points) / k)))
     if made < k:
         return kmeans(points, centres)
-    number = np.bincount(parts, minlength=k)
-    means = np.stack([np.bincount(parts, axis, k) / number for axis in points.T], axis=-1)
+    means = np.stack([np.bincount(parts, axis, k) / np.bincount(parts, minlength=k) for axis in points.T], axis=-1)
     _, place = linear_sum_assignment(((means[:, None] - centres) ** 2).sum(axis=-1))
     ordered = np.empty_like(means)
     ordered[place] = means

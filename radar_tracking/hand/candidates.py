@@ -7,9 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import PointCloud
-from radar_core.composite import CloudComposite
 from radar_tracking.hand.config import HandConfig
+from radar_tracking.people.points import sensors_of
 from radar_tracking.tracks import TrackedCloud
 
 Float64Array = NDArray[np.float64]
@@ -95,7 +94,7 @@ def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: F
     usable &= ~(np.abs(cloud.z - body[2]) > _HIGHEST)  # NaN stays: not measured
     index = np.flatnonzero(usable)[:_MAX_POINTS]
     position, owned = position[index], owner[index] == parent
-    origins, sensor = _sensors(cloud, origin)
+    origins, sensor = sensors_of(cloud, origin)
     sensor = sensor[index]
     away = np.nan_to_num(position) - origins[sensor]
     away[np.isnan(position[:, 2]), 2] = 0.0
@@ -128,13 +127,6 @@ def outward(position: Float64Array, body: Float64Array, hand: Float64Array) -> F
     arm = hand - shoulder
     away = np.where(np.isnan(position), hand, position) - shoulder
     return np.asarray(away @ arm / max(float(np.linalg.norm(arm)), 1e-3))
-
-
-def _sensors(cloud: PointCloud, origin: Float64Array) -> tuple[Float64Array, NDArray[np.int64]]:
-    """Places of the sensors, shape (n_sensors, 3), and which of them saw each point, shape (n_points,)."""
-    if isinstance(cloud, CloudComposite) and cloud.sources:
-        return np.stack([source.mount.origin for source in cloud.sources]), cloud.sensor.astype(np.int64)
-    return origin.reshape(1, 3), np.zeros(len(cloud), np.int64)
 
 
 def _known(value: NDArray[np.float32], other: Float64Array | float) -> Float64Array:

@@ -76,11 +76,7 @@ def centre(position: Any, cross: Any, speed: Any, sensor: Any, origins: Any, gro
         away[group[i], 0] += share[i] * (x / length)
         away[group[i], 1] += share[i] * (y / length)
         seen[group[i], sensor[i]] += share[i]
-    best = np.zeros(n, np.int64)
-    for k in range(n):
-        for s in range(1, n_sensors):
-            if seen[k, s] > seen[k, best[k]]:
-                best[k] = s
+    best = _largest(seen)
     fewer = np.zeros(n)
     for i in range(m):
         same = sensor[i] == best[group[i]]
@@ -90,6 +86,17 @@ def centre(position: Any, cross: Any, speed: Any, sensor: Any, origins: Any, gro
     for k in range(n):
         square[k] *= fewer[k] / seen[k, best[k]] ** 2
     return place, variance, away, best, rate, square
+
+
+@_jit
+def _largest(seen: Any) -> Any:
+    """Column of the largest entry of each row, the first of equal ones."""
+    best = np.zeros(len(seen), np.int64)
+    for k in range(len(seen)):
+        for s in range(1, seen.shape[1]):
+            if seen[k, s] > seen[k, best[k]]:
+                best[k] = s
+    return best
 
 
 @_jit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 from radar_core import ConfigError
@@ -9,6 +10,10 @@ from radar_core.config import config, knob
 from radar_tracking.clustering.config import ClusteringConfig
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.people.zones import ZonesConfig
+
+_metres = partial(knob, unit="m", low=0.0, high=10.0)
+_seconds = partial(knob, unit="s", low=0.0, high=600.0)
+_speed = partial(knob, unit="m/s", low=0.0, high=10.0)
 
 
 @config
@@ -28,23 +33,17 @@ class AssociationConfig:
     arm_depth: float = knob(
         0.3, unit="m", low=0.01, high=100.0, doc="points this much nearer to the radar than the farthest count 1/e (arms)"
     )
-    torso_depth: float = knob(0.2, unit="m", low=0.0, high=10.0, doc="points up to this far behind where the torso was may be the torso")
-    arm_length: float = knob(0.7, unit="m", low=0.0, high=10.0, doc="points up to here behind it may be the torso if they are strong")
+    torso_depth: float = _metres(0.2, doc="points up to this far behind where the torso was may be the torso")
+    arm_length: float = _metres(0.7, doc="points up to here behind it may be the torso if they are strong")
     torso_echo: float = knob(
         0.5, low=0.0, high=1e6, doc="which they are from this share of the strongest point's power on, for their ranges"
     )
-    body_depth: float = knob(
-        0.35, unit="m", low=0.0, high=10.0, doc="separate clusters so far behind the torso are somebody else: arms reach forward"
-    )
+    body_depth: float = _metres(0.35, doc="separate clusters so far behind the torso are somebody else: arms reach forward")
     arm_speed: float = knob(
         0.4, unit="m/s", low=0.01, high=100.0, doc="points this much faster radially than the body count one half (arms)"
     )
-    arm_height: float = knob(
-        10.0, unit="m", low=0.0, high=10.0, doc="points higher than this (1.2 m is below shoulders) hardly count as torso: raised arms"
-    )
-    reach: float = knob(
-        0.9, unit="m", low=0.0, high=10.0, doc="separate clusters up to here stay with the track as limbs, outside its centroid"
-    )
+    arm_height: float = _metres(10.0, doc="points higher than this (1.2 m is below shoulders) hardly count as torso: raised arms")
+    reach: float = _metres(0.9, doc="separate clusters up to here stay with the track as limbs, outside its centroid")
 
 
 @config
@@ -75,32 +74,18 @@ class LifeConfig:
 
     birth_points: int = knob(3, low=1, high=1000, doc="points of a cluster that starts a track")
     birth_snr: float = knob(15.0, unit="dB", low=-100.0, high=200.0, doc="summed SNR of a cluster that starts a track")
-    birth_distance: float = knob(
-        0.8, unit="m", low=0.0, high=10.0, doc="a new track starts at least this far from every other (else: an arm)"
-    )
-    birth_behind: float = knob(
-        0.4, unit="m", low=0.0, high=10.0, doc="the same for points behind a person (see association.body_depth), which are no arm"
-    )
-    birth_before: float = knob(
-        1.1, unit="m", low=0.0, high=10.0, doc="the same for points before a person, nearer to the radar: people stretch their arms to it"
-    )
-    birth_together: float = knob(
-        0.6, unit="m", low=0.0, high=10.0, doc="tracks that begin with the same cloud are this far apart; nearer: see pair_distance"
-    )
+    birth_distance: float = _metres(0.8, doc="a new track starts at least this far from every other (else: an arm)")
+    birth_behind: float = _metres(0.4, doc="the same for points behind a person (see association.body_depth), which are no arm")
+    birth_before: float = _metres(1.1, doc="the same for points before a person, nearer to the radar: people stretch their arms to it")
+    birth_together: float = _metres(0.6, doc="tracks that begin with the same cloud are this far apart; nearer: see pair_distance")
     confirm_after: float = knob(0.2, unit="s", low=0.0, high=60.0, doc="a tentative track that is seen this long is confirmed")
     confirm_matches: int = knob(3, low=1, high=1000, doc="and has been updated by so many clouds")
     confirm_points: float = knob(2.0, low=0.0, high=1000.0, doc="points per cloud that a track must have had on average to be confirmed")
-    confirm_speed: float = knob(0.1, unit="m/s", low=0.0, high=10.0, doc="points this fast radially move; furniture never does")
+    confirm_speed: float = _speed(0.1, doc="points this fast radially move; furniture never does")
     confirm_activity: float = knob(
         0.15, low=0.0, high=1.0, doc="share of the last half second's clouds in which a moving point must have updated the track"
     )
-    reflection_after: float = knob(
-        0.0,
-        unit="s",
-        low=0.0,
-        high=600.0,
-        doc="a tentative track that looks like the reflection of another one waits this long; 0: off",
-    )
+    reflection_after: float = _seconds(0.0, doc="a tentative track that looks like the reflection of another one waits this long; 0: off")
     reflection_farther: float = knob(0.3, unit="m", low=-10.0, high=100.0, doc="a reflection is at least so much farther than its cause")
     reflection_weaker: float = knob(2.0, unit="dB", low=-50.0, high=50.0, doc="and at least so much weaker, for its range")
     reflection_depth: float = knob(
@@ -112,31 +97,22 @@ class LifeConfig:
     )
     reflection_time: float = knob(0.1, unit="s", low=1e-3, high=100.0, doc="whether a track looks like a reflection is averaged over this")
     tentative_after: float = knob(0.15, unit="s", low=0.0, high=60.0, doc="a tentative track unseen for longer is deleted")
-    delete_after: float = knob(1.0, unit="s", low=0.0, high=600.0, doc="a confirmed track unseen for longer is deleted")
-    delete_static_after: float = knob(
-        3.0, unit="s", low=0.0, high=600.0, doc="the same for one that stood still: a person who stands gives few points"
-    )
+    delete_after: float = _seconds(1.0, doc="a confirmed track unseen for longer is deleted")
+    delete_static_after: float = _seconds(3.0, doc="the same for one that stood still: a person who stands gives few points")
     walk_distance: float = knob(
         0.8, unit="m", low=0.0, high=100.0, doc="who has been this far from their first place has walked: furniture never does"
     )
     delete_idle_after: float = knob(
         10.0, unit="s", low=0.0, high=1e6, doc="a confirmed track that never walked and has not moved for so long is furniture"
     )
-    left_after: float = knob(
-        0.2, unit="s", low=0.0, high=600.0, doc="the same for one that is predicted beyond the radar's view or the boundaries"
-    )
-    static_speed: float = knob(0.3, unit="m/s", low=0.0, high=10.0, doc="slower tracks stand still")
-    merge_distance: float = knob(
+    left_after: float = _seconds(0.2, doc="the same for one that is predicted beyond the radar's view or the boundaries")
+    static_speed: float = _speed(0.3, doc="slower tracks stand still")
+    merge_distance: float = _metres(
         0.3,
-        unit="m",
-        low=0.0,
-        high=10.0,
         doc="two tracks this near for `merge_after` are one person; confirmed ones come so near only where association.body_width is less",
     )
-    merge_after: float = knob(1.0, unit="s", low=0.0, high=600.0, doc="see merge_distance; a tentative track goes at once")
-    pair_distance: float = knob(
-        0.4, unit="m", low=0.0, high=10.0, doc="a track whose points fall into two heaps so far apart is two people; 0: never"
-    )
+    merge_after: float = _seconds(1.0, doc="see merge_distance; a tentative track goes at once")
+    pair_distance: float = _metres(0.4, doc="a track whose points fall into two heaps so far apart is two people; 0: never")
     pair_time: float = knob(1.0, unit="s", low=0.01, high=100.0, doc="if it is so in half of the clouds, averaged over this time")
     max_tracks: int = knob(50, low=1, high=1000, doc="no new tracks beyond this many")
 
@@ -146,14 +122,14 @@ class BackgroundConfig:
     """What is learned to be furniture: still points of nobody that come again and again at the same place."""
 
     enabled: bool = knob(True, doc="learn the background and leave it out")
-    still_speed: float = knob(0.1, unit="m/s", low=0.0, high=10.0, doc="points slower than this radially do not move")
+    still_speed: float = _speed(0.1, doc="points slower than this radially do not move")
     learn_time: float = knob(5.0, unit="s", low=0.01, high=1e4, doc="time over which the share of clouds is counted")
     unlearn_time: float = knob(1.0, unit="s", low=0.01, high=1e4, doc="what stirs is forgotten within this time")
     share: float = knob(0.25, low=0.001, high=1.0, doc="a cell with a still point in this share of the clouds is background")
     stronger: float = knob(
         10.0, unit="dB", low=0.0, high=200.0, doc="still points so much stronger than usual in their cell are not background"
     )
-    body: float = knob(0.5, unit="m", low=0.0, high=10.0, doc="nothing is learned within this of a person")
+    body: float = _metres(0.5, doc="nothing is learned within this of a person")
     range_cell: float = knob(0.15, unit="m", low=0.01, high=10.0, doc="cell in range")
     azimuth_cell: float = knob(0.06, unit="rad", low=0.005, high=1.5, doc="cell in azimuth")
 
@@ -173,9 +149,7 @@ class TrackerConfig:
     min_distance: float = knob(
         0.3, unit="m", low=0.0, high=100.0, doc="points nearer to their sensor are its own coupling, or fold over from the last range bin"
     )
-    min_speed: float = knob(
-        0.0, unit="m/s", low=0.0, high=10.0, doc="points slower than this radially are ignored: for clouds full of furniture"
-    )
+    min_speed: float = _speed(0.0, doc="points slower than this radially are ignored: for clouds full of furniture")
     max_distance: float = knob(100.0, unit="m", low=0.1, high=1e4, doc="points farther than this from the room's origin are dropped")
 
     def validate(self) -> None:

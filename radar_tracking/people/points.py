@@ -87,7 +87,7 @@ class Admission:
     """
 
     def __init__(self, config: TrackerConfig, origin: Float64Array) -> None:
-        self._config, self._origin = config, origin.reshape(1, 3)
+        self._config, self._origin = config, origin
         self._zones = Zones(config.zones)
         self.dropped = 0
 
@@ -110,7 +110,7 @@ class Admission:
             name = next(name for name in _USED if np.isinf(getattr(cloud, name)).any())
             raise DataError(f"PointCloud.{name} of cloud {cloud.sequence} holds an infinity; NaN is the mark for what was not measured")
         position = cloud.position.astype(np.float64)
-        origins, sensor = self._sensors(cloud)
+        origins, sensor = sensors_of(cloud, self._origin)
         away = position[:, :2] - origins.take(sensor, axis=0)[:, :2]
         distance = np.hypot(away[:, 0], away[:, 1])
         index = np.flatnonzero(self._usable(cloud, position, distance))
@@ -132,11 +132,12 @@ class Admission:
             placed &= ~(np.abs(cloud.radial_speed) < config.min_speed)
         return np.asarray(placed)
 
-    def _sensors(self, cloud: PointCloud) -> tuple[Float64Array, IndexArray]:
-        """Where the sensors stand, and which of them saw each point."""
-        if isinstance(cloud, CloudComposite) and cloud.sources:
-            return np.stack([source.mount.origin for source in cloud.sources]), cloud.sensor.astype(np.int64)
-        return self._origin, np.zeros(len(cloud), np.int64)
+
+def sensors_of(cloud: PointCloud, origin: Float64Array) -> tuple[Float64Array, IndexArray]:
+    """Places of the sensors, shape (n_sensors, 3) [m], and which of them saw each point; ``origin`` where the cloud does not say it."""
+    if isinstance(cloud, CloudComposite) and cloud.sources:
+        return np.stack([source.mount.origin for source in cloud.sources]), cloud.sensor.astype(np.int64)
+    return origin.reshape(1, 3), np.zeros(len(cloud), np.int64)
 
 
 def _strength(snr: Float64Array) -> tuple[Float64Array, Float64Array]:

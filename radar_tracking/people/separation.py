@@ -48,15 +48,20 @@ def separate_tracks(
     if not near.any():
         return belief
     pairs = np.argwhere(np.triu(near, 1))
-    mean = belief.mean.copy()
     spread = np.trace(covariance[rows, :2, :2], axis1=1, axis2=2)
+    mean = belief.mean.copy()
     for i, j in pairs:
         line = step[i, j] / distance[i, j]
         share = spread[[i, j]] / spread[[i, j]].sum()
         push = (width - distance[i, j]) * line
         velocity = state[rows[[i, j]], dimensions : dimensions + 2]
         closing = max(float((velocity[0] - velocity[1]) @ line), 0.0) * line
-        for row, sign, part_of in ((rows[i], -1.0, share[0]), (rows[j], 1.0, share[1])):
-            mean[row, :, :2] += sign * part_of * push
-            mean[row, :, dimensions : dimensions + 2] += sign * part_of * closing
+        _push(mean, rows[[i, j]], share, push, closing, dimensions)
     return Belief(mean, belief.covariance, belief.weight)
+
+
+def _push(mean: Float64Array, pair: NDArray[np.int64], share: Float64Array, push: Float64Array, closing: Float64Array, d: int) -> None:
+    """Move two tracks apart and take out their closing speed, each by its share."""
+    for row, sign, part in zip(pair, (-1.0, 1.0), share, strict=True):
+        mean[row, :, :2] += sign * part * push
+        mean[row, :, d : d + 2] += sign * part * closing
