@@ -47,9 +47,9 @@ BURST: Final = 8
 ECHO_DB: Final = 50.0
 SLOW: Final = 0.5
 """Range rate up to which an echo is slow [m/s]."""
-SEEDS: Final = range(7300, 7306)
+SEEDS: Final = range(7300, 7309)
 DURATION: Final = 95.0
-"""Of a scene [s]: about 43 gestures."""
+"""Of a scene [s]: about 26 gestures."""
 PACKAGES: Final = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
 
 
