@@ -9,33 +9,13 @@ from dataclasses import dataclass
 from statistics import median_low
 from typing import Final
 
-from radar_core.config import config, knob
 from radar_core.errors import ConfigError, DataError
 from radar_core.ladder import Level
+from radar_core.steps import StepConfig
 
 _ENOUGH: Final = 5  # frames: a median of fewer follows single outliers
 _EASILY: Final = 0.4  # of the budget: what was too slow before and is expected to take so little now is tried without patience
 _MOST_FAILURES: Final = 6  # waiting grows 64-fold at most
-
-
-@config
-class StepConfig:
-    """When a stage steps down and up between its levels."""
-
-    window: float = knob(0.5, unit="s", low=0.01, high=60.0, doc="the median time of the frames of so long is compared with the budget")
-    recover: float = knob(
-        5.0,
-        unit="s",
-        low=0.0,
-        high=3600.0,
-        doc="a better level is tried once it would have fitted for so long; twice as long after each failed try",
-    )
-    reserve: float = knob(
-        0.8,
-        low=0.05,
-        high=1.0,
-        doc="share of the budget that the next level may be expected to take: levels then do not change to and fro",
-    )
 
 
 @dataclass(frozen=True)

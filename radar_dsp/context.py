@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from radar_core import RadarInfo
 from radar_core.config import config, knob
-from radar_core.mounting import MountCalibration, load_mount
 from radar_dsp.config import BasebandConfig
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # loaded only where there is a calibration
+    from radar_core.mounting import MountCalibration
     from radar_dsp.array_file import CalibratedArray
 
 
@@ -73,8 +73,13 @@ def load_context(info: RadarInfo, array: str = "", mount: str = "") -> RadarCont
     ConfigError
         When a file is missing, cannot be read, or is of another array or carrier.
     """
-    if not array:
-        return RadarContext(info, None, load_mount(mount) if mount else None)
-    from radar_dsp.array_file import load_array
+    measured = found = None
+    if mount:
+        from radar_core.mounting import load_mount
 
-    return RadarContext(info, load_array(array), load_mount(mount) if mount else None)
+        measured = load_mount(mount)
+    if array:
+        from radar_dsp.array_file import load_array
+
+        found = load_array(array)
+    return RadarContext(info, found, measured)

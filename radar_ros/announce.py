@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
 from geometry_msgs.msg import Pose as PoseMsg
@@ -10,9 +10,11 @@ from handwave.msg import RadarInfo as RadarInfoMsg
 from tf2_msgs.msg import TFMessage
 
 from radar_core import RadarInfo
-from radar_core.mounting import MountCalibration
 from radar_ros import qos
 from radar_ros.messages.convert import header, info_to_msg, mount_to_transform
+
+if TYPE_CHECKING:
+    from radar_core.mounting import MountCalibration
 
 # Latched messages sometimes reach a late joiner only with the middleware's next heartbeat, 3 s later. To send them again is cheap.
 _AGAIN: Final = 0.5  # s

@@ -7,21 +7,22 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from handwave.msg import StageBudget as StageBudgetMsg
 
 from radar_core import ConfigError
 from radar_core.config import config, flat, knob, override
-from radar_core.governor import Governor, Step, StepConfig
-from radar_core.ladder import Ladder, Level, load_ladders
-from radar_core.machine import machine
+from radar_core.steps import StepConfig
 from radar_ros import qos
 from radar_ros.messages.convert import header
 from radar_ros.params import declare_config, on_change
 
+if TYPE_CHECKING:  # imported only where there is a budget
+    from radar_core.governor import Governor, Step
+    from radar_core.ladder import Ladder, Level
+
 T = TypeVar("T")
-_AS_CONFIGURED: Final = Level("as configured", {}, 1, 1.0, 0.0)
 
 
 @config
@@ -112,7 +113,7 @@ class Budget(Generic[T]):
     @property
     def every(self) -> int:
         """Only every so many'th frame is to be processed."""
-        return self._levels[self.number].every
+        return self._levels[self.number].every if self._levels else 1
 
     @property
     def configs(self) -> tuple[T, ...]:
@@ -129,7 +130,7 @@ class Budget(Generic[T]):
 
     @property
     def _levels(self) -> tuple[Level, ...]:
-        return self._ladder.levels if self._ladder is not None else (_AS_CONFIGURED,)
+        return self._ladder.levels if self._ladder is not None else ()
 
     def _read(self, config: BudgetConfig) -> Ladder | None:
         """Read the levels of this stage; None: there is no budget."""
@@ -137,6 +138,9 @@ class Budget(Generic[T]):
             return None
         if self._node.reliable:
             raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
+        from radar_core.ladder import load_ladders
+        from radar_core.machine import machine
+
         stage, path = self._node.stage, config.budget.tuning
         ladders = load_ladders(path)
         if stage not in ladders:
@@ -157,6 +161,8 @@ class Budget(Generic[T]):
         if self._ladder is None:
             self._governor = None
             return
+        from radar_core.governor import Governor
+
         self._governor = Governor(self._levels, self._config.frame_budget_ms, self._config.budget)
         self._first = self._governor.level
         fits = self._governor.expected_ms <= self._config.frame_budget_ms

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
@@ -14,7 +14,6 @@ from handwave.msg import Truth as TruthMsg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
-from radar_core.mounting import MountCalibration, load_mount
 from radar_driver import boards
 from radar_driver.sources import Context, Reading, Source
 from radar_ros import bag_source, qos
@@ -23,6 +22,9 @@ from radar_ros.feed import Feed
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
+
+if TYPE_CHECKING:
+    from radar_core.mounting import MountCalibration
 
 AT_END = ("stop", "loop", "exit")
 _ALWAYS = ("sim", bag_source.BOARD.name)  # their parameters are there whatever the source is
@@ -206,6 +208,8 @@ class DriverNode(StageMixin, LifecycleNode):
         info = replace(info, frame_id=in_namespace(self, info.frame_id))
         if not self._calibration:
             return info, None
+        from radar_core.mounting import load_mount
+
         measured = load_mount(self._calibration)
         if not measured.names(info.frame_id):
             self.get_logger().info(f"{self._calibration} is about {measured.radar}; {info.frame_id} stays where its source says")

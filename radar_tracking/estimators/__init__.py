@@ -6,9 +6,9 @@ from radar_core.lazy import lazily
 
 if TYPE_CHECKING:
     from radar_tracking.estimators.base import Belief, Estimator, Innovation, Measurement, join
-    from radar_tracking.estimators.config import EstimatorConfig
+    from radar_tracking.estimators.config import EstimatorConfig, SnapshotConfig
     from radar_tracking.estimators.make import make_estimator
-    from radar_tracking.estimators.snapshot import Snapshot, SnapshotConfig, SnapshotVelocity
+    from radar_tracking.estimators.snapshot import Snapshot, SnapshotVelocity
     from radar_tracking.estimators.unbiased import from_polar
     from radar_tracking.estimators.velocity import VelocityMeasurement
 
@@ -30,9 +30,9 @@ __getattr__ = lazily(
     __name__,
     {
         "Belief Estimator Innovation Measurement join": "base",
-        "EstimatorConfig": "config",
+        "EstimatorConfig SnapshotConfig": "config",
         "make_estimator": "make",
-        "Snapshot SnapshotConfig SnapshotVelocity": "snapshot",
+        "Snapshot SnapshotVelocity": "snapshot",
         "from_polar": "unbiased",
         "VelocityMeasurement": "velocity",
     },

@@ -50,3 +50,17 @@ class EstimatorConfig:
             given = len(getattr(self, name))
             if given != len(self.modes):
                 raise ConfigError(f"EstimatorConfig.{name} has {given} entries, modes has {len(self.modes)}; give one for each mode")
+
+
+@config
+class SnapshotConfig:
+    """How the velocity of a hand is estimated from range rates."""
+
+    spread: float = knob(0.08, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
+    common: float = knob(0.05, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common")
+    spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
+    huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
+    iterations: int = knob(4, low=1, high=50, doc="rounds of weighing and solving; 1: no point is an outlier")
+    max_std: float = knob(
+        0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain than this are not given"
+    )

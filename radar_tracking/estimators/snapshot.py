@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_core.config import config, knob
 from radar_core.linalg import canonical_qr, canonical_svd, symmetrise
+from radar_tracking.estimators.config import SnapshotConfig
 
 Float64Array = NDArray[np.float64]
 
@@ -25,20 +25,6 @@ _SETTLED = 0.01  # weights that change by less than this share change no more
 _REDUNDANT = 1e-9  # a point that alone tells what it tells cannot be tested
 _UNIT = 1e-3  # how far the length of a unit vector may be from 1
 _OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlier
-
-
-@config
-class SnapshotConfig:
-    """How the velocity of a hand is estimated from range rates."""
-
-    spread: float = knob(0.08, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
-    common: float = knob(0.05, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common")
-    spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
-    huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
-    iterations: int = knob(4, low=1, high=50, doc="rounds of weighing and solving; 1: no point is an outlier")
-    max_std: float = knob(
-        0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain than this are not given"
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,7 @@ from typing import Literal
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_tracking.estimators.config import EstimatorConfig
-from radar_tracking.estimators.snapshot import SnapshotConfig
+from radar_tracking.estimators.config import EstimatorConfig, SnapshotConfig
 
 
 @config

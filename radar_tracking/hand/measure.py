@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.linalg import symmetrise
-from radar_tracking.estimators.snapshot import Snapshot, SnapshotVelocity
 from radar_tracking.estimators.velocity import VelocityMeasurement
 from radar_tracking.hand.candidates import Candidates, outward
 from radar_tracking.hand.config import HandConfig
+
+if TYPE_CHECKING:
+    from radar_tracking.estimators.snapshot import Snapshot, SnapshotVelocity
 
 Float64Array = NDArray[np.float64]
 
@@ -46,7 +49,7 @@ class HandMeter:
 
     def __init__(self, config: HandConfig) -> None:
         self._config = config
-        self._snapshot = Snapshot(config.snapshot)
+        self._snapshot: Snapshot | None = None
 
     def process(self, points: Candidates, body: Float64Array, near: Float64Array) -> HandMeasurement:
         """Measure.
@@ -70,6 +73,10 @@ class HandMeter:
         place, covariance = self._place(points, share, float(body[2]))
         offset = points.position - place
         offset[np.isnan(offset)] = 0.0
+        if self._snapshot is None:  # loaded with the first hand
+            from radar_tracking.estimators.snapshot import Snapshot
+
+            self._snapshot = Snapshot(self._config.snapshot)
         found = self._snapshot.process(
             points.direction, points.rate, points.rate_std, offset=offset, sensor=points.sensor, amplitude=points.amplitude
         )
