@@ -25,14 +25,16 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command; what the user got wrong ends in one message and status 2, never in a traceback."""
-    from radar_ros.interrupts import interruptible
-
     try:
+        from radar_ros.interrupts import interruptible  # takes a moment, in which Ctrl-C may come
+
         with interruptible():  # so that what a command writes is whole when it is told to stop
             app()
     except HandwaveError as error:
         print(f"handwave: {error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 @app.command()
@@ -248,8 +250,9 @@ for command in _COMMANDS:
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)
 app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")
-for entry in sorted(importlib.metadata.entry_points(group="handwave.commands"), key=lambda entry: entry.name):
-    app.command(entry.name)(entry.load())
+_ENTRIES = {entry.name: entry for entry in importlib.metadata.entry_points(group="handwave.commands")}  # one of each name
+for name in sorted(_ENTRIES):
+    app.command(name)(_ENTRIES[name].load())
 
 
 if __name__ == "__main__":

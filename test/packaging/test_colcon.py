@@ -18,7 +18,7 @@ def workspace(tmp_path_factory):
     root = tmp_path_factory.mktemp("workspace")
     source = root / "src" / "handwave"
     source.mkdir(parents=True)
-    for name in [*BUILT, *(p.name for p in ROOT.glob("radar_*"))]:
+    for name in [*BUILT, "benchmarks", *(p.name for p in ROOT.glob("radar_*"))]:
         if (ROOT / name).is_dir():
             shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
@@ -44,6 +44,9 @@ def test_executables_and_shared_files(workspace):
     assert list((share / "launch").glob("*.launch.py"))
     assert (share / "config" / "scenes" / "demo.yaml").is_file()
     assert list((share / "rviz").glob("*.rviz"))
+    entries = next(prefix.rglob("benchmarks-*.egg-info/entry_points.txt")).read_text()
+    assert "[handwave.commands]" in entries
+    assert "tradeoff = benchmarks.commands:tradeoff" in entries
 
 
 def test_messages_and_packages_import_from_the_workspace(workspace):
