@@ -37,6 +37,7 @@ def test_quick_run_emits_choices(name, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_errors_fall_along_the_dial_of_the_simulator():
     """Each setting that is published has less error than the one before, with few echoes and with many."""
     rows = propagation.dial(quick=True)

@@ -154,6 +154,7 @@ def test_stored_clouds_are_those_of_the_simulator(filled):
     assert math.isnan(store.fill([scene], progress=False))
 
 
+@pytest.mark.long
 def test_a_simulated_push_is_found(filled):
     """The real chain finds the one gesture: its event overlaps the true fast time, and errors are below the 0.25 s that end an event."""
     store, scene = filled

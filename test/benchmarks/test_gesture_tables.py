@@ -52,6 +52,7 @@ def test_missed_gestures_count_as_wrong_and_random_ones_as_right():
     assert figures["recognised"] == pytest.approx((2 + 1 + 1) / 7)
 
 
+@pytest.mark.long
 def test_ten_classes_of_separate_clouds_are_told_apart():
     """Means a few units apart, spread 0.05: everybody is right, with people left out and at random; every class counts."""
     figures, found = gesture_tables.ten_classes(samples(0.05))
@@ -61,6 +62,7 @@ def test_ten_classes_of_separate_clouds_are_told_apart():
     assert set(found) == {"subjects", "random"}
 
 
+@pytest.mark.long
 def test_table_4_1_has_every_rate_with_both_transmitters_and_with_one(monkeypatch):
     """Six rows, the worse data give the worse accuracy, and times of a second fall with the rate."""
     monkeypatch.setattr(gesture_tables, "frame_times", lambda n_tx, n: [2.0 * n_tx, 3.0 * n_tx])

@@ -242,6 +242,7 @@ def done():
     return run_all(jobs, processes=1)
 
 
+@pytest.mark.long
 def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     """Kept jobs are taken instead of done again, also after some others were added; other sources make all anew."""
     first = Job("fast_walker", 0, {"group_clustering": TRACKERS["group_clustering"]}, seconds=0.2)

@@ -39,6 +39,7 @@ def arrived(frames, size):
     return np.concatenate(places) if places else np.empty(0, int)
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(st.data(), st.integers(1, 9000), st.integers(16, PAYLOAD), st.integers(1, 60))
 def test_losses_are_marked_and_nothing_is_shifted(data, size, payload, n_packets):
@@ -65,6 +66,7 @@ def test_losses_are_marked_and_nothing_is_shifted(data, size, payload, n_packets
     assert counts.garbled == counts.jumps == 0
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 9000), st.sampled_from([0.0, 0.01, 0.1]))
 def test_garbled_heads_cost_only_their_own_packet(seed, size, lose):

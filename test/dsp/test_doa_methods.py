@@ -81,6 +81,7 @@ def assert_same(a, b, tolerance=1e-5):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=tolerance, atol=tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("info", [INFO, LINE, UPRIGHT, calibrated()], ids=["both", "azimuth", "elevation", "calibrated"])
 @pytest.mark.parametrize(
     "config",
@@ -375,6 +376,7 @@ def test_false_splits_of_a_line():
     assert 1e-2 < (len(found.source) - 6000) / 6000 < 4e-2
 
 
+@pytest.mark.long
 def test_threshold_grows_as_the_chance_falls():
     """Down to 1e-12, far beyond what was simulated, and the same for equal configurations."""
     steering = make_steering(DoaConfig(method="dml2"), INFO, "azimuth_elevation")

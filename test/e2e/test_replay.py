@@ -22,6 +22,7 @@ def raw(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_replay_recognises_and_tells_the_time(raw):
     """The gestures of the recording come out; /clock runs from its start to its end, never back."""
     import rclpy

@@ -48,6 +48,7 @@ def test_the_radar_is_that_of_the_recordings() -> None:
     assert (z > 1e-6).sum() == 4
 
 
+@pytest.mark.long
 def test_a_drill_is_a_function_of_plan_and_number(place: Path) -> None:
     """Drawn and simulated again, a drill is the one on disk, number for number; another seed or number gives another one."""
     one = drills.draw_drill(PLAN, 3)

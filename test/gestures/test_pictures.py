@@ -59,6 +59,7 @@ def test_a_missed_gesture_is_drawn_too(sample, tmp_path):
     assert matplotlib.image.imread(tmp_path / "missed.png").std() > 0.05
 
 
+@pytest.mark.long
 def test_a_comparison_has_all_its_pictures(tmp_path):
     """Two scatters, the table, and one box plot a gesture; each a picture with something in it, and the same bytes every time."""
     a, b = random_set(20, LABELS, seed=1), random_set(15, LABELS, seed=2)

@@ -61,6 +61,7 @@ def test_ready_clouds_give_the_same_results(played):
             np.testing.assert_array_equal(a.features, b.features)
 
 
+@pytest.mark.long
 def test_a_trigger_gesture_starts_the_hand(played):
     """With "push" as the trigger the hand track begins `trigger_delay` after the push was decided, and belongs to who pushed."""
     info, simulated, results = played
@@ -104,6 +105,7 @@ def without(recording, start_ns, end_ns):
     return Recording(recording.info, shortened(recording.clouds), shortened(recording.truths))
 
 
+@pytest.mark.long
 def test_the_five_gestures_of_figure_4_3(figure):
     """Five events; push-pull is one, and the last two are two although they are 0.4 s apart.
 

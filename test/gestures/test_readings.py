@@ -48,6 +48,7 @@ def test_clouds_come_back_as_they_were():
         unpack_clouds(sample, "one")
 
 
+@pytest.mark.long
 def test_reading_again_gives_what_simulation_found(folder):
     """Features, event and walked way are those in the files; `collect` gives them in order."""
     samples = list(read_samples(folder))
@@ -133,12 +134,14 @@ def test_other_features_have_names_of_their_own(folder):
         SampleSet(own.features, own.label, own.person, own.walked, own.missed, {}, names=("path",))
 
 
+@pytest.mark.long
 def test_processes_change_nothing(folder):
     one, two = readings.collect(folder), readings.collect(folder, n_jobs=2)
     np.testing.assert_array_equal(one.features, two.features)
     np.testing.assert_array_equal(one.label, two.label)
 
 
+@pytest.mark.long
 def test_cubes_of_a_data_set_have_labels_and_people(folder):
     found, full = readings.cubes(folder), readings.collect(folder)
     assert found.cube.shape == (len(full.label), 5, 50, 50)

@@ -33,6 +33,7 @@ def shifts_found(report) -> np.ndarray:
     return errors - errors.mean(axis=0)
 
 
+@pytest.mark.long
 def test_one_recording_two_recordings_and_options_agree(recordings, tmp_path):
     """Both sweeps in one bag, one bag each, and angles given by options instead of files find the same array."""
     one = calibrate([recordings / "both"], tmp_path / "one.npz")

@@ -94,6 +94,7 @@ def check(mount: MountCalibration):
     assert (mount.radar, mount.reference) == ("right/radar", "left/radar")
 
 
+@pytest.mark.long
 def test_a_recording_gives_mount_file_table_and_picture(bag, tmp_path):
     """The command on a real bag: file, table and picture; --json says the same."""
     out, picture = tmp_path / "right.yaml", tmp_path / "walk.png"

@@ -51,6 +51,7 @@ def as_trajectories(radar, camera, d=3):
     return made
 
 
+@pytest.mark.long
 def test_the_camera_is_found_within_what_is_said():
     """Place, yaw and latency of 12 sessions: mean square error over variance in 0.3 to 2.5 (measured: 0.94).
 

@@ -212,6 +212,7 @@ def test_busy_domain_is_refused(ros):
     refuse_busy_domain(["driver", "tracking"], "left", None)
 
 
+@pytest.mark.long
 def test_composed_graph_runs_and_ends_cleanly(ros):
     """All nodes in one process, on one executor."""
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)

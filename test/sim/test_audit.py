@@ -52,6 +52,7 @@ def test_the_published_table_is_what_the_code_says(label):
         assert [float(x) for x in NUMBER.findall(cell)] == pytest.approx([float(x) for x in NUMBER.findall(own)], rel=0.05, abs=5e-4), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("label", ["single_target", "short"])
 def test_what_a_scene_does_not_call_for_changes_nothing_that_it_is_for(label):
     """With `auto` and with all that is real on, the chain gives the same within the tolerance; `python -m benchmarks effects` does all."""
@@ -66,6 +67,7 @@ def test_what_a_scene_does_not_call_for_changes_nothing_that_it_is_for(label):
     assert max(deviation(scene, radar, one, other).values()) <= scene.tolerance
 
 
+@pytest.mark.long
 def test_a_tolerance_that_is_too_wide_is_found_out():
     """With tolerance 1, auto leaves out the occlusion that the scene is about; then people are seen that the other run does not see.
 
@@ -187,6 +189,7 @@ def test_gestures_that_only_one_run_has_are_a_share():
     assert unshared([("push", 2.0), ("wave", 4.0)], [("push", 2.1)]) == 0.5
 
 
+@pytest.mark.long
 def test_explain_all_wants_no_scene_beside_it():
     for arguments in ([], ["demo", "--all"]):
         done = subprocess.run([sys.executable, "-m", "radar_app.cli", "explain", *arguments], capture_output=True, text=True)

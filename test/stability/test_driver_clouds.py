@@ -51,6 +51,7 @@ def test_items_that_are_cut_short(length):
     assert len(packet.points) == (1 if length == 28 else 0)
 
 
+@pytest.mark.long
 def test_a_long_run_stays_small():
     """Fifty thousand packets with noise between them: nothing piles up, nothing is lost."""
     rng = np.random.default_rng(1)

@@ -33,6 +33,7 @@ def test_nonsense_ends_nothing(datagrams, size):
         decode_reply(one)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [1, 2, 1455, 1456, 1457, 100_000])
 def test_frames_of_any_size(size):
     """Smaller than a packet, as large, larger."""

@@ -170,6 +170,7 @@ def test_many_detections_stay_bounded():
     assert baseband.n_capped > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("false_alarm", [1e-12, 1e-6, 0.1])
 @pytest.mark.parametrize("n_channel", [1, 8, 256])
 def test_thresholds_over_many_orders(false_alarm, n_channel):

@@ -73,6 +73,7 @@ def test_huge_strengths_change_no_event():
         assert np.isfinite(encode(clouds, EncoderConfig())).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1.0, 0.1, 1e-3])
 def test_any_frame_rate_gives_an_answer(step):
     """1 Hz sees at most a cloud of it: no event. 10 Hz and 1 kHz find it."""

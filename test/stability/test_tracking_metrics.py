@@ -79,6 +79,7 @@ def test_a_long_run_of_clear_mot_stays_small():
     assert summary.motp == pytest.approx(0.1, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_long_run_of_the_monitor():
     """What was summed up long ago leaves no trace: after many huge values the mean is exact again, in the same memory."""
     monitor = ConsistencyMonitor(ConsistencyConfig(window=1.0, enter_after=0.5))

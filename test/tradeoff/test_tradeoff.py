@@ -206,6 +206,7 @@ def test_every_reason_is_of_a_panel():
 # --- the command ---
 
 
+@pytest.mark.long
 def test_two_stages_from_the_command_to_the_files(finished):
     """JSON with accuracy and time for each choice, plots, and a report with the default of every panel."""
     out, _ = finished
