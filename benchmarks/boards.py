@@ -36,10 +36,7 @@ _WITHOUT = ("baseband", "tracking", "gestures", "hand", "visualisation")
 def run(quick: bool) -> dict[str, Any]:
     """Measure the TinyRad over USB, and the boards over UDP.
 
-    Raises
-    ------
-    AbsentError
-        Outside a checkout, or when what emulates USB is not installed.
+    Raises AbsentError outside a checkout, or when what emulates USB is not installed.
     """
     if missing := emulated("umockdev_machine").missing():
         raise AbsentError(missing)

@@ -37,17 +37,13 @@ from radar_ros.interrupts import ros
 
 _PATIENCE = 60.0  # s: for frames to come
 N_FRAMES = 250
-NAPS = (0.0, 0.001, 0.002, 0.005)
-"""How long packets gather before they are taken together [s]."""
+NAPS = (0.0, 0.001, 0.002, 0.005)  # how long packets gather before they are taken together [s]
 
 
 def emulated(name: str) -> Any:
     """Import an emulated board, which is the tests'.
 
-    Raises
-    ------
-    AbsentError
-        Outside a checkout of the project: the emulated boards are not installed.
+    Raises AbsentError outside a checkout of the project: the emulated boards are not installed.
     """
     if (folder := str(checkout("test", "driver"))) not in sys.path:
         sys.path.insert(0, folder)
@@ -56,27 +52,13 @@ def emulated(name: str) -> Any:
 
 @dataclasses.dataclass
 class Run:
-    """What came of one run.
+    """What came of one run."""
 
-    Attributes
-    ----------
-    lost : int
-        Frames that did not come whole.
-    delay : ndarray, shape (n,)
-        From the sending of a frame's last packet to its delivery [ms].
-    cpu : ndarray, shape (n,)
-        Time that the reading thread computed for each frame [ms].
-    flagged : float
-        Share of the chirps touched by lost packets that were marked; NaN: none was lost.
-    misplaced : int
-        Frames with a wrong sample that is not marked.
-    """
-
-    lost: int
-    delay: np.ndarray
-    cpu: np.ndarray
-    flagged: float
-    misplaced: int
+    lost: int  # frames that did not come whole
+    delay: np.ndarray  # shape (n,): from the sending of a frame's last packet to its delivery [ms]
+    cpu: np.ndarray  # shape (n,): time that the reading thread computed for each frame [ms]
+    flagged: float  # share of the chirps touched by lost packets that were marked; NaN: none was lost
+    misplaced: int  # frames with a wrong sample that is not marked
 
     @property
     def load(self) -> float:
@@ -135,10 +117,7 @@ class Watched:
     def wait(self, more: int) -> None:
         """Wait for frames.
 
-        Raises
-        ------
-        HandwaveError
-            When they do not come.
+        Raises HandwaveError when they do not come.
         """
         end, wanted = time.monotonic() + _PATIENCE, len(self.arrived) + more
         while len(self.arrived) < wanted:

@@ -35,8 +35,7 @@ from radar_ros.interrupts import ros
 BUDGET_MS, INTERVAL, SLOWER = 12.0, 0.015, 10.0
 _STEADY = 4.0  # s: a level that was not left for so long is settled
 _PATIENCE = 40.0  # s
-_STAGES = ("baseband", "tracking", "gestures", "hand")
-"""Whose losses count."""
+_STAGES = ("baseband", "tracking", "gestures", "hand")  # whose losses count
 
 
 @dataclass
@@ -138,23 +137,9 @@ def running(folder: Path, stages: Sequence[str], domain: int) -> Iterator[Watch]
 def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = DOMAIN) -> dict[str, Any]:
     """Slow the baseband ten times, without a budget and with one, and let it recover.
 
-    Parameters
-    ----------
-    tuning : Path
-        File of ``handwave tradeoff --tune``.
-    folder : Path
-        For the scene.
-    seconds : float
-        To count in each state.
-    stages : sequence of str
-        What runs behind the driver.
-    domain : int
-        ROS domain.
-
-    Returns
-    -------
-    dict
-        Shares of lost frames (``lost_...``), times, levels, and what the topic said.
+    ``tuning``: file of ``handwave tradeoff --tune``; ``folder``: for the scene; ``seconds``: to count in each state; ``stages``: what runs
+    behind the driver; ``domain``: ROS domain.
+    Returns shares of lost frames (``lost_...``), times, levels, and what the topic said.
     """
     with running(folder, stages, domain) as watch:
         watch.set(device_factor=SLOWER)

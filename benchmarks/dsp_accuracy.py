@@ -36,10 +36,7 @@ def detector(config: CfarConfig, spectrum: SpectrumConfig) -> Any:
 def false_alarms(configs: list[CfarConfig], spectrum: SpectrumConfig, n: int) -> NDArray[np.float64]:
     """Count false alarms on ``n`` frames of noise over the design's, in the middle and in the reach of the window at the range's ends.
 
-    Returns
-    -------
-    ndarray, shape (n_configs, 2)
-        Interior and edges.
+    Returns interior and edges, shape (n_configs, 2).
     """
     made, detectors = make_spectrum(spectrum, INFO), [detector(config, spectrum) for config in configs]
     rng = np.random.default_rng(2)

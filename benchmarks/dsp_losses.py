@@ -45,11 +45,9 @@ KINDS: Final = ("random", "bursts")
 METHODS: Final[tuple[Missing, ...]] = get_args(Missing)
 BURST: Final = 8
 ECHO_DB: Final = 50.0
-SLOW: Final = 0.5
-"""Range rate up to which an echo is slow [m/s]."""
+SLOW: Final = 0.5  # range rate up to which an echo is slow [m/s]
 SEEDS: Final = range(7300, 7309)
-DURATION: Final = 95.0
-"""Of a scene [s]: about 26 gestures."""
+DURATION: Final = 95.0  # of a scene [s]: about 26 gestures
 PACKAGES: Final = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
 
 
@@ -133,11 +131,8 @@ def cases() -> dict[str, tuple[Missing, float, str]]:
 def perform(scene: Scene) -> dict[str, Any]:
     """Run a scene through one pipeline for each case.
 
-    Returns
-    -------
-    dict
-        By case: ``hits``, a list of whether each performed gesture was recognised, in the order of time, and ``false``, how many were
-        recognised that nobody performed.
+    Returns by case: ``hits``, a list of whether each performed gesture was recognised, in the order of time, and ``false``, how many were
+    recognised that nobody performed.
     """
     table, info = cases(), scene.radars[0].info
     pipelines = {

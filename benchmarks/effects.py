@@ -44,36 +44,24 @@ from radar_sim.probe import Probe
 from radar_tracking import TrackStatus
 
 STAGE = "effects of scenes"
-_GATE = 0.8
-"""Distance beyond which a track is not that of a person [m], as gestures are matched."""
+_GATE = 0.8  # distance beyond which a track is not that of a person [m], as gestures are matched
 _SAME = 0.2
 """Time within which two gestures of one name are the same [s]: two clouds' worth of smoothing, and less than any pause between strokes."""
 
 
 @dataclass
 class Seen:
-    """What the chain made of a scene, frame by frame.
+    """What the chain made of a scene, frame by frame."""
 
-    Attributes
-    ----------
-    strongest : list of ndarray, shape (3,)
-        Strongest detection in the sensor frame [m]; NaN: none.
-    points, people : list of int
-        Detections, and tracks of people.
-    person, hand : list of ndarray, shape (n_people, 2), (1, 3)
-        Track nearest to each person, and the hand, in ``room`` [m]; NaN: none.
-    error : list of ndarray, shape (n_people,)
-        From person to track [m].
-    gestures : list of (str, float)
-        Name and middle [s] of every gesture recognised, movements that are none left out.
-    """
-
-    strongest: list[NDArray[np.float64]] = field(default_factory=list)
+    strongest: list[NDArray[np.float64]] = field(default_factory=list)  # shape (3,): strongest detection in the sensor frame [m]; NaN: none
+    # points, people: detections, and tracks of people
     points: list[int] = field(default_factory=list)
     people: list[int] = field(default_factory=list)
+    # person, hand: shape (n_people, 2), (1, 3): track nearest to each person, and the hand, in ``room`` [m]; NaN: none
     person: list[NDArray[np.float64]] = field(default_factory=list)
     hand: list[NDArray[np.float64]] = field(default_factory=list)
-    error: list[NDArray[np.float64]] = field(default_factory=list)
+    error: list[NDArray[np.float64]] = field(default_factory=list)  # shape (n_people,): from person to track [m]
+    # name and middle [s] of every gesture recognised, movements that are none left out
     gestures: list[tuple[str, float]] = field(default_factory=list)
 
     def take(self, result: PipelineResult, truth: Truth) -> None:
@@ -141,12 +129,7 @@ def deviation(scene: Scene, radar: str, one: Seen, other: Seen) -> dict[str, flo
 def apart(one: NDArray[np.float64], other: NDArray[np.float64], origin: NDArray[np.float64]) -> float:
     """Rms distance of places that both have, over their rms range; where only one has one, the distance counts as the range.
 
-    Parameters
-    ----------
-    one, other : ndarray, shape (..., axis)
-        Places [m]; NaN: none.
-    origin : ndarray, shape (axis,)
-        The radar's [m].
+    ``one``, ``other``, shape (..., axis): places [m]; NaN: none; ``origin``, shape (axis,): the radar's [m].
     """
     mine, yours = np.isfinite(one).all(-1), np.isfinite(other).all(-1)
     both = mine & yours

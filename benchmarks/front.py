@@ -9,22 +9,13 @@ from numpy.typing import NDArray
 
 from benchmarks.report import Row
 
-FASTER = 0.1
-"""A choice that saves less than this share of the time is not told apart from another: so much a machine drifts in a run."""
+FASTER = 0.1  # a choice that saves less than this share of the time is not told apart from another: so much a machine drifts in a run
 
 
 def front(time: NDArray[np.float64], loss: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points no other point dominates: is no worse than in both and better than in one. Equal points do not dominate.
 
-    Parameters
-    ----------
-    time, loss : ndarray of float64, shape (n,)
-        Both are better when less.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        True: on the front.
+    ``time``, ``loss``, shape (n,): both are better when less.
     """
     no_worse = (time[:, None] <= time) & (loss[:, None] <= loss)
     better = (time[:, None] < time) | (loss[:, None] < loss)

@@ -49,23 +49,12 @@ class Surplus:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A run, judged.
+    """A run, judged."""
 
-    Attributes
-    ----------
-    outcomes : list of Outcome
-        One for each performed gesture, random strokes too.
-    surplus : list of Surplus
-        All other events.
-    hours : float
-        Length [h].
-    track_frames, ghost_track_frames : int
-        See `Tally`.
-    """
-
-    outcomes: list[Outcome]
-    surplus: list[Surplus]
+    outcomes: list[Outcome]  # one for each performed gesture, random strokes too
+    surplus: list[Surplus]  # all other events
     hours: float
+    # track_frames, ghost_track_frames: see `Tally`
     track_frames: int = 0
     ghost_track_frames: int = 0
 

@@ -26,8 +26,7 @@ from radar_lab.evaluation.matching import Matching, Visibility
 from radar_sim import Scene, Simulator, Truth
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
-PIECE: Final = 60.0
-"""Scene time in one file [s]."""
+PIECE: Final = 60.0  # scene time in one file [s]
 _POINT: Final = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std", "elevation_std")
 _WHO: Final = ("gesture", "gesture_index", "walking", "drawing", "gesture_start_ns", "gesture_end_ns")
 _MOTION: Final = ("position", "velocity", "hand_position", "hand_velocity", "other_hand_position", "other_hand_velocity")
@@ -44,12 +43,7 @@ class Moment:
 class StreamStore(Store):
     """Streams on disk, a minute in a file.
 
-    Parameters
-    ----------
-    folder : Path
-        Where files go.
-    baseband : BasebandConfig or None
-        None: all defaults.
+    ``folder``: where files go; ``baseband``: None: all defaults.
     """
 
     def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
@@ -59,10 +53,7 @@ class StreamStore(Store):
     def fill(self, scenes: Iterable[Scene], *, n_jobs: int = 1, progress: bool = True) -> float:
         """Simulate what is not there yet.
 
-        Returns
-        -------
-        float
-            Seconds that it took per simulated minute of scene; NaN when nothing was left to do.
+        Returns seconds that it took per simulated minute of scene; NaN when nothing was left to do.
         """
         start = time.monotonic()
         pieces = [(scene, piece) for scene in scenes for piece in range(math.ceil(scene.duration / PIECE))]
@@ -126,30 +117,14 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A stream that was followed.
-
-    Attributes
-    ----------
-    scene : Scene
-        What happened.
-    tracked : list of TrackedCloud
-        Clouds and tracks.
-    truths : list of Truth
-        Of the same stamps.
-    found : list of Found
-        Every event, those called random too.
-    times_ms : list of float
-        What the recogniser took for each cloud [ms].
-    matching : Matching
-        Tracks against people.
-    """
+    """A stream that was followed."""
 
     scene: Scene
     tracked: list[TrackedCloud]
-    truths: list[Truth]
-    found: list[Found]
-    times_ms: list[float]
-    matching: Matching
+    truths: list[Truth]  # of the same stamps
+    found: list[Found]  # every event, those called random too
+    times_ms: list[float]  # what the recogniser took for each cloud [ms]
+    matching: Matching  # tracks against people
 
 
 def _recognise(recogniser: GestureRecognizer, tracked: TrackedCloud) -> tuple[list[TrackEvent], list[Gesture]]:
@@ -167,21 +142,9 @@ def follow(
 ) -> Run:
     """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
-    Parameters
-    ----------
-    store : StreamStore
-        That holds the scene.
-    scene : Scene
-        Which.
-    model : GestureModel
-        The classifier.
-    config : GestureConfig or None
-        Knobs of the recogniser. None: the defaults.
-    tracker : TrackerConfig or None
-        None: the defaults.
-    association : Association
-        Whose an event is: "matching", the person on whom its track was the longest meanwhile (`Matching.owner`); "nearest", the first
-        definition: who was nearest to the track, within 0.8 m, when the event was decided.
+    ``store``: that holds the scene; ``scene``: which; ``model``: the classifier; ``config``: knobs of the recogniser. None: the defaults;
+    ``tracker``: None: the defaults; ``association``: whose an event is: "matching", the person on whom its track was the longest meanwhile
+    (`Matching.owner`); "nearest", the first definition: who was nearest to the track, within 0.8 m, when the event was decided.
     """
     info = scene.radars[0].info
     people, matching, rule = PeopleTracker(tracker or TrackerConfig(), info), Matching(), Visibility(info)

@@ -26,8 +26,7 @@ from radar_sim import Simulator
 _ACCURACY: Final = "right gesture for the right person"
 _SEVERAL, _ONE = "two directions a cell (preset people)", "one direction a cell"
 PEOPLE: Final = load_file(BasebandConfig, find_config("people", "baseband", ".yaml"))
-BASEBANDS: Final = {_SEVERAL: PEOPLE, _ONE: BasebandConfig()}
-"""What the crowds are seen through."""
+BASEBANDS: Final = {_SEVERAL: PEOPLE, _ONE: BasebandConfig()}  # what the crowds are seen through
 
 
 @dataclass(frozen=True)
@@ -129,22 +128,12 @@ def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
     """Measure crowds; a full run simulates 48 scenes of a minute, once for each of two basebands.
 
-    Parameters
-    ----------
-    quick : bool
-        One scene of each kind, with two rounds.
-    keep : Path or None
-        Folder for the clouds, with which an interrupted run goes on; None: they are thrown away.
-    n_jobs : int
-        Scenes simulated at the same time.
-
-    Returns
-    -------
-    dict
-        ``two_users_accuracy``, ``three_users_accuracy``: gestures for which the person who performed them was credited with the right one,
-        over all performed, slow ones too; ``cross_talk``: gestures credited to somebody who performed none while others did, over all
-        performed; ``crowds``: the same and the causes by kind of scene; all this through the baseband's preset ``people``, which looks for
-        two directions in a cell; ``one_direction_a_cell``: through the default one.
+    ``quick``: one scene of each kind, with two rounds; ``keep``: folder for the clouds, with which an interrupted run goes on; None: they
+    are thrown away; ``n_jobs``: scenes simulated at the same time.
+    Returns ``two_users_accuracy``, ``three_users_accuracy``: gestures for which the person who performed them was credited with the right
+    one, over all performed, slow ones too; ``cross_talk``: gestures credited to somebody who performed none while others did, over all
+    performed; ``crowds``: the same and the causes by kind of scene; all this through the baseband's preset ``people``, which looks for two
+    directions in a cell; ``one_direction_a_cell``: through the default one.
     """
     with kept(keep) as folder:
         return compare(QUICK if quick else FULL, folder, load_model(), n_jobs)

@@ -36,8 +36,7 @@ from radar_sim.motions.strokes import REST
 from radar_sim.scatterers import Float64Array
 from radar_sim.scene import Fidelity
 
-LABELS: Final = ("circle", "down", "pull", "push", "up")
-"""What is performed, in turn."""
+LABELS: Final = ("circle", "down", "pull", "push", "up")  # what is performed, in turn
 _CARRIER: Final = 78.8e9  # Hz
 _BANDWIDTH: Final = 3.2e9  # Hz
 _CHIRPS, _TRANSMITTERS, _SAMPLES = 32, 3, 112  # the recordings have range rates of -16 to 15 steps
@@ -75,12 +74,7 @@ class Drills:
 def radar(height: float = 1.2, tilt: float = 0.0) -> RadarInfo:
     """Describe an IWR1443 (3 Tx x 4 Rx) with mHomeGes's Doppler step: one transmitter sits half a wavelength higher than the others.
 
-    Parameters
-    ----------
-    height : float
-        Above the floor [m].
-    tilt : float
-        Up positive [rad].
+    ``height``: above the floor [m]; ``tilt``: up positive [rad].
     """
     wavelength = SPEED_OF_LIGHT / _CARRIER
     interval = wavelength / (2 * GATES["mhomeges"] * _CHIRPS * _TRANSMITTERS)
@@ -96,25 +90,16 @@ def radar(height: float = 1.2, tilt: float = 0.0) -> RadarInfo:
 
 @dataclass(frozen=True)
 class Move:
-    """What the acting hand does, as if it were a right hand: places from the shoulder in units of the reach, times in the scene [s].
+    """What the acting hand does, as if it were a right hand: places from the shoulder in units of the reach, times in the scene [s]."""
 
-    Attributes
-    ----------
-    stroke : callable
-        From the share of its time to a place.
-    start, end : float
-        Of the stroke.
-    before, after : Vector
-        Where the hand comes from and goes to.
-    raised, leaves, back : float
-        When it is in place before the stroke, leaves its last place, and has arrived.
-    """
-
-    stroke: HandPath
+    stroke: HandPath  # from the share of its time to a place
+    # start, end: of the stroke
     start: float
     end: float
+    # before, after: where the hand comes from and goes to
     before: Vector
     after: Vector
+    # raised, leaves, back: when it is in place before the stroke, leaves its last place, and has arrived
     raised: float
     leaves: float
     back: float
@@ -130,28 +115,15 @@ class Move:
 
 @dataclass(frozen=True)
 class Drill:
-    """One drill before it is simulated.
+    """One drill before it is simulated."""
 
-    Attributes
-    ----------
-    label : str
-        One of `LABELS`.
-    scene : Scene
-        The person, who has no script, and the radar.
-    move : Move
-        What the hand does.
-    start, end : float
-        Of what is kept, in scene time [s].
-    static : str
-        As `SpectrumConfig.static`.
-    """
-
-    label: str
-    scene: Scene
+    label: str  # one of `LABELS`
+    scene: Scene  # the person, who has no script, and the radar
     move: Move
+    # start, end: of what is kept, in scene time [s]
     start: float
     end: float
-    static: str
+    static: str  # as `SpectrumConfig.static`
 
     @property
     def distance(self) -> float:
@@ -162,14 +134,7 @@ class Drill:
 class Gesturing(Timeline):
     """A person whose acting hand follows a path through time, where `Timeline` follows a script.
 
-    Parameters
-    ----------
-    person : Person
-        Who; without a script.
-    seed : int
-        Of the scene.
-    hand : callable
-        From the scene time [s] to the place of the hand.
+    ``person``: who; without a script; ``seed``: of the scene; ``hand``: from the scene time [s] to the place of the hand.
     """
 
     def __init__(self, person: Person, seed: int, hand: Callable[[float], Vector]) -> None:
@@ -199,15 +164,7 @@ class _Dice:
 
 
 def draw_drill(plan: Drills, number: int) -> Drill:
-    """Draw a drill: a function of the arguments only.
-
-    Parameters
-    ----------
-    plan : Drills
-        Bounds.
-    number : int
-        From 0; labels take turns.
-    """
+    """Draw a drill: a function of the arguments only."""
     dice = _Dice(plan.seed, number)
     label = LABELS[number % len(LABELS)]
     move = _draw_move(dice, *_STROKES[label](dice))
@@ -354,10 +311,7 @@ def simulate(drill: Drill) -> list[PointCloud]:
 def generate(plan: Drills, n: int, folder: Path, *, n_jobs: int = 1, progress: bool = True) -> Path:
     """Simulate the first ``n`` drills of a plan that a folder does not hold yet, see `fill_samples`.
 
-    Returns
-    -------
-    Path
-        Where they are: below ``folder``, in a place of its own for each plan, state of the sources and what is drawn.
+    Returns where they are: below ``folder``, in a place of its own for each plan, state of the sources and what is drawn.
     """
     manifest = {"format": FORMAT, "plan": plain(plan), "sources": sources(), "drills": drawn(plan)}
     place = folder / f"drills_{_digest(manifest)}"

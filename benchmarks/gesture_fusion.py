@@ -34,10 +34,8 @@ from radar_sim.motions.script import Timeline
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 from radar_tracking.fusion.clouds import FusionConfig, fused_info
 
-DISTANCES: Final = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
-"""From the middle between the radars [m]."""
-PEOPLE: Final = 4
-"""At every distance."""
+DISTANCES: Final = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # from the middle between the radars [m]
+PEOPLE: Final = 4  # at every distance
 WAYS: Final = ("left", "right", "fused", "before")
 """Who sees: one radar, the other, both; both by the rule of before, which takes every angle from the middle between the radars."""
 _DRAWS: Final = 2000  # of the bootstrap over scenes
@@ -46,14 +44,8 @@ _DRAWS: Final = 2000  # of the bootstrap over scenes
 def scene(distance: float, seed: int, names: Sequence[str] = NAMED) -> Scene:
     """Draw somebody who does every gesture once before the two radars.
 
-    Parameters
-    ----------
-    distance : float
-        From the middle between the radars [m].
-    seed : int
-        Of everything drawn: body, direction (10 degrees to either side at most), order and size of the gestures, pauses, receivers.
-    names : sequence of str
-        The gestures.
+    ``distance``: from the middle between the radars [m]; ``seed``: of everything drawn: body, direction (10 degrees to either side at
+    most), order and size of the gestures, pauses, receivers; ``names``: the gestures.
     """
     rng = np.random.default_rng([seed, round(1000 * distance), 0xF5])
     pair = load_file(Scene, find_config("two_radars", "scenes", ".yaml"))
@@ -180,14 +172,8 @@ def measure(scenes: Sequence[Scene], keep: Path, n_jobs: int = 1) -> dict[str, A
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
     """Measure gestures of the fused pair beside those of each radar; simulating all once takes about ten minutes.
 
-    Parameters
-    ----------
-    quick : bool
-        One person and three gestures, instead of four people at six distances and all nine.
-    keep : Path or None
-        Folder for the clouds, with which an interrupted run goes on; None: they are thrown away.
-    n_jobs : int
-        Streams simulated at the same time.
+    ``quick``: one person and three gestures, instead of four people at six distances and all nine; ``keep``: folder for the clouds, with
+    which an interrupted run goes on; None: they are thrown away; ``n_jobs``: streams simulated at the same time.
     """
     scenes = [scene(2.5, 0, NAMED[:3])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
     if keep is not None:

@@ -95,19 +95,9 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None) -> dict[str, Any]:
     """Measure the knobs; a quarter of an hour of one core.
 
-    Parameters
-    ----------
-    quick : bool
-        Few samples, few settings.
-    keep : Path or None
-        Folder for the samples; None: they are thrown away.
-    n_jobs : int or None
-        Processes; None: one per core, quickly one.
-
-    Returns
-    -------
-    dict
-        ``choices``: gestures recognised beside the time of the event stage of four tracks, or of naming one event.
+    ``quick``: few samples, few settings; ``keep``: folder for the samples; None: they are thrown away; ``n_jobs``: processes; None: one per
+    core, quickly one.
+    Returns ``choices``: gestures recognised beside the time of the event stage of four tracks, or of naming one event.
     """
     n_jobs = n_jobs if n_jobs is not None else (1 if quick else os.cpu_count() or 1)
     with kept(keep) as folder:

@@ -24,8 +24,7 @@ from radar_lab.training.training import TrainingConfig, TrainingReport, read_fol
 
 SCENES: Final = 320
 STROKES: Final = 1_500
-STARTS: Final = 8
-"""Networks tried; that with the least loss is kept, so that start weights decide less by chance."""
+STARTS: Final = 8  # networks tried; that with the least loss is kept, so that start weights decide less by chance
 LOST: Final = 0.02
 """Share of known gestures given up to reject unknown ones: of people beside each other a higher one costs more than it keeps out."""
 COMMANDS: Final = (
@@ -101,18 +100,10 @@ def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Make the shipped model again.
 
-    Parameters
-    ----------
-    quick : bool
-        Few samples; nothing can be equal to the shipped model then.
-    keep : Path or None
-        Folder for the samples (``scenes``, ``strokes``), with which an interrupted run goes on; None: they are thrown away.
-
-    Returns
-    -------
-    dict
-        ``repeats_bit_for_bit``, ``shipped_bit_for_bit`` (on the machine that made it), ``equal_predictions`` (on any), ``n_samples``,
-        ``held_out``, ``held_out_gestures``: accuracy for people left out, of all events and of gestures; ``train_s``, ``choices``.
+    ``quick``: few samples; nothing can be equal to the shipped model then; ``keep``: folder for the samples (``scenes``, ``strokes``), with
+    which an interrupted run goes on; None: they are thrown away.
+    Returns ``repeats_bit_for_bit``, ``shipped_bit_for_bit`` (on the machine that made it), ``equal_predictions`` (on any), ``n_samples``,
+    ``held_out``, ``held_out_gestures``: accuracy for people left out, of all events and of gestures; ``train_s``, ``choices``.
     """
     n_jobs, shipped = (1 if quick else os.cpu_count() or 1), find_config("gestures", "models", ".npz")
     with kept(keep) as folder:

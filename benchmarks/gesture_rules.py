@@ -41,17 +41,8 @@ def rows(
     """Accuracy by every rule beside the time of naming one event.
 
     Nothing when there is no event.
-
-    Parameters
-    ----------
-    stage : str
-        Of the rows.
-    judged : sequence of Judged
-        What was found by any rules.
-    model : GestureModel
-        That named it.
-    figures : callable
-        Gives of judged streams what to say behind a configuration's name, and the accuracy of its row.
+    ``stage``: of the rows; ``judged``: what was found by any rules; ``model``: that named it; ``figures``: gives of judged streams what to
+    say behind a configuration's name, and the accuracy of its row.
     """
     if not any(one.surplus or any(o.found is not None for o in one.outcomes) for one in judged):
         return []

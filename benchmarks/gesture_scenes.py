@@ -19,15 +19,12 @@ from radar_sim.people import SHAPES, Reach, Variation, Walk
 from radar_sim.scene import SceneRadar
 
 Random = np.random.Generator
-LONG: Final = 600.0
-"""Length of a stream [s]."""
+LONG: Final = 600.0  # length of a stream [s]
 NAMED: Final = tuple(name for name in GESTURES if name != "random")
 _SECTORS: Final = {1: ((-25.0, 25.0),), 2: ((-40.0, -12.0), (12.0, 40.0)), 3: ((-45.0, -25.0), (-10.0, 10.0), (25.0, 45.0))}  # deg
 NEAR: Final = (0.8, 1.2)
-WIDE: Final = (1.2, 2.0)
-"""Distances from one user to the next [m]; sideways swipes only where they are wide."""
-TOGETHER: Final = 0.3
-"""Users start within this of each other [s]."""
+WIDE: Final = (1.2, 2.0)  # distances from one user to the next [m]; sideways swipes only where they are wide
+TOGETHER: Final = 0.3  # users start within this of each other [s]
 SIDEWAYS: Final = ("swipe_left", "swipe_right")
 ROUND: Final = 6.0  # s: the slowest stroke, and bringing the arm to the next one
 LEAD: Final = 4.0  # s: until everybody has a track and an arm in place
@@ -38,18 +35,8 @@ _TURN: Final = math.radians(15.0)  # of the row against one across the boresight
 def fitted(person: Person, duration: float, seed: int, more: Callable[[], Sequence[Action]], mount: tuple[float, float]) -> Person:
     """Add steps to a script until it is longer than a scene, cut it after the last step that is over in time, and stand still from then on.
 
-    Parameters
-    ----------
-    person : Person
-        With the beginning of a script.
-    duration : float
-        Of the scene [s].
-    seed : int
-        Of the scene.
-    more : callable
-        Gives the next steps; each call has to take some time.
-    mount : tuple of float
-        (x, y) of what the person faces [m].
+    ``person``: with the beginning of a script; ``duration``: of the scene [s]; ``seed``: of the scene; ``more``: gives the next steps; each
+    call has to take some time; ``mount``: (x, y) of what the person faces [m].
     """
 
     def end(script: Sequence[Action]) -> float:

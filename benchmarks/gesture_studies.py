@@ -49,27 +49,13 @@ class PerceptronTraining:
 
 @dataclass(frozen=True, eq=False)
 class RealSet:
-    """Labelled events of one data set.
+    """Labelled events of one data set."""
 
-    Attributes
-    ----------
-    events : EventMaps
-        Their feature maps.
-    label : ndarray of str, shape (n,)
-        As the data set names them; mTransSee's in mHomeGes's words.
-    person : ndarray of int64, shape (n,)
-        Whose.
-    distance : ndarray of float64, shape (n,)
-        Of the person from the radar [m].
-    thirteen : ndarray of float64, shape (n, 13)
-        The features of section 4.2; 0 where there was too little motion for them.
-    """
-
-    events: EventMaps
-    label: NDArray[np.str_]
-    person: NDArray[np.int64]
-    distance: NDArray[np.float64]
-    thirteen: NDArray[np.float64]
+    events: EventMaps  # their feature maps
+    label: NDArray[np.str_]  # shape (n,): as the data set names them; mTransSee's in mHomeGes's words
+    person: NDArray[np.int64]  # shape (n,): whose
+    distance: NDArray[np.float64]  # shape (n,): of the person from the radar [m]
+    thirteen: NDArray[np.float64]  # shape (n, 13): the features of section 4.2; 0 where there was too little motion for them
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -95,17 +81,7 @@ class RealSet:
 def read(kind: str, limit: int = 0) -> RealSet:
     """Read a data set through the importer and make its feature maps; the person is what lies around the body that `locate` finds.
 
-    Parameters
-    ----------
-    kind : str
-        One of `GATES`.
-    limit : int
-        At most this many segments, spread evenly; 0: all.
-
-    Raises
-    ------
-    DataError
-        When the recordings are not there.
+    Raises DataError when the recordings are not there.
     """
     path = folder() / kind / "segments.npz"
     if not path.is_file():
@@ -144,10 +120,7 @@ def _segments(items: Iterator[object], found: Sequence[object]) -> Iterator[list
 def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointCloud], tuple[float, float, float]]:
     """Keep what is near the body, as the tracker does for people who are tracked, in the first `LONGEST` seconds.
 
-    Returns
-    -------
-    tuple of (list of PointCloud, tuple of float)
-        The person's points, and distance [m], azimuth and elevation [rad] of the body.
+    Returns the person's points, and distance [m], azimuth and elevation [rad] of the body.
     """
     clouds = [cloud for cloud in clouds if cloud.stamp_ns - clouds[0].stamp_ns <= LONGEST * 1e9]
     distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]), CURVES.nearest, CURVES.farthest)[0]
@@ -172,16 +145,8 @@ def train_perceptron(
 ) -> GestureModel:
     """Train a perceptron with scikit-learn.
 
-    Parameters
-    ----------
-    changed : ndarray of float32, shape (n_copies, n, n_features)
-        Samples, in copies that the passes take in turn; the first one sets the standardisation.
-    number : ndarray of int64, shape (n,)
-        Index into ``labels``.
-    labels, names : sequence of str
-        What outputs and inputs are called.
-    config : PerceptronTraining
-        The knobs.
+    ``changed``, shape (n_copies, n, n_features): samples, in copies that the passes take in turn; the first one sets the standardisation;
+    ``number``, shape (n,): index into ``labels``; ``labels``, ``names``: what outputs and inputs are called; ``config``: the knobs.
     """
     from sklearn.neural_network import MLPClassifier
 
@@ -212,26 +177,12 @@ def train_perceptron(
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A data set as vectors, ready to train on.
-
-    Attributes
-    ----------
-    data : RealSet
-        What it was made from.
-    names : tuple of str
-        Of the features.
-    plain : ndarray of float32, shape (n, n_features)
-        Samples as they are.
-    changed : ndarray of float32, shape (n_copies, n, n_features), or None
-        Changed copies.
-    config : PerceptronTraining
-        How to train on them.
-    """
+    """A data set as vectors, ready to train on."""
 
     data: RealSet
     names: tuple[str, ...]
-    plain: NDArray[np.float32]
-    changed: NDArray[np.float32] | None
+    plain: NDArray[np.float32]  # shape (n, n_features): samples as they are
+    changed: NDArray[np.float32] | None  # shape (n_copies, n, n_features), or None: changed copies
     config: PerceptronTraining | CurveTraining
 
     def fit(self, rows: Mask | None = None) -> GestureModel | CurveNet:

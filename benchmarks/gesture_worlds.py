@@ -31,38 +31,21 @@ from radar_sim import PatternConfig, Scene, Wall
 from radar_sim.effects.config import ChannelErrorsConfig, MultipathConfig
 from radar_sim.scene import Fidelity
 
-SEVEN: Final = ("pull", "push", "swipe_right", "swipe_left", "rotate", "wave", "push_pull")
-"""The gestures of section 5.3."""
+SEVEN: Final = ("pull", "push", "swipe_right", "swipe_left", "rotate", "wave", "push_pull")  # the gestures of section 5.3
 WALLS: Final = ((-0.5, 2.4, 5.0, 2.4), (-0.5, -2.2, 5.0, -2.2), (5.0, -2.2, 5.0, 2.4))  # m: both ends
 _BOARD: Final = 50  # samples with one board, then the next
 
 
 @dataclass(frozen=True)
 class World:
-    """How samples are simulated.
+    """How samples are simulated."""
 
-    Attributes
-    ----------
-    name : str
-        Of its folder.
-    body : str
-        As `Person.body`.
-    model : str
-        As `Fidelity.model`.
-    plan : Plan
-        Between what bounds samples differ.
-    seed : int
-        Of everything drawn.
-    disturbed : bool
-        Whether there are mirrors, an element pattern and channel errors.
-    """
-
-    name: str
-    body: str
-    model: str
-    plan: Plan
+    name: str  # of its folder
+    body: str  # as `Person.body`
+    model: str  # as `Fidelity.model`
+    plan: Plan  # between what bounds samples differ
     seed: int
-    disturbed: bool
+    disturbed: bool  # whether there are mirrors, an element pattern and channel errors
 
     def draw(self, number: int) -> Sample:
         """Draw a sample: a function of the world and the number only."""
@@ -105,10 +88,7 @@ class Sizes:
 def generate(world: World, folder: Path, n_samples: int, *, n_jobs: int = 1, progress: bool = True) -> float:
     """Simulate the samples of a world that the folder does not hold yet, see `fill_samples`.
 
-    Returns
-    -------
-    float
-        Seconds of one core for each new sample; NaN: there was nothing to do.
+    Returns seconds of one core for each new sample; NaN: there was nothing to do.
     """
     start = time.monotonic()
     write = functools.partial(_write, world)
@@ -123,11 +103,8 @@ def _write(world: World, place: Path, number: int) -> None:
 def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> dict[str, Any]:
     """Name the samples of some gestures with a model that knows these and no others.
 
-    Returns
-    -------
-    dict
-        ``accuracy``: share right of the events that were found; ``recognised``: of all performed; their 95 % intervals;
-        ``by_gesture``: of the events; ``events``, ``performed``: how many.
+    Returns ``accuracy``: share right of the events that were found; ``recognised``: of all performed; their 95 % intervals; ``by_gesture``:
+    of the events; ``events``, ``performed``: how many.
     """
     labels = np.array([GESTURES.index(name) for name in names])
     own = np.isin(samples.label, labels)
@@ -169,20 +146,10 @@ def measure(folder: Path, sizes: Sizes, n_jobs: int = 1, progress: bool = True, 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
     """Train in one world, test in the other.
 
-    Parameters
-    ----------
-    quick : bool
-        Few samples, of a world less exact.
-    keep : Path or None
-        Folder for the samples, with which an interrupted run goes on; None: they are thrown away.
-    n_jobs : int
-        Samples simulated at the same time.
-
-    Returns
-    -------
-    dict
-        ``other_world_accuracy_7``, ``other_world_accuracy_10``: of the events that were found; ``..._recognised_...``: missed ones count as
-        wrong; ``other_world_7``, ``other_world_10``: see `accuracy`.
+    ``quick``: few samples, of a world less exact; ``keep``: folder for the samples, with which an interrupted run goes on; None: they are
+    thrown away; ``n_jobs``: samples simulated at the same time.
+    Returns ``other_world_accuracy_7``, ``other_world_accuracy_10``: of the events that were found; ``..._recognised_...``: missed ones
+    count as wrong; ``other_world_7``, ``other_world_10``: see `accuracy`.
     """
     sizes, other = (Sizes(60, 20), FASTER) if quick else (Sizes(), OTHER)
     with kept(keep) as folder:

@@ -24,21 +24,9 @@ FEWEST: Final = 6  # detections of a person in a whole segment; medians are abov
 def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:
     """Mark one segment of every recording: one person, one gesture, one distance.
 
-    Parameters
-    ----------
-    label, person, distance : ndarray, shape (n,)
-        Of every segment, in the order of the whole data set.
-    back : int
-        0: the last one; 1: the one before; recordings with fewer segments have none.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-
-    Raises
-    ------
-    DataError
-        When there is no segment, or the lengths differ.
+    ``label``, ``person``, ``distance``, shape (n,): of every segment, in the order of the whole data set; ``back``: 0: the last one; 1: the
+    one before; recordings with fewer segments have none.
+    Raises DataError when there is no segment, or the lengths differ.
     """
     if not len(label) or not len(label) == len(person) == len(distance):
         raise DataError(f"{len(label)} labels, {len(person)} people and {len(distance)} distances; each segment needs one of each")
@@ -51,18 +39,7 @@ def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: N
 
 
 def nobody_there(path: Path) -> Mask:
-    """Mark the segments with hardly a detection within `REACH` of the distance at which the person is said to stand.
-
-    Parameters
-    ----------
-    path : Path
-        The ``segments.npz`` of a data set.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        In the order of the file.
-    """
+    """Mark the segments with hardly a detection within `REACH` of the distance at which the person is said to stand."""
     with np.load(path, allow_pickle=False) as file:
         xyz, offset, distance = file["xyz_mm"].astype(np.float32) * 1e-3, file["offset"].astype(np.int64), file["distance_m"]
     near = np.abs(np.linalg.norm(xyz, axis=1) - np.repeat(distance, np.diff(offset))) < REACH
@@ -78,14 +55,8 @@ def accuracy_without(validation: Validation, folds: Sequence[Mask], left_out: Ma
 def alone(vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], chosen: Mask) -> float:
     """Train on some segments only, test on the same of other people: the accuracy, which is chance where they hold nothing.
 
-    Parameters
-    ----------
-    vectors : ndarray of float32, shape (n, n_features)
-        Curves of all segments.
-    number, person : ndarray of int64, shape (n,)
-        Index of the label, and whose.
-    chosen : ndarray of bool, shape (n,)
-        The segments.
+    ``vectors``, shape (n, n_features): curves of all segments; ``number``, ``person``, shape (n,): index of the label, and whose;
+    ``chosen``, shape (n,): the segments.
     """
     from sklearn.ensemble import ExtraTreesClassifier
 
@@ -102,19 +73,11 @@ def figures(
 ) -> dict[str, Any]:
     """Measure what segments without a gesture hold, beside others from near the end of the same recordings.
 
-    Parameters
-    ----------
-    vectors, number, person : ndarray
-        As in `alone`.
-    closing, nobody, others : ndarray of bool, shape (n,)
-        The last segments, those with nobody there, and ordinary ones.
-
-    Returns
-    -------
-    dict
-        ``closing_share``, ``nobody_share``: of all segments, where nobody is there of those that are not the last; ``without_alone``,
-        ``others_alone``: see `alone`; ``chance``: one label in so many; ``ceiling``: accuracy on everything of a recogniser that names
-        every other segment rightly and these as `alone` does.
+    ``vectors``, ``number``, ``person``: as in `alone`; ``closing``, ``nobody``, ``others``, shape (n,): the last segments, those with
+    nobody there, and ordinary ones.
+    Returns ``closing_share``, ``nobody_share``: of all segments, where nobody is there of those that are not the last; ``without_alone``,
+    ``others_alone``: see `alone`; ``chance``: one label in so many; ``ceiling``: accuracy on everything of a recogniser that names every
+    other segment rightly and these as `alone` does.
     """
     without = closing | nobody
     share, accuracy = float(without.mean()), alone(vectors, number, person, without)

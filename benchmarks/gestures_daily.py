@@ -26,31 +26,18 @@ from radar_lab.training.validation import leave_subjects_out
 from radar_lab.training.variation import VariationConfig, copies
 from radar_tracking import TrackedCloud
 
-LOST: Final = 0.05
-"""Share of true gestures that rejection may lose."""
-LOSSES: Final = (0.02, 0.1, 0.2)
-"""Other shares, to see what a stricter limit gives."""
-DAILY: Final = "random"
-"""Label of daily events."""
+LOST: Final = 0.05  # share of true gestures that rejection may lose
+LOSSES: Final = (0.02, 0.1, 0.2)  # other shares, to see what a stricter limit gives
+DAILY: Final = "random"  # label of daily events
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Events of one person's daily activity.
-
-    Attributes
-    ----------
-    person : int
-        Whose.
-    hours : float
-        Length.
-    maps : tuple of FeatureMaps
-        Of every event that the detector found, those of people who walked left out, as the recogniser does.
-    """
+    """Events of one person's daily activity."""
 
     person: int
     hours: float
-    maps: tuple[FeatureMaps, ...]
+    maps: tuple[FeatureMaps, ...]  # of every event that the detector found, those of people who walked left out, as the recogniser does
 
 
 def event_config() -> GestureConfig:
@@ -63,12 +50,7 @@ def event_config() -> GestureConfig:
 def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]:
     """Run tracking and event detection over the streams.
 
-    Parameters
-    ----------
-    limit : int
-        Only the first so many clouds of each; 0: all.
-    people : sequence of int
-        Whose; empty: everybody's.
+    ``limit``: only the first so many clouds of each; 0: all; ``people``: whose; empty: everybody's.
     """
     config = event_config()
     for person, recording in recordings(people):
@@ -104,17 +86,8 @@ def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
 def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Judge everybody's gestures and daily events by models that never saw this person, two people left out at a time.
 
-    Parameters
-    ----------
-    made : Study
-        Curves with the configuration `CURVES`, to train on.
-    streams : sequence of Stream
-        What people did all day.
-
-    Returns
-    -------
-    tuple of (ndarray of float64, list of ndarray of float64)
-        Probabilities of the study's samples, shape (n, n_labels), and of each stream's events, shape (n_events, n_labels).
+    ``made``: curves with the configuration `CURVES`, to train on; ``streams``: what people did all day.
+    Returns probabilities of the study's samples, shape (n, n_labels), and of each stream's events, shape (n_events, n_labels).
     """
     extractor = Curves(CURVES)
     vectors = [extractor.process_many(join(stream.maps)) if stream.maps else np.zeros((0, len(made.names))) for stream in streams]
@@ -133,20 +106,10 @@ def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float6
 def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
     """Count events that a model takes for a gesture; the model never saw the stream's person.
 
-    Parameters
-    ----------
-    made : Study
-        Curves of the gestures, configuration `CURVES`.
-    streams : sequence of Stream
-        What people did all day.
-
-    Returns
-    -------
-    dict
-        ``daily_hours``; per hour: ``daily_events``, each a false gesture without rejection; ``daily_false_rejecting``: of these the ones
-        with a probability above the limit that loses 5 % of the gestures of people held out; ``daily_false_trained``: the same by models
-        that also learned the other people's daily events as one more class; ``..._by_lost``: by the share of gestures that the limit
-        loses; ``daily_accuracy_rejecting``, ``daily_accuracy_trained``: of the gestures of people held out, before any is rejected.
+    Returns ``daily_hours``; per hour: ``daily_events``, each a false gesture without rejection; ``daily_false_rejecting``: of these the
+    ones with a probability above the limit that loses 5 % of the gestures of people held out; ``daily_false_trained``: the same by models
+    that also learned the other people's daily events as one more class; ``..._by_lost``: by the share of gestures that the limit loses;
+    ``daily_accuracy_rejecting``, ``daily_accuracy_trained``: of the gestures of people held out, before any is rejected.
     """
     hours = sum(stream.hours for stream in streams)
     result: dict[str, Any] = {"daily_hours": hours, "daily_events": sum(len(stream.maps) for stream in streams) / hours}

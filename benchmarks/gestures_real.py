@@ -32,18 +32,10 @@ from radar_lab.training.validation import Validation
 
 @dataclass(frozen=True)
 class Parts:
-    """What a run has worked out already, for the next one to go on with; it counts as long as our sources and the settings are the same.
+    """What a run has worked out already, for the next one to go on with; it counts as long as our sources and the settings are the same."""
 
-    Attributes
-    ----------
-    folder : Path or None
-        Where parts are kept; None: nowhere.
-    settings : str
-        Everything that they depend on.
-    """
-
-    folder: Path | None
-    settings: str
+    folder: Path | None  # where parts are kept; None: nowhere
+    settings: str  # everything that they depend on
 
     def once(self, name: str, work: Callable[[], Any]) -> Any:
         """Return what ``work`` gives, or gave in an earlier run."""
@@ -98,21 +90,12 @@ def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Measure everything.
 
-    Parameters
-    ----------
-    quick : bool
-        Few samples and two folds, to see that it runs.
-    keep : Path or None
-        Folder for what is simulated to train on and for what is finished: the same command goes on where it stopped; None: nothing is
-        kept.
-
-    Returns
-    -------
-    dict
-        Accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
-        none, and ``_without`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of
-        the second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures
-        of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
+    ``quick``: few samples and two folds, to see that it runs; ``keep``: folder for what is simulated to train on and for what is finished:
+    the same command goes on where it stopped; None: nothing is kept.
+    Returns accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
+    none, and ``_without`` on these (`benchmarks.gestures_closing`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the
+    second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures of
+    `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
     """
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
     config = default_training(quick)

@@ -17,8 +17,7 @@ from radar_gestures.stage import EventStage, GestureConfig, TrackEvent
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Segment
 
-SEGMENTS: Final = 400
-"""Of each data set, spread evenly."""
+SEGMENTS: Final = 400  # of each data set, spread evenly
 OURS: Final = {
     **{"circle": "rotate", "pull": "pull", "push": "push", "up": "swipe_up", "down": "swipe_down"},
     **{"CR": "rotate", "PL": "pull", "PS": "push", "UP": "swipe_up"},
@@ -87,15 +86,8 @@ def daily(limit: int) -> dict[str, float]:
 def figures(quick: bool = False) -> dict[str, Any]:
     """Measure both.
 
-    Parameters
-    ----------
-    quick : bool
-        20 segments, and a minute of each stream.
-
-    Returns
-    -------
-    dict
-        ``shipped``: by data set, and ``daily``; ``choices`` is empty: there is nothing to choose.
+    ``quick``: 20 segments, and a minute of each stream.
+    Returns ``shipped``: by data set, and ``daily``; ``choices`` is empty: there is nothing to choose.
     """
     limit = 20 if quick else SEGMENTS
     found = {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(600 if quick else 0)}

@@ -105,11 +105,7 @@ def publication(frames: list[SimulatedFrame], info: RadarInfo, model: GestureMod
 
     Detectable: ``quiet`` after the middle of the last fast frame. What follows is the wait for the next frame, the rest of that frame's
     acquisition and the time that baseband, tracking and recogniser take for it.
-
-    Returns
-    -------
-    list of float, list of float
-        The whole delay of every gesture, and the computing in it, median of the rounds [ms].
+    Returns the whole delay of every gesture, and the computing in it, median of the rounds [ms].
     """
     delays: list[list[float]] = []
     computing: list[list[float]] = []
@@ -170,11 +166,9 @@ def simulated(quick: bool, most: int = 1 << 30) -> tuple[list[SimulatedFrame], l
 def figures(quick: bool = False) -> dict[str, Any]:
     """Measure everything.
 
-    Returns
-    -------
-    dict
-        ``maps_and_events_ms`` (median of a cloud with four tracks of 40 points) and its 95th percentile; ``classification_over_sklearn``
-        and ``classification_us``; ``published_after_ms``, of the slowest gesture, and ``published_computing_ms``, of most; ``choices``.
+    Returns ``maps_and_events_ms`` (median of a cloud with four tracks of 40 points) and its 95th percentile;
+    ``classification_over_sklearn`` and ``classification_us``; ``published_after_ms``, of the slowest gesture, and
+    ``published_computing_ms``, of most; ``choices``.
     """
     frames, clouds, info = simulated(quick)
     model, rounds = load_model(), 1 if quick else 5

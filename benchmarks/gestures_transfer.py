@@ -34,8 +34,7 @@ from radar_lab.training.variation import VariationConfig, copies
 
 DEVELOPMENT: Final = (801, 804, 812, 822)
 """People of mHomeGes on whose recordings the simulation was set; they are in no figure but their own."""
-LEFT_OUT: Final = ("still", "strength", "count")
-"""Signals whose name has one of these words read 0 in training and test."""
+LEFT_OUT: Final = ("still", "strength", "count")  # signals whose name has one of these words read 0 in training and test
 SAMPLES: Final = 2000
 _FEWER: Final = (250, 500, 1000)
 _TIMED: Final = 10  # drills, two of each gesture
@@ -44,27 +43,14 @@ _TIMED: Final = 10  # drills, two of each gesture
 def masked(vectors: NDArray[np.float32], names: Sequence[str]) -> NDArray[np.float32]:
     """Set what the two worlds do not share to 0.
 
-    Parameters
-    ----------
-    vectors : ndarray of float32, shape (..., n_features) = ``names``
-        Curves.
-    names : sequence of str
-        As `curve_names` gives them.
+    ``vectors``, shape (..., n_features) = ``names``: curves; ``names``: as `curve_names` gives them.
     """
     kept = np.array([not any(word in name for word in LEFT_OUT) for name in names])
     return np.where(kept, vectors, np.float32(0.0))
 
 
 def simulated(place: Path, n: int) -> RealSet:
-    """Read the first drills of a folder as if they were recordings; those of which the radar saw nothing are left out.
-
-    Parameters
-    ----------
-    place : Path
-        As `generate` gives it.
-    n : int
-        How many.
-    """
+    """Read the first drills of a folder as if they were recordings; those of which the radar saw nothing are left out."""
     gate = GATES["mhomeges"]
     maps, label, distance = [], [], []
     for number in range(n):
@@ -105,22 +91,12 @@ def judge(training: Study, test: RealSet) -> Validation:
 def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Simulate, train, and test on recordings.
 
-    Parameters
-    ----------
-    made : Study
-        Of mHomeGes; only its recordings are used, for the test.
-    quick : bool
-        Few drills, to see that it runs.
-    keep : Path or None
-        Folder for the drills, with which an interrupted run goes on; None: they are thrown away.
-
-    Returns
-    -------
-    dict
-        ``synthetic_to_real``: accuracy over the five gestures of the fourteen people of mHomeGes who are not in `DEVELOPMENT`;
-        ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of mTransSee;
-        ``synthetic_samples``, ``synthetic_seconds_per_sample``; ``confusion`` of the first and the last; ``choices``: accuracy and time
-        to simulate by number of drills.
+    ``made``: of mHomeGes; only its recordings are used, for the test; ``quick``: few drills, to see that it runs; ``keep``: folder for the
+    drills, with which an interrupted run goes on; None: they are thrown away.
+    Returns ``synthetic_to_real``: accuracy over the five gestures of the fourteen people of mHomeGes who are not in `DEVELOPMENT`;
+    ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of mTransSee;
+    ``synthetic_samples``, ``synthetic_seconds_per_sample``; ``confusion`` of the first and the last; ``choices``: accuracy and time to
+    simulate by number of drills.
     """
     n = 100 if quick else SAMPLES
     drills, config = Drills(), transfer_training(quick)

@@ -28,8 +28,7 @@ from radar_lab.pipeline import Pipeline
 from radar_ros.interrupts import ros
 from radar_sim import Simulator, load_scene
 
-DOMAIN: Final = 150 + os.getpid() % 80
-"""A ROS domain of its own: stale readers of another run distort measurements."""
+DOMAIN: Final = 150 + os.getpid() % 80  # a ROS domain of its own: stale readers of another run distort measurements
 PANEL = Panel("processes", "frames that gave tracks", "", "higher", "each node a process", "the library on the same frames, no graph")
 SEPARATE, COMPOSED = "each node a process", "all nodes in one process"
 _SETTLE: Final = 3.0  # s: start-up and discovery are not measured
@@ -44,22 +43,13 @@ _CODE: Final = (
 
 @dataclass(frozen=True)
 class Heard:
-    """What a graph did in some seconds.
+    """What a graph did in some seconds."""
 
-    Attributes
-    ----------
-    latencies_ms : list of float
-        From a frame's publication to its tracks' arrival [ms].
-    due, lost : int
-        Frames of the radar, and those of them that gave no tracks.
-    cpu_percent : dict of str to float
-        Of one core, by process.
-    """
-
-    latencies_ms: list[float]
+    latencies_ms: list[float]  # from a frame's publication to its tracks' arrival [ms]
+    # due, lost: frames of the radar, and those of them that gave no tracks
     due: int
     lost: int
-    cpu_percent: dict[str, float]
+    cpu_percent: dict[str, float]  # of one core, by process
 
 
 def nodes(scene: str) -> tuple[NodeSpec, ...]:
@@ -70,10 +60,7 @@ def nodes(scene: str) -> tuple[NodeSpec, ...]:
 def listen(seconds: float, cpu: Callable[[], dict[str, float]]) -> Heard:
     """Listen to a running graph; ``cpu`` says how many seconds each process has used.
 
-    Raises
-    ------
-    HandwaveError
-        When no tracks come.
+    Raises HandwaveError when no tracks come.
     """
     with ros():
         monitor = Monitor()

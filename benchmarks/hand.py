@@ -30,16 +30,12 @@ from radar_core.config import load, nest
 from radar_sim import Scene
 from radar_tracking import HandConfig
 
-FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")
-"""Estimators that are compared; all take the same points."""
+FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")  # estimators that are compared; all take the same points
 GRID: Final = {"process_noise": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0), "position_std": (0.02, 0.04, 0.08)}
 """What is searched for every one of them."""
-CLOCKS: Final = (0.0, 1.0, 5.0, 20.0)
-"""How much the second radar's clock is ahead [ms]."""
-SURE: Final = 0.4
-"""The fast parts that are judged: the snapshot's velocity across is known to this [m/s]."""
-SMOOTH: Final = (0.04, 0.08, 0.16, 0.32, 0.64)
-"""Errors of positions that filters are told where they are tuned for slow hands [m]."""
+CLOCKS: Final = (0.0, 1.0, 5.0, 20.0)  # how much the second radar's clock is ahead [ms]
+SURE: Final = 0.4  # the fast parts that are judged: the snapshot's velocity across is known to this [m/s]
+SMOOTH: Final = (0.04, 0.08, 0.16, 0.32, 0.64)  # errors of positions that filters are told where they are tuned for slow hands [m]
 _TUNING_SEEDS: Final = ((11, 1.0), (12, 1.4), (13, 2.2))
 
 Runs = Sequence[tuple[Tracked, Followed]]
@@ -135,11 +131,8 @@ def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracke
 def slider(found: Runs) -> dict[str, float]:
     """How well the control value follows the sliders.
 
-    Returns
-    -------
-    dict
-        ``value_rmse``: rms error over the span of 0.5 m, each scene's mean offset removed; ``value_rest_jump``: largest step from one cloud
-        to the next while the hand rests.
+    Returns ``value_rmse``: rms error over the span of 0.5 m, each scene's mean offset removed; ``value_rest_jump``: largest step from one
+    cloud to the next while the hand rests.
     """
     wrong, steps = [], []
     for tracked, followed in found:
@@ -198,11 +191,8 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
 def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:
     """Error of fast lines and circles over the offset between the radars' clocks [ms].
 
-    Returns
-    -------
-    dict
-        For each offset ``rmse_m`` and ``p95_fast_m`` of radars that start their frames by their own clocks, so that clouds with the same
-        stamp were measured at different times; ``rmse_stamps_m`` where both measure at the same time and only stamps are wrong.
+    Returns for each offset ``rmse_m`` and ``p95_fast_m`` of radars that start their frames by their own clocks, so that clouds with the
+    same stamp were measured at different times; ``rmse_stamps_m`` where both measure at the same time and only stamps are wrong.
     """
     kinds = [script for script in SCRIPTS if script.name in ("fast line", "circle")]
     drawn = [(script, seed, far) for seed, far in enumerate(DISTANCES, 1) for script in kinds]
@@ -224,12 +214,9 @@ def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:
 def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
     """Compare the filters tuned for slow hands, as the thesis's were: its single filter is up to 0.4 m off in the fast part (Fig. 7.11).
 
-    Returns
-    -------
-    dict
-        For each `SMOOTH` deviation [m] that both are told of positions, their process noise being 1: the largest residual in the fast
-        parts, median of the scenes, and the 95th percentile of the single filter (``kf_...``) and of MMVelEst (``mmvelest_...``) [m].
-        Strokes here reach 0.25 m to either side: a filter that stands still is that far off.
+    Returns for each `SMOOTH` deviation [m] that both are told of positions, their process noise being 1: the largest residual in the fast
+    parts, median of the scenes, and the 95th percentile of the single filter (``kf_...``) and of MMVelEst (``mmvelest_...``) [m]. Strokes
+    here reach 0.25 m to either side: a filter that stands still is that far off.
     """
     quick = [one for one in tracked if fast(one).any()]
     found: dict[str, dict[str, float]] = {}
@@ -244,20 +231,12 @@ def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Follow hands.
 
-    Parameters
-    ----------
-    quick : bool
-        One scene and one to tune on, bodies of ellipsoids: to see that it runs.
-    keep : Path or None
-        Folder for the simulated clouds; None: they are thrown away.
-
-    Returns
-    -------
-    dict
-        ``rmse_slow_m`` (slow lines), ``p95_fast_mmvelest_m`` and ``p95_fast_ratio`` (to the single Kalman filter; fast parts in which the
-        snapshot tells the velocity across to `SURE`), ``settle_s`` after a reversal; the same and more for every estimator, each tuned
-        by the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``;
-        ``tuned_for_slow_hands``; ``choices``.
+    ``quick``: one scene and one to tune on, bodies of ellipsoids: to see that it runs; ``keep``: folder for the simulated clouds; None:
+    they are thrown away.
+    Returns ``rmse_slow_m`` (slow lines), ``p95_fast_mmvelest_m`` and ``p95_fast_ratio`` (to the single Kalman filter; fast parts in which
+    the snapshot tells the velocity across to `SURE`), ``settle_s`` after a reversal; the same and more for every estimator, each tuned by
+    the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``;
+    ``tuned_for_slow_hands``; ``choices``.
     """
     with kept_folder(keep) as folder:
         return measure(folder, quick, 1 if quick else os.cpu_count() or 1)

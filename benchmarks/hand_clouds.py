@@ -21,14 +21,10 @@ from radar_sim.scene import SceneRadar
 
 Float64Array = NDArray[np.float64]
 
-BASELINE: Final = 0.5
-"""From one radar to the other [m]."""
-HEIGHT: Final = 1.2
-"""Of both radars above the floor [m]."""
-STAND: Final = 0.8
-"""How long everybody stands still before the hand begins [s]."""
-DISTANCES: Final = (0.8, 1.2, 1.6, 2.0, 2.5)
-"""Of the hand from the middle between the radars, one for each seed [m]."""
+BASELINE: Final = 0.5  # from one radar to the other [m]
+HEIGHT: Final = 1.2  # of both radars above the floor [m]
+STAND: Final = 0.8  # how long everybody stands still before the hand begins [s]
+DISTANCES: Final = (0.8, 1.2, 1.6, 2.0, 2.5)  # of the hand from the middle between the radars, one for each seed [m]
 _OFFSET: Final = 5e-6  # s: the second radar sends that much later, so that their chirps do not meet
 _ARM: Final = 0.5  # m: the hand draws that far in front of the body
 _PALM: Final = 0.12  # m: what is seen within that of the hand's joint is hand; the mesh has nothing else there
@@ -36,21 +32,11 @@ _PALM: Final = 0.12  # m: what is seen within that of the hand's joint is hand; 
 
 @dataclass(frozen=True)
 class Script:
-    """What a hand does.
-
-    Attributes
-    ----------
-    name : str
-        Of it.
-    duration : float
-        Of the scene [s].
-    draws : tuple of Draw
-        One after the other; empty: the hand goes to and fro between places and rests there.
-    """
+    """What a hand does."""
 
     name: str
-    duration: float
-    draws: tuple[Draw, ...] = ()
+    duration: float  # of the scene [s]
+    draws: tuple[Draw, ...] = ()  # one after the other; empty: the hand goes to and fro between places and rests there
 
     def actions(self, at: tuple[float, float, float]) -> tuple[Action, ...]:
         """Write the script of somebody whose hand draws around a place in the room [m]."""
@@ -86,20 +72,9 @@ TUNING: Final = (
 def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset: float = _OFFSET, noise: float = 15.0) -> Scene:
     """Put one person before two radars.
 
-    Parameters
-    ----------
-    script : Script
-        What the hand does.
-    seed : int
-        Of everything drawn: stature, build, arm, where the person stands.
-    distance : float
-        Of the hand from the radars [m].
-    body : str
-        As `Person.body`.
-    offset : float
-        How much later the second radar's frames begin [s].
-    noise : float
-        Noise figure of the receivers [dB].
+    ``script``: what the hand does; ``seed``: of everything drawn: stature, build, arm, where the person stands; ``distance``: of the hand
+    from the radars [m]; ``body``: as `Person.body`; ``offset``: how much later the second radar's frames begin [s]; ``noise``: noise figure
+    of the receivers [dB].
     """
     rng = np.random.default_rng([seed, 7])
     side = float(rng.uniform(-0.15, 0.15))
@@ -123,29 +98,17 @@ def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """What one radar saw of a scene, and the truth at its clouds.
+    """What one radar saw of a scene, and the truth at its clouds."""
 
-    Attributes
-    ----------
-    clouds : list of PointCloud
-        In the sensor's frame.
-    centroid : ndarray of float64, shape (n_clouds, 3)
-        Of what the radar sees of the hand, elements weighted by their cross-section [m]; NaN: it sees nothing of it.
-    weight : ndarray of float64, shape (n_clouds,)
-        The sum of those cross-sections [m^2].
-    hand, velocity, body : ndarray of float64, shape (n_clouds, 3)
-        The hand's joint [m], its velocity [m/s], and the body's centre [m].
-    drawing : ndarray of bool, shape (n_clouds,)
-        Whether the hand draws or reaches.
-    """
-
-    clouds: list[PointCloud]
+    clouds: list[PointCloud]  # in the sensor's frame
+    # shape (n_clouds, 3): of what the radar sees of the hand, elements weighted by their cross-section [m]; NaN: it sees nothing of it
     centroid: Float64Array
-    weight: Float64Array
+    weight: Float64Array  # shape (n_clouds,): the sum of those cross-sections [m^2]
+    # hand, velocity, body: shape (n_clouds, 3): the hand's joint [m], its velocity [m/s], and the body's centre [m]
     hand: Float64Array
     velocity: Float64Array
     body: Float64Array
-    drawing: NDArray[np.bool_]
+    drawing: NDArray[np.bool_]  # shape (n_clouds,): whether the hand draws or reaches
 
 
 class HandStore(Store):

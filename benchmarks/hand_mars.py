@@ -41,24 +41,13 @@ _QUICK: Final = PostureTrainingConfig(hidden=(16,), members=1, epochs=5)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Split:
-    """Files to train on and to test on, and what follows from the former alone.
-
-    Attributes
-    ----------
-    train, test : tuple of str
-        Files.
-    kinect : ndarray of float64, shape (3,)
-        Where the Kinect stands, fitted to the training files [m].
-    recordings : tuple of HandRecording
-        The training files.
-    pose, moving_pose : ndarray of float64, shape (2, 3)
-        Their mean pose, and that of the clouds in which a hand moves [m].
-    """
+    """Files to train on and to test on, and what follows from the former alone."""
 
     train: tuple[str, ...]
     test: tuple[str, ...]
-    kinect: Float64Array
-    recordings: tuple[HandRecording, ...]
+    kinect: Float64Array  # shape (3,): where the Kinect stands, fitted to the training files [m]
+    recordings: tuple[HandRecording, ...]  # the training files
+    # pose, moving_pose: shape (2, 3): their mean pose, and that of the clouds in which a hand moves [m]
     pose: Float64Array
     moving_pose: Float64Array
 
@@ -91,13 +80,10 @@ class Split:
 def figures_of(split: Split, name: str, found: Estimated) -> dict[str, Any]:
     """Errors of one test file while a hand moves.
 
-    Returns
-    -------
-    dict
-        ``rms_m``, ``median_m``, the same of the mean pose (``mean_pose_``), ``ratio`` of the rms, of both hands and of each;
-        ``rms_depth_m``, ``rms_across_m``, ``rms_height_m``; ``seen``: share of the clouds with an estimate; ``nees``: squared error over
-        the variance that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always;
-        ``ratio_to_moving_mean``: to a mean pose of the moving phases alone.
+    Returns ``rms_m``, ``median_m``, the same of the mean pose (``mean_pose_``), ``ratio`` of the rms, of both hands and of each;
+    ``rms_depth_m``, ``rms_across_m``, ``rms_height_m``; ``seen``: share of the clouds with an estimate; ``nees``: squared error over the
+    variance that was told, 1 where the estimate knows itself, while a hand moves and (``nees_all``) always; ``ratio_to_moving_mean``: to a
+    mean pose of the moving phases alone.
     """
     one, wrong, plain = exercises(name), found.position - split.truth(name), split.mean_error(name)
     own = one.moving & np.isfinite(wrong[..., 0])
@@ -215,22 +201,11 @@ def _times(model: Any, features: Float64Array, before: float) -> list[float]:
 def run(quick: bool = False) -> dict[str, Any]:
     """Train on some files of MARS and test on others.
 
-    Parameters
-    ----------
-    quick : bool
-        A small network, few choices, one of two directions: to see that it runs.
-
-    Returns
-    -------
-    dict
-        ``known``: trained on the validate files of both people, tested on their test files; ``held_out``: trained on one person, tested on
-        the other, in both directions; each with the figures of every file (`figures_of`). ``geometric``: `HandTracker` on the test files of
-        ``known``. ``known_worst_ratio``, ``held_out_worst_ratio``, ``choices``.
-
-    Raises
-    ------
-    DataError
-        When the recordings are not there.
+    ``quick``: a small network, few choices, one of two directions: to see that it runs.
+    Returns ``known``: trained on the validate files of both people, tested on their test files; ``held_out``: trained on one person, tested
+    on the other, in both directions; each with the figures of every file (`figures_of`). ``geometric``: `HandTracker` on the test files of
+    ``known``. ``known_worst_ratio``, ``held_out_worst_ratio``, ``choices``.
+    Raises DataError when the recordings are not there.
     """
     config = configs_of(quick)["default"]
     known = Split.of(*KNOWN)

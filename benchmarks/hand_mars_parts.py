@@ -25,8 +25,7 @@ Float64Array = NDArray[np.float64]
 MaskArray = NDArray[np.bool_]
 
 _HANDS: Final = ("HandLeft", "HandRight")
-MOVING: Final = 0.4
-"""A hand faster than this moves [m/s]."""
+MOVING: Final = 0.4  # a hand faster than this moves [m/s]
 KNOWN: Final = (("subject1_validate", "subject3_validate"), ("subject1_test", "subject3_test"))
 """Files to train on and to test on: the same people, other minutes of the same session."""
 STRANGERS: Final = (
@@ -42,27 +41,13 @@ _EVERY: Final = 5  # clouds: neighbours are alike
 
 @dataclass(frozen=True, eq=False)
 class Exercises:
-    """One file.
+    """One file."""
 
-    Attributes
-    ----------
-    clouds : tuple of TrackedCloud
-        In the room, with tracks of the preset for sparse clouds.
-    joints : ndarray of float64, shape (n_clouds, 25, 3) = (cloud, joint, axis)
-        All joints in our axes, relative to the Kinect [m].
-    hands : ndarray of float64, shape (n_clouds, 2, 3) = (cloud, hand, axis)
-        Left and right hand of them.
-    speed : ndarray of float64, shape (n_clouds, 2)
-        Of the hands, over two clouds [m/s].
-    info : RadarInfo
-        The radar, with its place in the room.
-    """
-
-    clouds: tuple[TrackedCloud, ...]
-    joints: Float64Array
-    hands: Float64Array
-    speed: Float64Array
-    info: RadarInfo
+    clouds: tuple[TrackedCloud, ...]  # in the room, with tracks of the preset for sparse clouds
+    joints: Float64Array  # shape (n_clouds, 25, 3) = (cloud, joint, axis): all joints in our axes, relative to the Kinect [m]
+    hands: Float64Array  # shape (n_clouds, 2, 3) = (cloud, hand, axis): left and right hand of them
+    speed: Float64Array  # shape (n_clouds, 2): of the hands, over two clouds [m/s]
+    info: RadarInfo  # the radar, with its place in the room
 
     @property
     def moving(self) -> MaskArray:
@@ -74,10 +59,7 @@ class Exercises:
 def exercises(name: str) -> Exercises:
     """Read and track one of `MARS`.
 
-    Raises
-    ------
-    AbsentError
-        When the recordings are not there.
+    Raises AbsentError when the recordings are not there.
     """
     path = folder() / "mars" / f"{name}.npz"
     if not path.is_file():
@@ -149,19 +131,12 @@ def bodies(clouds: Sequence[TrackedCloud]) -> Float64Array:
 
 @dataclass(frozen=True, eq=False)
 class Estimated:
-    """What a tracker said about both hands in one file.
+    """What a tracker said about both hands in one file."""
 
-    Attributes
-    ----------
-    position, std : ndarray of float64, shape (n_clouds, 2, 3) = (cloud, hand, axis)
-        [m]; NaN: nothing.
-    times_ms : tuple of float
-        Of every cloud.
-    """
-
+    # position, std: shape (n_clouds, 2, 3) = (cloud, hand, axis): [m]; NaN: nothing
     position: Float64Array
     std: Float64Array
-    times_ms: tuple[float, ...]
+    times_ms: tuple[float, ...]  # of every cloud
 
 
 def estimate(model: PostureModel, name: str) -> Estimated:

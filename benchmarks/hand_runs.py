@@ -22,86 +22,46 @@ from radar_tracking.fusion.clouds import fused_info
 Float64Array = NDArray[np.float64]
 MaskArray = NDArray[np.bool_]
 
-TRIGGER: Final = STAND + 0.3
-"""When the hand is to be followed [s]: it comes up then."""
-SETTLED: Final = STAND + 0.6
-"""From then on errors count [s]."""
-FAST: Final = 0.6
-"""A hand faster than this is in a fast part [m/s]."""
-SLOP: Final = 0.02
-"""Clouds whose stamps are farther apart than this are not put together, as by the fusion node [s]."""
-LOST: Final = 1.0
-"""Error where there is no hand track although there is a hand [m]."""
+TRIGGER: Final = STAND + 0.3  # when the hand is to be followed [s]: it comes up then
+SETTLED: Final = STAND + 0.6  # from then on errors count [s]
+FAST: Final = 0.6  # a hand faster than this is in a fast part [m/s]
+SLOP: Final = 0.02  # clouds whose stamps are farther apart than this are not put together, as by the fusion node [s]
+LOST: Final = 1.0  # error where there is no hand track although there is a hand [m]
 _AFTER: Final = 0.3  # s: how long after a reversal one looks
 
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """A scene up to the hand tracker, and what is true.
+    """A scene up to the hand tracker, and what is true."""
 
-    Attributes
-    ----------
-    clouds : list of TrackedCloud
-        Of both radars together, or of the first alone.
-    info : RadarInfo
-        The radar that they seem to come from.
-    time : ndarray of float64, shape (n,)
-        Of each cloud since the scene began [s].
-    hand : ndarray of float64, shape (n, 3)
-        Centroid of what the radars see of the hand [m].
-    joint, velocity : ndarray of float64, shape (n, 3)
-        The hand's joint [m] and its velocity [m/s].
-    """
-
-    clouds: list[TrackedCloud]
-    info: RadarInfo
-    time: Float64Array
-    hand: Float64Array
+    clouds: list[TrackedCloud]  # of both radars together, or of the first alone
+    info: RadarInfo  # the radar that they seem to come from
+    time: Float64Array  # shape (n,): of each cloud since the scene began [s]
+    hand: Float64Array  # shape (n, 3): centroid of what the radars see of the hand [m]
+    # joint, velocity: shape (n, 3): the hand's joint [m] and its velocity [m/s]
     joint: Float64Array
     velocity: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """What a hand tracker made of a scene; rows of clouds without a hand track are NaN.
+    """What a hand tracker made of a scene; rows of clouds without a hand track are NaN."""
 
-    Attributes
-    ----------
-    position, velocity : ndarray of float64, shape (n, 3)
-        [m], [m/s].
-    covariance : ndarray of float64, shape (n, 6, 6)
-        Of both.
-    value : ndarray of float64, shape (n,)
-        Control value.
-    snapshots : list of SnapshotVelocity or None
-        What each cloud alone said of the velocity.
-    times_ms : list of float
-        What each cloud with a hand track took [ms].
-    """
-
+    # position, velocity: shape (n, 3): [m], [m/s]
     position: Float64Array
     velocity: Float64Array
-    covariance: Float64Array
-    value: Float64Array
-    snapshots: list[SnapshotVelocity | None]
-    times_ms: list[float]
+    covariance: Float64Array  # shape (n, 6, 6): of both
+    value: Float64Array  # shape (n,): control value
+    snapshots: list[SnapshotVelocity | None]  # what each cloud alone said of the velocity
+    times_ms: list[float]  # what each cloud with a hand track took [ms]
 
 
 def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene | None = None, clock_ns: int = 0) -> Tracked:
     """Fuse the clouds of a scene and track the person.
 
-    Parameters
-    ----------
-    store : HandStore
-        That holds the scene.
-    scene : Scene
-        Which.
-    single : bool
-        Only the first radar.
-    second : Scene or None
-        What the second radar saw, where it is not the same scene: one in which it measures at other times.
-    clock_ns : int
-        How much the second radar's clock is ahead [ns]: clouds are paired by what the clocks say; those without a partner are left out.
+    ``store``: that holds the scene; ``scene``: which; ``single``: only the first radar; ``second``: what the second radar saw, where it is
+    not the same scene: one in which it measures at other times; ``clock_ns``: how much the second radar's clock is ahead [ns]: clouds are
+    paired by what the clocks say; those without a partner are left out.
     """
     streams = [store.read(second if second is not None and number else scene, number) for number in range(len(scene.radars))]
     n = min(len(stream.clouds) for stream in streams)  # the same for one radar, so that both can be compared cloud by cloud

@@ -24,14 +24,11 @@ from radar_tracking.estimators import Snapshot, SnapshotConfig
 
 Float64Array = NDArray[np.float64]
 
-BASELINES: Final = (0.3, 0.5, 0.6)
-"""From one radar to the other [m]; the thesis has 0.3 (section 7.3) and 0.6 (figure 7.6)."""
+BASELINES: Final = (0.3, 0.5, 0.6)  # from one radar to the other [m]; the thesis has 0.3 (section 7.3) and 0.6 (figure 7.6)
 XS: Final = tuple(np.round(np.arange(0.3, 3.01, 0.3), 2).tolist())
 YS: Final = tuple(np.round(np.arange(-1.2, 1.21, 0.3), 2).tolist())
-HEIGHTS: Final = (0.8, 1.2, 1.6)
-"""Places of hands in the room [m]."""
-SPOTS: Final = ((0.8, 0.0), (1.2, 0.4), (1.6, 0.0), (1.6, -0.6))
-"""Where hands with outliers and with errors of direction are drawn [m]."""
+HEIGHTS: Final = (0.8, 1.2, 1.6)  # places of hands in the room [m]
+SPOTS: Final = ((0.8, 0.0), (1.2, 0.4), (1.6, 0.0), (1.6, -0.6))  # where hands with outliers and with errors of direction are drawn [m]
 ANGLES: Final = (0.003, 0.01, 0.03)
 """Errors of directions, where they have any [rad]: about those of azimuths and of elevations in simulated clouds, and much more."""
 SPOILS: Final = {"none": None, "forearm": forearm, "torso": torso, "false alarms": None}
@@ -113,20 +110,12 @@ def in_scenes(folder: Path, quick: bool) -> dict[str, Any]:
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Estimate velocities of hands all over a room and in simulated scenes.
 
-    Parameters
-    ----------
-    quick : bool
-        A few places and draws, and no scenes unless `keep` is given: to see that it runs.
-    keep : Path or None
-        Folder of the simulated clouds, the same as that of ``hand``; None: they are thrown away.
-
-    Returns
-    -------
-    dict
-        ``velocity_ratio_max``: largest standard deviation over Cramer-Rao bound, along any axis anywhere in the common field of view where
-        it is told; ``velocity_nees`` per degree of freedom and ``velocity_nees_in_band``: share of places with it in its 99 % band;
-        ``velocity_refused``: share of snapshots that tell one axis only; the same by baseline and height (``room``), ``maps`` at the
-        radars' height, ``outliers``, ``directions``, ``scenes``, ``choices``.
+    ``quick``: a few places and draws, and no scenes unless `keep` is given: to see that it runs; ``keep``: folder of the simulated clouds,
+    the same as that of ``hand``; None: they are thrown away.
+    Returns ``velocity_ratio_max``: largest standard deviation over Cramer-Rao bound, along any axis anywhere in the common field of view
+    where it is told; ``velocity_nees`` per degree of freedom and ``velocity_nees_in_band``: share of places with it in its 99 % band;
+    ``velocity_refused``: share of snapshots that tell one axis only; the same by baseline and height (``room``), ``maps`` at the radars'
+    height, ``outliers``, ``directions``, ``scenes``, ``choices``.
     """
     baselines, heights, n = (BASELINES, HEIGHTS, 400) if not quick else ((0.5,), (HEIGHT,), 120)
     xs, ys = (XS, YS) if not quick else (XS[1::4], YS[::4])

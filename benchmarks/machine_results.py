@@ -21,10 +21,8 @@ from radar_sim.audit import audit, ours, table
 from radar_sim.effects.chain import SIGNAL
 
 SCENE: Final = "two_crossing"
-AUDITED: Final = ("demo", "five_people", "single_target", "two_crossing")
-"""Scenes of the quick audit; else all."""
-_MIXED: Final = 4_000
-"""Rows of features that are made between those of simulated strokes."""
+AUDITED: Final = ("demo", "five_people", "single_target", "two_crossing")  # scenes of the quick audit; else all
+_MIXED: Final = 4_000  # rows of features that are made between those of simulated strokes
 _CLOUD: Final = ("range", "radial_speed", "azimuth", "snr")
 
 

@@ -66,10 +66,7 @@ def environments(cache: Path) -> list[Environment]:
 def run_in(environment: Environment, folder: Path, quick: bool) -> Outcome:
     """Make the results, and run the suite, in processes of the environment.
 
-    Raises
-    ------
-    RuntimeError
-        When a process ends with an error that does not come from the processor.
+    Raises RuntimeError when a process ends with an error that does not come from the processor.
     """
     place = folder / environment.name.replace(" ", "_")
     place.mkdir()
@@ -98,10 +95,7 @@ def run_in(environment: Environment, folder: Path, quick: bool) -> Outcome:
 def read_report(path: Path) -> tuple[int, tuple[str, ...]]:
     """Read how many tests ran and which failed.
 
-    Raises
-    ------
-    RuntimeError
-        When there is no report: pytest did not run.
+    Raises RuntimeError when there is no report: pytest did not run.
     """
     if not path.is_file():
         raise RuntimeError(f"pytest wrote no {path.name}; run this from a checkout, where the tests are, with pytest installed")
@@ -136,12 +130,8 @@ def compare(outcome: Outcome, reference: Outcome) -> dict[str, Any]:
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Run all environments, two at a time where there are two cores, and compare.
 
-    Parameters
-    ----------
-    quick : bool
-        Fewer scenes, samples and tests.
-    keep : Path or None
-        Where numba's code for any processor stays, so that the next run need not compile it; None: a temporary folder.
+    ``quick``: fewer scenes, samples and tests; ``keep``: where numba's code for any processor stays, so that the next run need not compile
+    it; None: a temporary folder.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -61,21 +61,11 @@ def scene(seed: int, seconds: float = SECONDS) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """What one radar saw of a scene.
-
-    Attributes
-    ----------
-    radar : SceneRadar
-        Which, with its true mount.
-    clouds : tuple of PointCloud
-        In the frame of the sensor, in order of time.
-    truth : ndarray of float64, shape (n_clouds, 3)
-        Where the centre of the body was at their stamps, in ``room`` [m].
-    """
+    """What one radar saw of a scene."""
 
     radar: SceneRadar
-    clouds: tuple[PointCloud, ...]
-    truth: NDArray[np.float64]
+    clouds: tuple[PointCloud, ...]  # in the frame of the sensor, in order of time
+    truth: NDArray[np.float64]  # shape (n_clouds, 3): where the centre of the body was at their stamps, in ``room`` [m]
 
 
 class PairStore(Store):

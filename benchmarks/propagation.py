@@ -29,8 +29,7 @@ DIAL = (*(Step("blocks", b, o) for b, o in ((1, 0), (1, 1), (1, 2), (2, 2), (4, 
 """What is published, after the product (few echoes) or the transform (many): each has less error than the one before."""
 BESIDE = tuple(Step("blocks", b, o) for b, o in ((2, 0), (2, 1), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1), (16, 2)))
 """Settings off the dial: another one has less error in no more time."""
-TOLERANCES = (0.5, 0.1, 0.02, 0.005, 0.001, 1e-4)
-"""Of scenes; 0.02 is the default."""
+TOLERANCES = (0.5, 0.1, 0.02, 0.005, 0.001, 1e-4)  # of scenes; 0.02 is the default
 LABEL = "relative rms error against float64 at every sample"
 
 

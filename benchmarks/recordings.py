@@ -25,12 +25,10 @@ from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-WALKERS = {"one_person": (0,), "two_people": (-1, 1)}
-"""Recordings of walkers, and how each of them walks: coming (-1), going (1), both (0)."""
+WALKERS = {"one_person": (0,), "two_people": (-1, 1)}  # recordings of walkers, and how each of them walks: coming (-1), going (1), both (0)
 MARS = ("subject1_test", "subject1_validate", "subject3_test", "subject3_validate")
 SPINE = ("SpineBase", "SpineMid", "SpineShoulder")
-PRESETS = {"crossing": "dense", "mars": "sparse"}
-"""Files of config/tracking for the two kinds."""
+PRESETS = {"crossing": "dense", "mars": "sparse"}  # files of config/tracking for the two kinds
 TRACKERS = ("group_clustering", "group", "cluster_first")
 RADIUS = 0.7  # m: a walker has a track while one is this near to their path
 _DEGREE = 6  # of the path's polynomials: what is left over does not fall any more (7 cm in range)
@@ -46,19 +44,12 @@ class Tracker(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Path2D:
-    """Where a walker was, from all of the recording's points at once: no tracker sees the future, this does.
+    """Where a walker was, from all of the recording's points at once: no tracker sees the future, this does."""
 
-    Attributes
-    ----------
-    first, last : int
-        Clouds of the walker's first and last point.
-    place : ndarray of float64, shape (n_clouds, 2)
-        (x, y) [m]; beyond ``first`` and ``last`` the nearest of the two.
-    """
-
+    # first, last: clouds of the walker's first and last point
     first: int
     last: int
-    place: Float64Array
+    place: Float64Array  # shape (n_clouds, 2): (x, y) [m]; beyond ``first`` and ``last`` the nearest of the two
 
     @property
     def n_seen(self) -> int:
@@ -90,10 +81,7 @@ class Run:
 def folder() -> Path:
     """Folder of the recordings: ``HANDWAVE_DATA``, or shared/data beside the project.
 
-    Raises
-    ------
-    AbsentError
-        When there is none.
+    Raises AbsentError when there is none.
     """
     place = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not place.is_dir():
@@ -137,14 +125,11 @@ def _path(number: IndexArray, place: Float64Array, n_clouds: int) -> Path2D:
 def walk_figures(name: str, clouds: Sequence[PointCloud], run: Run) -> dict[str, float]:
     """Say how well the walkers were followed.
 
-    Returns
-    -------
-    dict
-        ``identities``: ever confirmed; ``ghosts``: those that are no walker's longest; ``ghost_clouds``: clouds with one. ``life``: clouds
-        in which a walker's longest identity is near, over those from the walker's first to last point; ``life_of_run``: over the whole
-        run; ``seen_of_run``: what that could be at most. ``switches``: changes of the identity near a walker; ``rms_m``: from
-        the path, which is of what the radar sees: a tracker that knows that this is a body's surface is 0.06 to 0.12 m behind it.
-        Of two walkers, the worse figure; switches are summed.
+    Returns ``identities``: ever confirmed; ``ghosts``: those that are no walker's longest; ``ghost_clouds``: clouds with one. ``life``:
+    clouds in which a walker's longest identity is near, over those from the walker's first to last point; ``life_of_run``: over the whole
+    run; ``seen_of_run``: what that could be at most. ``switches``: changes of the identity near a walker; ``rms_m``: from the path, which
+    is of what the radar sees: a tracker that knows that this is a body's surface is 0.06 to 0.12 m behind it. Of two walkers, the worse
+    figure; switches are summed.
     """
     people = run.people()
     tracked = {identity: run.path(identity) for identity in people}
@@ -214,12 +199,9 @@ def spine(name: str) -> Float64Array:
 def spine_figures(name: str, run: Run) -> dict[str, float]:
     """Say how well the longest identity follows the spine.
 
-    Returns
-    -------
-    dict
-        ``identities``: ever confirmed; ``alone``: share of the clouds with exactly one person; ``followed``: with the longest identity.
-        ``rms_m``: distance from the spine without the mean difference of the file (``offset_x_m``, ``offset_y_m``), and ``rms_x_m``,
-        ``rms_y_m`` of it; ``still_m``: what a place that never moves would have.
+    Returns ``identities``: ever confirmed; ``alone``: share of the clouds with exactly one person; ``followed``: with the longest identity.
+    ``rms_m``: distance from the spine without the mean difference of the file (``offset_x_m``, ``offset_y_m``), and ``rms_x_m``,
+    ``rms_y_m`` of it; ``still_m``: what a place that never moves would have.
     """
     people = run.people()
     body = spine(name)

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from radar_lab.training.validation import Validation
 
 T = TypeVar("T")
-Row = dict[str, Any]
-"""As `choice` makes it: plain data, ready for JSON."""
+Row = dict[str, Any]  # as `choice` makes it: plain data, ready for JSON
 
 
 class AbsentError(DataError):
@@ -30,10 +29,7 @@ class AbsentError(DataError):
 def checkout(*parts: str) -> Path:
     """Path of a file or folder of the checkout that this package stands in.
 
-    Raises
-    ------
-    AbsentError
-        When the package was installed without its checkout.
+    Raises AbsentError when the package was installed without its checkout.
     """
     path = Path(__file__).resolve().parents[1].joinpath(*parts)
     if not path.exists():
@@ -84,22 +80,10 @@ def choice(
 ) -> Row:
     """One accuracy knob setting: what it achieves and what it costs.
 
-    Parameters
-    ----------
-    stage : str
-        E.g. ``"baseband"``.
-    name : str
-        The setting, e.g. ``"window=hann"``.
-    accuracy : tuple of (str, float, str)
-        Name, value and unit of the accuracy figure.
-    times_ms : sequence of float
-        Milliseconds of the single runs.
-    reference_ms : sequence of float or None
-        Milliseconds of the bare reference in the same run; None: this is the reference.
-    at : tuple of (str, float) or None
-        Name and value of what is varied beside the choice, e.g. ``("echoes", 100)``: its rows become lines of time over that value.
-    **more
-        Further entries of the row, e.g. ``default=True``; see `Panel`.
+    ``stage``: e.g. ``"baseband"``; ``name``: the setting, e.g. ``"window=hann"``; ``accuracy``: name, value and unit of the accuracy
+    figure; ``times_ms``: milliseconds of the single runs; ``reference_ms``: milliseconds of the bare reference in the same run; None: this
+    is the reference; ``at``: name and value of what is varied beside the choice, e.g. ``("echoes", 100)``: its rows become lines of time
+    over that value; ``**more``: further entries of the row, e.g. ``default=True``; see `Panel`.
     """
     label, value, unit = accuracy
     return {
@@ -135,28 +119,15 @@ def against_first(stage: str, figure: str, found: Mapping[str, tuple[float, Sequ
 
 @dataclass(frozen=True)
 class Panel:
-    """Choices of one knob that are compared with each other: one figure of accuracy, one reference.
+    """Choices of one knob that are compared with each other: one figure of accuracy, one reference."""
 
-    Attributes
-    ----------
-    name : str
-        Of the knob; no other panel has it.
-    figure, unit : str
-        What accuracy means here, and its unit.
-    better : str
-        Whether a ``lower`` or a ``higher`` figure is better.
-    default : str
-        Name of the choice that is the product's default.
-    reference : str
-        What the times are compared with; need not be a choice.
-    """
-
-    name: str
+    name: str  # of the knob; no other panel has it
+    # figure, unit: what accuracy means here, and its unit
     figure: str
     unit: str
-    better: Literal["lower", "higher"]
-    default: str
-    reference: str
+    better: Literal["lower", "higher"]  # whether a ``lower`` or a ``higher`` figure is better
+    default: str  # name of the choice that is the product's default
+    reference: str  # what the times are compared with; need not be a choice
 
     def row(
         self, name: str, value: float, times_ms: Sequence[float], reference_ms: Sequence[float], *, margin: float = 0.0, **more: Any
@@ -218,10 +189,7 @@ def varied(cls: type[T], knobs: Mapping[str, Sequence[Any]]) -> dict[str, T]:
 def join(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     """Put the results of several benchmarks into one: all figures, and the choices of all in order.
 
-    Raises
-    ------
-    ValueError
-        When two of them have a figure of one name.
+    Raises ValueError when two of them have a figure of one name.
     """
     figures: dict[str, Any] = {}
     choices: list[Row] = []

@@ -29,8 +29,7 @@ Random = np.random.Generator
 Place = tuple[float, float]
 MOUNT: Final = Pose(z=1.2)
 HIGH_MOUNT: Final = Pose(z=2.0, tilt=math.radians(-15.0))
-MATCHING: Final = MatchingConfig(gate=0.5, settle=0.0)
-"""A track is of a person within 0.5 m; nobody has time to be found."""
+MATCHING: Final = MatchingConfig(gate=0.5, settle=0.0)  # a track is of a person within 0.5 m; nobody has time to be found
 WALLS: Final = ((-0.5, 2.6, 5.6, 2.6), (-0.5, -2.6, 5.6, -2.6), (5.6, -2.6, 5.6, 2.6))  # m: both ends, of the furnished room
 _BODY: Final = 0.4  # m: centres of people are never nearer to each other
 
@@ -257,27 +256,15 @@ def furnish(scene: Scene, rng: Random) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One cloud of a scene and what is true then.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-        In ``room``.
-    truth : Truth
-        Without scatterers, which are large.
-    visible : ndarray of bool, shape (n_people,)
-        Who counts, see `Visibility`.
-    owner : ndarray of int32, shape (n_points,)
-        Whose each point is: the row of the person with most noiseless power in its range-Doppler cell; -1: a thing's, or not known.
-    baseband_ms : float
-        What the baseband took [ms].
-    """
+    """One cloud of a scene and what is true then."""
 
     cloud: PointCloud
-    truth: Truth
-    visible: NDArray[np.bool_]
+    truth: Truth  # without scatterers, which are large
+    visible: NDArray[np.bool_]  # shape (n_people,): who counts, see `Visibility`
+    # shape (n_points,): whose each point is: the row of the person with most noiseless power in its range-Doppler cell; -1: a thing's, or
+    # not known
     owner: NDArray[np.int32]
-    baseband_ms: float = 0.0
+    baseband_ms: float = 0.0  # what the baseband took [ms]
 
 
 class Owners:
@@ -320,20 +307,9 @@ def moments(
 ) -> Iterator[Moment]:
     """Simulate a scene and put it through the baseband.
 
-    Parameters
-    ----------
-    name : str
-        Key of `SCENARIOS`.
-    seed : int
-        Of everything random.
-    mount : Pose
-        Where the radar stands.
-    owners : bool
-        Whether to find out whose each point is, which takes one simulation more per person; else all are -1.
-    every : int
-        Only each so many'th frame is made.
-    config : BasebandConfig or None
-        Of the baseband; None: that of the kind, see `baseband_config`.
+    ``name``: key of `SCENARIOS`; ``seed``: of everything random; ``mount``: where the radar stands; ``owners``: whether to find out whose
+    each point is, which takes one simulation more per person; else all are -1; ``every``: only each so many'th frame is made; ``config``:
+    of the baseband; None: that of the kind, see `baseband_config`.
     """
     simulator = Simulator(scenario(name, seed, mount))
     config = baseband_config(name) if config is None else config

@@ -50,8 +50,7 @@ DEFAULT = Effects(
     noise=NoiseConfig(),
 )
 """Effects that our scenes with people name."""
-MIDDLE = 105
-"""Frame in the middle of the push."""
+MIDDLE = 105  # frame in the middle of the push
 
 
 def one_person(body: str, effects: Effects) -> Scene:

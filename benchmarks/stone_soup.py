@@ -86,13 +86,7 @@ def models(process_noise: float, position_std: float, gate: float) -> Models:
 
 
 class StoneSoupTracker:
-    """Cluster first, track later, by Stone Soup: DBSCAN centroids to a Kalman filter with 2-D assignment and multi-measurement initiation.
-
-    Parameters
-    ----------
-    config : StoneSoupConfig
-        Knobs.
-    """
+    """Cluster first, track later, by Stone Soup: DBSCAN centroids, a Kalman filter, 2-D assignment, multi-measurement initiation."""
 
     def __init__(self, config: StoneSoupConfig | None = None) -> None:
         self.config = config if config is not None else StoneSoupConfig()
@@ -118,20 +112,9 @@ class StoneSoupTracker:
     def process(self, cloud: PointCloud) -> Tracks:
         """Take in one cloud.
 
-        Parameters
-        ----------
-        cloud : PointCloud
-            In ``room``, not older than the one before.
-
-        Returns
-        -------
-        Tracks
-            Published tracks only; heights are assumed, extents unknown.
-
-        Raises
-        ------
-        DataError
-            When the cloud is not in ``room``.
+        ``cloud``: in ``room``, not older than the one before.
+        Returns published tracks only; heights are assumed, extents unknown.
+        Raises DataError when the cloud is not in ``room``.
         """
         if cloud.frame_id != "room":
             raise DataError(f"tracking needs clouds in 'room', this one is in {cloud.frame_id!r}; level it with PointCloud.to_room(mount)")
@@ -277,12 +260,8 @@ def over_stone_soup(quick: bool) -> dict[str, Any]:
     """Measure predict, associate and update of ten tracks with ten detections, fresh ones every time, by both in turn, one thread.
 
     Five steps of one, then five of the other, and so on. The first step after the other's runs with cold caches: it is told apart.
-
-    Returns
-    -------
-    dict
-        ``over_stone_soup``: median of our steps in space over that of theirs on the floor plane; the same by our steps on the plane, and by
-        our cold ones; ``stone_soup_step_ms``, ``our_step_ms``; ``choices`` with the difference of means.
+    Returns ``over_stone_soup``: median of our steps in space over that of theirs on the floor plane; the same by our steps on the plane,
+    and by our cold ones; ``stone_soup_step_ms``, ``our_step_ms``; ``choices`` with the difference of means.
     """
     rounds = 6 if quick else 100
     knobs = StoneSoupConfig()

@@ -27,8 +27,7 @@ from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, Nois
 
 Columns = Mapping[str, NDArray[Any]]
 
-PACKAGES: Final = ("radar_core", "radar_dsp", "radar_sim")
-"""What clouds depend on."""
+PACKAGES: Final = ("radar_core", "radar_dsp", "radar_sim")  # what clouds depend on
 
 
 def code_of(text: str) -> str:
@@ -64,29 +63,11 @@ def fill_samples(
 ) -> tuple[Path, int]:
     """Simulate the first ``n`` samples that a folder does not hold yet; a stopped run goes on where it stopped.
 
-    Parameters
-    ----------
-    folder : Path
-        Where they go, one file each.
-    manifest : mapping
-        What has to be equal for a run to go on in the folder, plain values.
-    n : int
-        Samples that the folder shall hold.
-    write : callable
-        Simulates the sample of a number and writes its file into the folder; a function of a module, so that it can be sent to other
-        processes.
-
-    Returns
-    -------
-    folder : Path
-        As given.
-    made : int
-        Samples that were not there.
-
-    Raises
-    ------
-    ConfigError
-        When the folder holds samples made otherwise.
+    ``folder``: where they go, one file each; ``manifest``: what has to be equal for a run to go on in the folder, plain values; ``n``:
+    samples that the folder shall hold; ``write``: simulates the sample of a number and writes its file into the folder; a function of a
+    module, so that it can be sent to other processes.
+    Returns ``folder``: as given; ``made``: samples that were not there.
+    Raises ConfigError when the folder holds samples made otherwise.
     """
     place = open_folder(folder, json.loads(json.dumps(manifest)))
     todo = [number for number in range(n) if not sample_path(place, number).exists()]
@@ -98,16 +79,9 @@ def fill_samples(
 class Store:
     """Parts of scenes on disk; what is there is not simulated again while the scene, the settings and our sources stay the same.
 
-    Parameters
-    ----------
-    folder : Path
-        Where files go, in a folder of their own for each state of the sources.
-    name : str
-        What that folder's name begins with.
-    simulate : callable
-        Makes the columns of a scene's part of some number; a function of a module, so that it can be sent to other processes.
-    config : sequence
-        What else decides about the columns, plain values.
+    ``folder``: where files go, in a folder of their own for each state of the sources; ``name``: what that folder's name begins with;
+    ``simulate``: makes the columns of a scene's part of some number; a function of a module, so that it can be sent to other processes;
+    ``config``: what else decides about the columns, plain values.
     """
 
     def __init__(self, folder: Path, name: str, simulate: Callable[[Scene, int], Columns], config: Sequence[Any] = ()) -> None:
@@ -136,10 +110,7 @@ class Store:
     def columns(self, scene: Scene, part: int) -> dict[str, NDArray[Any]]:
         """Read what was simulated.
 
-        Raises
-        ------
-        DataError
-            When the part is missing or cannot be read.
+        Raises DataError when the part is missing or cannot be read.
         """
         path = self.path(scene, part)
         try:

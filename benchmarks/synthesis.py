@@ -40,13 +40,7 @@ def times(body: str, n: int, seed: int = 1) -> dict[str, list[float]]:
 
 
 def measure(n: int = 10) -> dict[str, float]:
-    """Seconds a sample takes with either body on one core, minutes of 600 mesh samples on two, and what a file takes.
-
-    Parameters
-    ----------
-    n : int
-        Samples of each body.
-    """
+    """Seconds a sample takes with either body on one core, minutes of 600 mesh samples on two, and what a file takes."""
     taken = {body: times(body, n) for body in BODIES}
     mesh = taken["mesh"]
     return {

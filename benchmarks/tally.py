@@ -42,32 +42,19 @@ def rate(name: str, count: int, time: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Tally:
-    """What became of the gestures and tracks of some runs; two tallies add up to that of both.
-
-    Attributes
-    ----------
-    minutes : float
-        Length [min].
-    performed, right, wrong, missed : int
-        Gestures, and what the person who performed them was credited with, see `score_gestures`.
-    false_gestures : int
-        Published gestures without a performed one of that person; those of tracks on nobody too.
-    ghost_gestures : int
-        Those of them whose track was on nobody.
-    crossed : int
-        Those of them credited to somebody who performed none then, while others did.
-    track_frames, ghost_track_frames : int
-        Confirmed tracks summed over the moments; those of them without a person within the gate, see `Matching`.
-    """
+    """What became of the gestures and tracks of some runs; two tallies add up to that of both."""
 
     minutes: float = 0.0
+    # performed, right, wrong, missed: gestures, and what the person who performed them was credited with, see `score_gestures`
     performed: int = 0
     right: int = 0
     wrong: int = 0
     missed: int = 0
-    false_gestures: int = 0
-    ghost_gestures: int = 0
-    crossed: int = 0
+    false_gestures: int = 0  # published gestures without a performed one of that person; those of tracks on nobody too
+    ghost_gestures: int = 0  # those of them whose track was on nobody
+    crossed: int = 0  # those of them credited to somebody who performed none then, while others did
+    # track_frames, ghost_track_frames: confirmed tracks summed over the moments; those of them without a person within the gate, see
+    # `Matching`
     track_frames: int = 0
     ghost_track_frames: int = 0
 

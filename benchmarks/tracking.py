@@ -26,29 +26,16 @@ INF: Final = float("inf")
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is run.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Scenes.
-    seeds, peer_seeds, choice_seeds : int
-        Of each scene: for our trackers, for Stone Soup, for the knobs.
-    choice_names : tuple of str
-        Scenes in which every knob is tried.
-    seconds : float
-        Only the scenes' first so many.
-    processes : int
-        At the same time.
-    """
+    """How much is run."""
 
     names: tuple[str, ...] = tuple(SCENARIOS)
+    # seeds, peer_seeds, choice_seeds: of each scene: for our trackers, for Stone Soup, for the knobs
     seeds: int = 20
     peer_seeds: int = 2
-    choice_names: tuple[str, ...] = ("approach", "side_by_side", "five_people", "clutter")
+    choice_names: tuple[str, ...] = ("approach", "side_by_side", "five_people", "clutter")  # scenes in which every knob is tried
     choice_seeds: int = 1
-    seconds: float = INF
-    processes: int = PROCESSES
+    seconds: float = INF  # only the scenes' first so many
+    processes: int = PROCESSES  # at the same time
 
 
 FULL: Final = Plan()
@@ -87,16 +74,12 @@ def by_tracker(done: Sequence[Done], plan: Plan, *, plain: bool = False) -> dict
 def summary(done: Sequence[Done], plan: Plan) -> dict[str, float]:
     """Sum up the product's tracker over the suite.
 
-    Returns
-    -------
-    dict
-        ``id_switches``, ``mota`` (pooled), ``torso_error_m``, ``frame_ms``: of all scenes. ``mota_mean``: mean over the kinds of scenes.
-        ``id_switches_resolvable``: those in crossing, approach and handshake around which the two differed by more than a range bin, a
-        beamwidth or a Doppler bin for half a second before and after; ``id_switches_unresolvable``: the others there.
-        ``ghosts_per_minute``: of the furnished room, tracks that were never on anybody. ``ghost_track_frames``: of all scenes, and
-        ``ghost_track_frames_per_minute``, of the furnished room: confirmed track-frames without a person within ``gate_m``.
-        ``tilt_cost_m``: torso error with the radar 2 m high and 15 degrees down less that at 1.2 m, on the same scenes.
-        ``sitting_lost``: scenes in which the sitting person's identity did not last.
+    Returns ``id_switches``, ``mota`` (pooled), ``torso_error_m``, ``frame_ms``: of all scenes. ``mota_mean``: mean over the kinds of
+    scenes. ``id_switches_resolvable``: those in crossing, approach and handshake around which the two differed by more than a range bin, a
+    beamwidth or a Doppler bin for half a second before and after; ``id_switches_unresolvable``: the others there. ``ghosts_per_minute``: of
+    the furnished room, tracks that were never on anybody. ``ghost_track_frames``: of all scenes, and ``ghost_track_frames_per_minute``, of
+    the furnished room: confirmed track-frames without a person within ``gate_m``. ``tilt_cost_m``: torso error with the radar 2 m high and
+    15 degrees down less that at 1.2 m, on the same scenes. ``sitting_lost``: scenes in which the sitting person's identity did not last.
     """
     everything = pooled(done, PRODUCT)
     close, room = pooled(done, PRODUCT, NO_SWITCHES), pooled(done, PRODUCT, ("clutter",))
@@ -121,13 +104,10 @@ def summary(done: Sequence[Done], plan: Plan) -> dict[str, float]:
 def why(done: Sequence[Done], plan: Plan) -> dict[str, float]:
     """Say where the product's tracker loses accuracy.
 
-    Returns
-    -------
-    dict
-        ``misses_start``: in the first second that a person is visible; ``misses_return``: in the first second after being hidden;
-        ``misses_parallel``: of two who walk 0.5 m apart, all of them; ``misses_other``. ``false_near``: tracks that are on nobody but
-        within 1 m of somebody, ``false_far``: from nothing. ``mota_without_parallel``: without that scene; ``mota_without_start``: if
-        nobody were missed in the first second. By scene: see ``trackers`` of `run`.
+    Returns ``misses_start``: in the first second that a person is visible; ``misses_return``: in the first second after being hidden;
+    ``misses_parallel``: of two who walk 0.5 m apart, all of them; ``misses_other``. ``false_near``: tracks that are on nobody but within 1
+    m of somebody, ``false_far``: from nothing. ``mota_without_parallel``: without that scene; ``mota_without_start``: if nobody were missed
+    in the first second. By scene: see ``trackers`` of `run`.
     """
     everything, parallel = pooled(done, PRODUCT), pooled(done, PRODUCT, ("parallel",))
     others = pooled(done, PRODUCT, [name for name in plan.names if name != "parallel"])
@@ -146,12 +126,8 @@ def why(done: Sequence[Done], plan: Plan) -> dict[str, float]:
 def findings(done: Sequence[Done], *, plain: bool = False) -> dict[str, dict[str, float]]:
     """Compare the trackers as the thesis does (6.3).
 
-    Returns
-    -------
-    dict
-        ``approach_lost``: scenes in which somebody's identity at the end is not that before the approach (Fig. 6.2), of
-        ``approach_scenes``;
-        ``wrong_point_fraction``: share of people's tracked points that carry the other's track, side by side (Fig. 6.3).
+    Returns ``approach_lost``: scenes in which somebody's identity at the end is not that before the approach (Fig. 6.2), of
+    ``approach_scenes``; ``wrong_point_fraction``: share of people's tracked points that carry the other's track, side by side (Fig. 6.3).
     """
     approach: dict[str, Score] = {name: pooled(done, name, ("approach",), plain=plain) for name in (*TRACKERS, *THESIS, PEER)}
     approach = {name: score for name, score in approach.items() if score.clouds}
@@ -210,12 +186,8 @@ def finite(value: Any) -> Any:
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure; ``keep`` is a folder for finished scenes, with which an interrupted run goes on where it stopped.
 
-    Returns
-    -------
-    dict
-        ``trackers``: tracker to scene to figures; ``summary`` of Group Tracker with Clustering, see `summary`; ``why``, see `why`; the
-        thesis's findings, see `findings`; ``one_direction``: the same with one direction in each cell, for the
-        product's tracker and for all as the thesis has them;
-        ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand; ``choices``.
+    Returns ``trackers``: tracker to scene to figures; ``summary`` of Group Tracker with Clustering, see `summary`; ``why``, see `why`; the
+    thesis's findings, see `findings`; ``one_direction``: the same with one direction in each cell, for the product's tracker and for all as
+    the thesis has them; ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand; ``choices``.
     """
     return measure(QUICK if quick else FULL, quick, keep)

@@ -13,11 +13,8 @@ from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, Tracks, Tra
 def hand(quick: bool) -> dict[str, float]:
     """Follow the first hand that draws, started by the truth; quick: only five seconds around the start of the drawing.
 
-    Returns
-    -------
-    dict
-        ``hand_rms_m``: from the true hand [m]; ``hand_active``: share of the drawing with a hand track; ``hand_ms``: median per cloud while
-        there is one.
+    Returns ``hand_rms_m``: from the true hand [m]; ``hand_active``: share of the drawing with a hand track; ``hand_ms``: median per cloud
+    while there is one.
     """
     simulator = Simulator(load_scene("demo"))
     baseband = Baseband(BasebandConfig(), simulator.info)

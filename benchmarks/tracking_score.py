@@ -29,53 +29,31 @@ _LIFETIME = {"approach": (0, 1), "sitting": (0,)}  # rows of the people whose id
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Sums over clouds; two scores add up to the score of both.
+    """Sums over clouds; two scores add up to the score of both."""
 
-    Attributes
-    ----------
-    scenes, clouds, truths, matches, misses, switches : float
-        Counts; people and matches: of visible ones, summed over the clouds.
-    seconds : float
-        Of the scenes [s].
-    gospa, error : float
-        Sums of GOSPA over the clouds and of the plane distances of the matches [m].
-    false : float
-        Ghosts: confirmed track-frames without a person within the gate, see `Matching`.
-    ghosts : float
-        Confirmed tracks that were never on anybody; a ghost that hits a person later is not among them.
-    wrong, owned : float
-        Points of somebody that carry another person's track; that carry any track.
-    misses_start, misses_return : float
-        Misses in the first second that the person was ever visible; in the first second after being hidden.
-    false_near : float
-        False tracks within `NEAR` of somebody.
-    resolvable : float
-        Switches around which the radar could tell the two apart all the time; see `apart`.
-    lost : float
-        Scenes in which somebody's identity did not live through the approach, or through sitting.
-    times : ndarray of float32
-        Milliseconds of every cloud.
-    """
-
+    # scenes, clouds, truths, matches, misses, switches: counts; people and matches: of visible ones, summed over the clouds
     scenes: float = 0.0
     clouds: float = 0.0
-    seconds: float = 0.0
+    seconds: float = 0.0  # of the scenes [s]
     truths: float = 0.0
     matches: float = 0.0
     misses: float = 0.0
-    false: float = 0.0
+    false: float = 0.0  # ghosts: confirmed track-frames without a person within the gate, see `Matching`
     switches: float = 0.0
+    # gospa, error: sums of GOSPA over the clouds and of the plane distances of the matches [m]
     gospa: float = 0.0
     error: float = 0.0
-    ghosts: float = 0.0
+    ghosts: float = 0.0  # confirmed tracks that were never on anybody; a ghost that hits a person later is not among them
+    # wrong, owned: points of somebody that carry another person's track; that carry any track
     wrong: float = 0.0
     owned: float = 0.0
+    # misses_start, misses_return: misses in the first second that the person was ever visible; in the first second after being hidden
     misses_start: float = 0.0
     misses_return: float = 0.0
-    false_near: float = 0.0
-    resolvable: float = 0.0
-    lost: float = 0.0
-    times: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
+    false_near: float = 0.0  # false tracks within `NEAR` of somebody
+    resolvable: float = 0.0  # switches around which the radar could tell the two apart all the time; see `apart`
+    lost: float = 0.0  # scenes in which somebody's identity did not live through the approach, or through sitting
+    times: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))  # milliseconds of every cloud
 
     def __add__(self, other: Score) -> Score:
         names = [f.name for f in dataclasses.fields(self) if f.name != "times"]
@@ -121,12 +99,7 @@ def total(scores: Sequence[Score]) -> Score:
 class Scorer:
     """Scores one tracker on one scene, cloud by cloud.
 
-    Parameters
-    ----------
-    name : str
-        Key of `scenarios.SCENARIOS`: some scenes have questions of their own.
-    info : RadarInfo
-        The radar: what it can resolve.
+    ``name``: key of `scenarios.SCENARIOS`: some scenes have questions of their own; ``info``: the radar: what it can resolve.
     """
 
     def __init__(self, name: str, info: RadarInfo) -> None:

@@ -70,32 +70,17 @@ THESIS: Final[Mapping[str, TrackerConfig]] = {
 
 @dataclass(frozen=True)
 class Job:
-    """One scene and who tracks it.
-
-    Attributes
-    ----------
-    name, seed, mount
-        Of the scene; see `scenarios.moments`.
-    trackers : mapping of str to TrackerConfig
-        Run one after the other.
-    choices : mapping of str to TrackerConfig
-        Run in turn, so that a drifting machine favours none; the first is their reference.
-    peer : bool
-        Whether Stone Soup runs too.
-    seconds : float
-        Only the scene's first so many.
-    plain : bool
-        Whether the baseband looks for one direction only in each cell of the range-Doppler map, as the thesis's does.
-    """
+    """One scene and who tracks it."""
 
     name: str
     seed: int
-    trackers: Mapping[str, TrackerConfig]
+    trackers: Mapping[str, TrackerConfig]  # run one after the other
+    # run in turn, so that a drifting machine favours none; the first is their reference
     choices: Mapping[str, TrackerConfig] = field(default_factory=dict)
     mount: Pose = MOUNT
-    peer: bool = False
-    seconds: float = float("inf")
-    plain: bool = False
+    peer: bool = False  # whether Stone Soup runs too
+    seconds: float = float("inf")  # only the scene's first so many
+    plain: bool = False  # whether the baseband looks for one direction only in each cell of the range-Doppler map, as the thesis's does
 
 
 @dataclass(frozen=True)
@@ -190,14 +175,8 @@ def work(job: Job) -> Done:
 def run_all(jobs: Sequence[Job], processes: int = PROCESSES, keep: Path | None = None) -> list[Done]:
     """Do all jobs, the longest first; progress on stderr.
 
-    Parameters
-    ----------
-    jobs : sequence of Job
-        What to do.
-    processes : int
-        How many at the same time.
-    keep : Path or None
-        Folder in which finished jobs are kept, and from which they are taken when nothing in the sources has changed since.
+    ``jobs``: what to do; ``processes``: how many at the same time; ``keep``: folder in which finished jobs are kept, and from which they
+    are taken when nothing in the sources has changed since.
     """
     do = work if keep is None else Memory(keep / sources(PACKAGES), verbose=0).cache(work)
     order = sorted(range(len(jobs)), key=lambda i: -_length(jobs[i]))

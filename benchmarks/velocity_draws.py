@@ -14,45 +14,28 @@ from radar_tracking.estimators import SnapshotConfig
 
 Float64Array = NDArray[np.float64]
 
-HEIGHT: Final = 1.2
-"""Of both radars above the floor [m]."""
-POINTS: Final = (2, 6)
-"""How many points of a hand each radar has; of the simulated hands nine in ten clouds are within."""
-EXTENT: Final = 0.05
-"""Of the points around the middle of the hand, a standard deviation in every direction [m]."""
-SIDE: Final = 0.02
-"""How much nearer to each radar the points lie that it sees [m]."""
-RATE_STD: Final = (0.01, 0.05)
-"""Errors of the range rates [m/s]; a velocity cell of 0.13 m/s, not refined, has 0.038."""
-LEVELS: Final = 10.0
-"""Amplitudes are up to that much above and below the middle [dB]."""
-FASTEST: Final = 2.0
-"""Speeds of hands go up to that [m/s]."""
+HEIGHT: Final = 1.2  # of both radars above the floor [m]
+POINTS: Final = (2, 6)  # how many points of a hand each radar has; of the simulated hands nine in ten clouds are within
+EXTENT: Final = 0.05  # of the points around the middle of the hand, a standard deviation in every direction [m]
+SIDE: Final = 0.02  # how much nearer to each radar the points lie that it sees [m]
+RATE_STD: Final = (0.01, 0.05)  # errors of the range rates [m/s]; a velocity cell of 0.13 m/s, not refined, has 0.038
+LEVELS: Final = 10.0  # amplitudes are up to that much above and below the middle [dB]
+FASTEST: Final = 2.0  # speeds of hands go up to that [m/s]
 
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """One hand that moves, as one snapshot sees it.
+    """One hand that moves, as one snapshot sees it."""
 
-    Attributes
-    ----------
-    direction, offset : ndarray of float64, shape (n, 3)
-        As measured: unit vectors from the sensors, and places from the middle of the hand [m].
-    sensor : ndarray of int64, shape (n,)
-        Which radar saw each.
-    rate, rate_std, amplitude : ndarray of float64, shape (n,)
-        Range rate, its error [m/s], relative amplitude.
-    velocity : ndarray of float64, shape (3,)
-        Of the middle of the hand [m/s].
-    """
-
+    # direction, offset: shape (n, 3): as measured: unit vectors from the sensors, and places from the middle of the hand [m]
     direction: Float64Array
     offset: Float64Array
-    sensor: NDArray[np.int64]
+    sensor: NDArray[np.int64]  # shape (n,): which radar saw each
+    # rate, rate_std, amplitude: shape (n,): range rate, its error [m/s], relative amplitude
     rate: Float64Array
     rate_std: Float64Array
     amplitude: Float64Array
-    velocity: Float64Array
+    velocity: Float64Array  # shape (3,): of the middle of the hand [m/s]
 
 
 Spoil = Callable[[np.random.Generator, Float64Array, Float64Array, Float64Array], tuple[Float64Array, Float64Array]]
@@ -86,20 +69,10 @@ def draw(
 ) -> Hand:
     """Draw a hand that moves and turns, and what the radars measure of it.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of everything drawn.
-    place, sensors : ndarray of float64, shapes (3,), (n_sensors, 3)
-        Of the hand and of the radars [m].
-    config : SnapshotConfig
-        Its `spread`, `common` and `spin` are those that are drawn.
-    speed : float or None
-        Of the hand [m/s]; None: drawn, up to `FASTEST`. The direction is always drawn.
-    angle_std : float
-        Error of the measured directions, the same across and up [rad]; the model leaves it out.
-    share, spoil : float, Spoil or None
-        Probability of a point to be no part of the hand, and what such a point is; None: a false alarm, with any range rate.
+    ``rng``: of everything drawn; ``place``, ``sensors``, shapes (3,), (n_sensors, 3): of the hand and of the radars [m]; ``config``: its
+    `spread`, `common` and `spin` are those that are drawn; ``speed``: of the hand [m/s]; None: drawn, up to `FASTEST`. The direction is
+    always drawn; ``angle_std``: error of the measured directions, the same across and up [rad]; the model leaves it out; ``share``,
+    ``spoil``: probability of a point to be no part of the hand, and what such a point is; None: a false alarm, with any range rate.
     """
     sensor = np.repeat(np.arange(len(sensors)), rng.integers(POINTS[0], POINTS[1] + 1, len(sensors)))
     n = len(sensor)

@@ -16,33 +16,22 @@ from radar_tracking.metrics.consistency import chi_square_band
 
 Float64Array = NDArray[np.float64]
 
-ENOUGH: Final = 100
-"""An axis is judged where it is told that often."""
-DEMANDED: Final = 1.4
-"""Standard deviation over bound."""
-BAND: Final = 0.99
-"""Probability of the band of the NEES."""
+ENOUGH: Final = 100  # an axis is judged where it is told that often
+DEMANDED: Final = 1.4  # standard deviation over bound
+BAND: Final = 0.99  # probability of the band of the NEES
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """What was estimated of many hands; axes are the snapshot's own, the best known first.
+    """What was estimated of many hands; axes are the snapshot's own, the best known first."""
 
-    Attributes
-    ----------
-    error, std, bound : ndarray of float64, shape (n, 3)
-        Estimate minus truth, what the estimate says of it, and the Cramer-Rao bound along the same axis [m/s]; error NaN: not told.
-    thesis : ndarray of float64, shape (n, 3)
-        Error of the thesis's pseudo-inverse along the same axes, NaN where those are not told [m/s].
-    times_ms : list of float
-        Of one snapshot.
-    """
-
+    # error, std, bound: shape (n, 3): estimate minus truth, what the estimate says of it, and the Cramer-Rao bound along the same axis
+    # [m/s]; error NaN: not told
     error: Float64Array
     std: Float64Array
     bound: Float64Array
-    thesis: Float64Array
-    times_ms: list[float]
+    thesis: Float64Array  # shape (n, 3): error of the thesis's pseudo-inverse along the same axes, NaN where those are not told [m/s]
+    times_ms: list[float]  # of one snapshot
 
     @property
     def told(self) -> NDArray[np.bool_]:
@@ -77,10 +66,7 @@ def draws(
 ) -> Errors:
     """Draw hands at a place from the default model and estimate their velocity, with the same settings or others.
 
-    Parameters
-    ----------
-    changes
-        What else is drawn, as `benchmarks.velocity_draws.draw` has it.
+    ``changes``: what else is drawn, as `benchmarks.velocity_draws.draw` has it.
     """
     truth = SnapshotConfig()
     snapshot = Snapshot(config if config is not None else truth)

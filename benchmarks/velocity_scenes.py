@@ -21,34 +21,23 @@ from radar_tracking import HandConfig
 
 Float64Array = NDArray[np.float64]
 
-SPEEDS: Final = {"below 0.3 m/s": (0.0, 0.3), "0.3 to 1 m/s": (0.3, 1.0), "above 1 m/s": (1.0, np.inf)}
-"""Classes of true speed [m/s]."""
+SPEEDS: Final = {"below 0.3 m/s": (0.0, 0.3), "0.3 to 1 m/s": (0.3, 1.0), "above 1 m/s": (1.0, np.inf)}  # classes of true speed [m/s]
 _WINDOW: Final = 5  # clouds over which the place of the visible hand is differentiated
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Snapshots of clouds that count, against the truth.
+    """Snapshots of clouds that count, against the truth."""
 
-    Attributes
-    ----------
-    error, visible : ndarray of float64, shape (n, 3)
-        Along the snapshot's own axes, the best known first: estimate minus the velocity of the hand's joint, and minus that of the centroid
-        of what is seen of the hand [m/s]; NaN: not told.
-    std : ndarray of float64, shape (n, 3)
-        What the snapshot says of the error [m/s].
-    speed, distance : ndarray of float64, shape (n,)
-        Of the hand [m/s], and from the middle between the radars [m].
-    alone : ndarray of bool, shape (n,)
-        Whether there was one point only, which nothing can test.
-    """
-
+    # error, visible: shape (n, 3): along the snapshot's own axes, the best known first: estimate minus the velocity of the hand's joint,
+    # and minus that of the centroid of what is seen of the hand [m/s]; NaN: not told
     error: Float64Array
     visible: Float64Array
-    std: Float64Array
+    std: Float64Array  # shape (n, 3): what the snapshot says of the error [m/s]
+    # speed, distance: shape (n,): of the hand [m/s], and from the middle between the radars [m]
     speed: Float64Array
     distance: Float64Array
-    alone: NDArray[np.bool_]
+    alone: NDArray[np.bool_]  # shape (n,): whether there was one point only, which nothing can test
 
     def select(self, mask: NDArray[np.bool_]) -> Judged:
         """Keep some clouds."""
@@ -125,10 +114,7 @@ def knobs() -> dict[str, HandConfig]:
 def measure(tracked: Sequence[Tracked], distances: Sequence[float], quick: bool) -> dict[str, Any]:
     """Follow the hand with every setting.
 
-    Returns
-    -------
-    dict
-        ``scenes`` (all clouds), ``scenes_by`` (distance, speed), ``scenes_by_knob``, and ``choices``.
+    Returns ``scenes`` (all clouds), ``scenes_by`` (distance, speed), ``scenes_by_knob``, and ``choices``.
     """
     made: dict[str, Any] = {"scenes_by_knob": {}, "choices": []}
     reference = None

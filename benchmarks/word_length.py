@@ -16,46 +16,21 @@ from radar_dsp.windows import Shape, make_window
 
 @dataclass(frozen=True)
 class WordLengthError:
-    """What one word length costs.
+    """What one word length costs."""
 
-    Attributes
-    ----------
-    word_length : int
-        Bits of a real or imaginary word.
-    floor : float
-        Mean power of the error over the cells beside a strong echo alone in the frame, relative to the echo's peak [dB].
-    spur : float
-        The largest error among those cells, relative to the echo's peak [dB].
-    snr_loss : tuple of float
-        How much of its signal-to-noise ratio a target near the noise floor loses, for each of the levels asked for [dB].
-    """
-
-    word_length: int
-    floor: float
-    spur: float
+    word_length: int  # bits of a real or imaginary word
+    floor: float  # mean power of the error over the cells beside a strong echo alone in the frame, relative to the echo's peak [dB]
+    spur: float  # the largest error among those cells, relative to the echo's peak [dB]
+    # how much of its signal-to-noise ratio a target near the noise floor loses, for each of the levels asked for [dB]
     snr_loss: tuple[float, ...]
 
 
 def word_length_error(word_length: int, levels: tuple[float, ...], *, size: int = 64, n_trial: int = 64, seed: int = 0) -> WordLengthError:
     """Measure the error of a word length with the default windows on a square frame.
 
-    Parameters
-    ----------
-    word_length : int
-        Bits of a real or imaginary word, 8 to 16.
-    levels : tuple of float
-        Powers of the strongest echo in the frame over the noise, both in a raw sample [dB]: what the word has to span.
-    size : int
-        Samples and chirps.
-    n_trial : int
-        Channels with random noise and phases to average over.
-    seed : int
-        Of the random numbers; the same ones for every word length.
-
-    Returns
-    -------
-    WordLengthError
-        The figures.
+    ``word_length``: bits of a real or imaginary word, 8 to 16; ``levels``: powers of the strongest echo in the frame over the noise, both
+    in a raw sample [dB]: what the word has to span; ``size``: samples and chirps; ``n_trial``: channels with random noise and phases to
+    average over; ``seed``: of the random numbers; the same ones for every word length.
     """
     floor, spur = _spurs(word_length, size, n_trial, np.random.default_rng([seed, 1]))
     losses = tuple(_snr_loss(word_length, level, size, n_trial, np.random.default_rng([seed, 2])) for level in levels)

@@ -32,22 +32,12 @@ frame rate is a choice, and for the whole chain, times are those that one second
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a panel's default is worth its time.
-
-    Attributes
-    ----------
-    panel, default : str
-        Which.
-    text : str
-        The verdict in words.
-    unexplained : bool
-        It is clearly beaten, and nobody has said why it is the default.
-    """
+    """Whether a panel's default is worth its time."""
 
     panel: str
     default: str
-    text: str
-    unexplained: bool = False
+    text: str  # the verdict in words
+    unexplained: bool = False  # it is clearly beaten, and nobody has said why it is the default
 
 
 def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
@@ -70,20 +60,9 @@ def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
 def report(results: Sequence[dict[str, Any]], *, command: str, quick: bool, factor: float, pictures: str = "", note: str = "") -> str:
     """Write the report of the stages' results.
 
-    Parameters
-    ----------
-    results : sequence of dict
-        Contents of the stages' files.
-    command : str
-        What was run.
-    quick : bool
-        Whether the amounts were the small ones.
-    factor : float
-        What times were multiplied by.
-    pictures : str
-        Folder of the pictures as seen from the report, with a slash at its end; empty: the same.
-    note : str
-        One more sentence at the head.
+    ``results``: contents of the stages' files; ``command``: what was run; ``quick``: whether the amounts were the small ones; ``factor``:
+    what times were multiplied by; ``pictures``: folder of the pictures as seen from the report, with a slash at its end; empty: the same;
+    ``note``: one more sentence at the head.
     """
     amount = "a quick run: few scenes and repetitions, to see that it runs, not for quoting" if quick else "a full run"
     notes = [note] if note else []

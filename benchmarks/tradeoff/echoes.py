@@ -26,10 +26,7 @@ def noise(rng: np.random.Generator) -> NDArray[np.complex64]:
 def echo(truth: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Make a unit echo of range [m] (middle of the acquisition), range rate [m/s], azimuth and elevation [rad], shape (4,).
 
-    Returns
-    -------
-    ndarray of complex128, shape (n_tx, n_chirp, n_rx, n_sample)
-        Of the default radar, exact at every sample.
+    Returns of the default radar, exact at every sample, shape (n_tx, n_chirp, n_rx, n_sample).
     """
     distance, speed, azimuth, elevation = truth
     fast = np.arange(WAVE.n_sample) * WAVE.chirp_duration / WAVE.n_sample

@@ -28,19 +28,8 @@ FILTER = Panel("hand filter", "hand residual (rms)", "m", "lower", "mm_vel_est",
 class Stream:
     """A drawing hand up to the hand tracker, as one radar sees it or several put together.
 
-    Parameters
-    ----------
-    infos : sequence of RadarInfo
-        Of the radars.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        The radar that the clouds seem to come from.
-    clouds : list of TrackedCloud
-        Moment by moment.
-    before_ms : list of float
-        What everything before the hand tracker took [ms].
+    ``info``: the radar that the clouds seem to come from; ``clouds``: moment by moment; ``before_ms``: what everything before the hand
+    tracker took [ms].
     """
 
     def __init__(self, infos: Sequence[RadarInfo]) -> None:

@@ -43,10 +43,7 @@ def scenes(study: StudyConfig) -> tuple[str, ...]:
 def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
     """Load a scene, with another seed than its own unless ``seed`` is 1; one of ours in the cheapest model of propagation.
 
-    Raises
-    ------
-    ConfigError
-        When nobody is in the scene, or it has fewer radars than asked for.
+    Raises ConfigError when nobody is in the scene, or it has fewer radars than asked for.
     """
     scene = load_scene(name)
     if not scene.people or len(scene.radars) < radars:
@@ -114,14 +111,8 @@ def rows(panel: Panel, judges: Mapping[str, Judge], reference_ms: Sequence[float
 def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
     """Run trackers in turn over the clouds of all scenes, or over each so many'th, as a radar of a lower frame rate gives them.
 
-    Returns
-    -------
-    judges : dict of str to Judge
-        By the names of ``configs``.
-    interval : float
-        From cloud to cloud [s].
-    baseband_ms : list of float
-        What the baseband took for each cloud [ms].
+    Returns ``judges``: by the names of ``configs``; ``interval``: from cloud to cloud [s]; ``baseband_ms``: what the baseband took for each
+    cloud [ms].
     """
     judges, interval, spent = {name: Judge() for name in configs}, 0.02, []
     for scene in scenes(study):

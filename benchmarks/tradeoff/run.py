@@ -33,30 +33,14 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba", "scikit-learn", "finufft")
 
 @dataclass(frozen=True)
 class Job:
-    """What the user asked for.
-
-    Attributes
-    ----------
-    out : Path
-        Folder of results.
-    study : StudyConfig
-        Of the stages.
-    stages : tuple of Stage
-        Which.
-    factor : float
-        What times are multiplied by.
-    again : bool
-        Measure what is there already, too.
-    note : str
-        One more sentence at the report's head.
-    """
+    """What the user asked for."""
 
     out: Path
     study: StudyConfig
     stages: tuple[Stage, ...]
-    factor: float = 1.0
-    again: bool = False
-    note: str = ""
+    factor: float = 1.0  # what times are multiplied by
+    again: bool = False  # measure what is there already, too
+    note: str = ""  # one more sentence at the report's head
 
 
 def key(stage: Stage, study: StudyConfig) -> str:
@@ -97,10 +81,7 @@ def write(stage: Stage, job: Job, found: dict[str, Any]) -> None:
 def measured(stage: Stage, job: Job) -> dict[str, Any]:
     """Measure one stage, in one thread.
 
-    Raises
-    ------
-    DataError
-        When a figure is not finite.
+    Raises DataError when a figure is not finite.
     """
     with threadpool_limits(1):
         try:
@@ -121,10 +102,7 @@ def measured(stage: Stage, job: Job) -> dict[str, Any]:
 def run(job: Job) -> Iterator[tuple[Stage, bool]]:
     """Measure what is not there yet; yields each stage when its files are there, and whether it was measured now.
 
-    Raises
-    ------
-    ConfigError
-        When the folder cannot be made, the factor is none, or the scene makes no sense.
+    Raises ConfigError when the folder cannot be made, the factor is none, or the scene makes no sense.
     """
     if job.study.scene is not None:
         load_scene(job.study.scene)
@@ -140,10 +118,7 @@ def run(job: Job) -> Iterator[tuple[Stage, bool]]:
 def make_folder(out: Path, factor: float) -> None:
     """Make the folder of results.
 
-    Raises
-    ------
-    ConfigError
-        When it cannot be made, or the factor of a device's times is none.
+    Raises ConfigError when it cannot be made, or the factor of a device's times is none.
     """
     if not 0 < factor < float("inf"):
         raise ConfigError(f"--device-factor {factor:g}: give a positive number, e.g. 8 for a device that is eight times slower")

@@ -16,27 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stage:
-    """One study of `handwave tradeoff`.
+    """One study of `handwave tradeoff`."""
 
-    Attributes
-    ----------
-    name : str
-        Of the stage's files.
-    title : str
-        Heading in the report.
-    packages : tuple of str
-        Whose code its figures depend on.
-    scene : bool
-        Whether `StudyConfig.scene` replaces its own.
-    module : str
-        That measures it; empty: that of its name beside this one.
-    """
-
-    name: str
-    title: str
-    packages: tuple[str, ...]
-    scene: bool
-    module: str = ""
+    name: str  # of the stage's files
+    title: str  # heading in the report
+    packages: tuple[str, ...]  # whose code its figures depend on
+    scene: bool  # whether `StudyConfig.scene` replaces its own
+    module: str = ""  # that measures it; empty: that of its name beside this one
 
     @property
     def path(self) -> str:
@@ -77,10 +63,7 @@ STAGES: Final[dict[str, Stage]] = {
 def chosen(names: tuple[str, ...]) -> tuple[Stage, ...]:
     """Look stages up by name; none: all.
 
-    Raises
-    ------
-    ConfigError
-        Naming what there is not, and what there is.
+    Raises ConfigError: naming what there is not, and what there is.
     """
     unknown = [name for name in names if name not in STAGES]
     if unknown:

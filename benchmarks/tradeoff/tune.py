@@ -54,25 +54,13 @@ TRACKING: Final = Panel("levels of the tracking", FIGURE, "m", "lower", DEFAULTS
 
 @dataclass(eq=False)
 class Candidate:
-    """One way to run a stage, and what it showed so far.
-
-    Attributes
-    ----------
-    knobs : mapping
-        By dotted name; all that any candidate of its stage sets.
-    every : int
-        Every so many'th frame is processed.
-    times_ms : list of float
-        Of processed frames.
-    judge : Judge
-        Of the tracks that are there at every frame, new or not.
-    """
+    """One way to run a stage, and what it showed so far."""
 
     name: str
-    knobs: Mapping[str, Any]
-    every: int
-    times_ms: list[float] = field(default_factory=list)
-    judge: Judge = field(default_factory=Judge)
+    knobs: Mapping[str, Any]  # by dotted name; all that any candidate of its stage sets
+    every: int  # every so many'th frame is processed
+    times_ms: list[float] = field(default_factory=list)  # of processed frames
+    judge: Judge = field(default_factory=Judge)  # of the tracks that are there at every frame, new or not
 
     @property
     def level(self) -> Level:
@@ -155,13 +143,7 @@ def losses(found: Sequence[Candidate], default: str) -> list[float]:
 
     What cannot be told from the default at the same frame rate is as accurate as the default; and leaving out more frames makes nothing
     more accurate, whatever one run shows.
-
-    Parameters
-    ----------
-    found : sequence of Candidate
-        All presets at all frame rates, rates one after the other, the highest first.
-    default : str
-        Name of the default preset.
+    ``found``: all presets at all frame rates, rates one after the other, the highest first; ``default``: name of the default preset.
     """
     result: list[float] = []
     worst: dict[str, float] = {}
@@ -216,19 +198,8 @@ class Tuned:
 def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
     """Measure the stages that have levels, in one thread.
 
-    Parameters
-    ----------
-    study : StudyConfig
-        How much, and of which scene.
-    factor : float
-        What times are multiplied by.
-    progress : bool
-        Show a bar.
-
-    Raises
-    ------
-    ConfigError
-        When nobody is in the scene.
+    ``study``: how much, and of which scene; ``factor``: what times are multiplied by; ``progress``: show a bar.
+    Raises ConfigError when nobody is in the scene.
     """
     found = []
     stages: tuple[Literal["baseband", "tracking"], ...] = ("baseband", "tracking")
