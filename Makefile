@@ -11,18 +11,21 @@ export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 # One thread per pool: at these sizes second threads only fight, and results stay the same bit for bit.
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
+# Compiled modules are kept, whatever the shell says: without, each of some hundred processes of the tests compiles all of them anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo test test-all coverage stability mutations setup lint typecheck bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-## make setup      create .venv, install pinned dependencies, build the messages into it (under 3 s when done already)
+## make setup      create .venv, install pinned dependencies, build the messages into it, compile the loops (under 3 s when done already)
 setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt CMakeLists.txt benchmarks/setup.cfg package.xml scripts/check_system.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
 	@PYTHON=$(PYTHON) sh scripts/check_system.sh
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade pip
 	$(PIP) install --quiet --editable '.[test,lint,workspace]'
+	$(VENV)/bin/handwave compile
 	@touch $@
 
 ## make demo       the whole graph on a simulated room (options: make demo ARGS="--headless --duration 20")

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from radar_app import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
+from radar_app.compiling import compile_loops
 from radar_app.parameters import Configs, Domain, Namespace, Params, parse_parameters, split
 from radar_core import HandwaveError
 
@@ -247,6 +248,7 @@ _DEVICES = (device_commands.devices, device_commands.probe)
 _COMMANDS = (*_CALIBRATIONS, *_SCENES, *_DEVICES, training_commands.train, training_commands.evaluate)
 for command in _COMMANDS:
     app.command()(command)
+app.command("compile")(compile_loops)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)
 app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")

@@ -12,6 +12,7 @@ from umockdev_machine import missing
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.long
 @pytest.mark.umockdev
 @pytest.mark.skipif(bool(missing()), reason=missing())
 def test_quick_run():

@@ -38,6 +38,7 @@ def collect(source, n):
         source.power_down()
 
 
+@pytest.mark.long
 def test_250_frames_without_a_loss(bench):
     """Five seconds at 50 Hz: every frame once, in order, sample by sample; stamps follow the sensor's clock to a thousandth of a frame."""
     sent = cubes(3)

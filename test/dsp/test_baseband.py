@@ -291,6 +291,7 @@ def test_unfolded_speed(speed):
     assert np.sign(folded.radial_speed[int(np.argmax(folded.snr))]) == -np.sign(speed)
 
 
+@pytest.mark.long
 def test_refined_points_are_better():
     """Joint maximum likelihood through the whole chain: two dozen echoes at 30 dB, clearly nearer than without it."""
     rng = np.random.default_rng(32)

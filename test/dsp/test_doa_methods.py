@@ -127,6 +127,7 @@ def test_sine_and_cosine():
     np.testing.assert_allclose(got, np.stack([np.sin(x), np.cos(x)], axis=1), atol=1e-11)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["dml", "dml2", "capon"])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_calibrated_array_is_unbiased(method, backend):

@@ -78,6 +78,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "file", "changed"), [("baseband", "array.npz", ("radar/points", "tracks")), ("driver", "mount.yaml", ("radar/info", "tracks"))]
 )

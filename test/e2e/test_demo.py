@@ -12,6 +12,8 @@ from rich.console import Console
 from radar_app.demo import show_report
 from radar_ros import bags
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
@@ -23,7 +25,6 @@ def run(tmp_path_factory):
     return done, folder / "bag"
 
 
-@pytest.mark.long
 def test_report(run):
     """Exit status 0; the person is tracked, gestures are judged, nothing crashed."""
     done, bag = run

@@ -121,6 +121,7 @@ def test_the_five_gestures_of_figure_4_3(figure):
         assert -30_000_000 < event.end_ns - truth.last_ns < 90_000_000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [2, 3, 5])
 def test_events_have_the_same_limits_at_lower_frame_rates(figure, every):
     """25, 17 and 10 Hz, through tracking: the limits are those at 50 Hz within one interval."""
@@ -150,6 +151,7 @@ def score_scene(scene):
     return score_gestures(truth_segments(truths), found), names, np.array(errors)
 
 
+@pytest.mark.long
 def test_the_demo_is_recognised_and_its_rotate_starts_the_hand():
     """Two people at once: at least 80 % of the gestures, no more than one false alarm, and a hand within 0.15 m (rms) while it draws."""
     score, _, errors = score_scene(load_scene("demo"))
@@ -159,6 +161,7 @@ def test_the_demo_is_recognised_and_its_rotate_starts_the_hand():
     assert np.sqrt(np.mean(errors**2)) <= 0.15
 
 
+@pytest.mark.long
 def test_walking_is_no_gesture():
     """To and fro, towards the radar and across: legs and arms swing at 2 m/s, yet every event is random."""
     ways = [(1.8, 0.5), (4.0, -1.0), (2.0, -1.0), (4.0, 1.0)]

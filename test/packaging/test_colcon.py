@@ -49,6 +49,7 @@ def test_executables_and_shared_files(workspace):
     assert "tradeoff = benchmarks.commands:tradeoff" in entries
 
 
+@pytest.mark.long
 def test_messages_and_packages_import_from_the_workspace(workspace):
     """After sourcing setup.bash, messages and libraries are the workspace's, not this environment's."""
     # The editable install of this environment hooks imports ahead of PYTHONPATH; a user's workspace has no such hook.

@@ -68,6 +68,7 @@ def start(ros, port):
     return nodes
 
 
+@pytest.mark.long
 def test_a_walker_is_tracked_through_the_line(ros, board, walk):
     """One confirmed person, where the simulated one is, from packets on a serial line."""
     packets, truth = walk

@@ -57,6 +57,7 @@ def seen(ros, name):
     return ros.spin_until(lambda: name in ros.node.get_node_names(), 30.0)
 
 
+@pytest.mark.long
 def test_processes_make_clouds_of_a_scene(ros, start, scene):
     """Driver and baseband apart: clouds, truth and tf arrive, and their stamps agree with the frames'."""
     clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
@@ -85,6 +86,7 @@ def test_the_driver_ends_with_its_scene(start, scene):
     assert "the source ends after 50 frames" in output
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_stops_though_simulated_time_stands_still(ros, start, number):
     """No clock, no timer, no message: a signal ends the node all the same, with status 0 and without a traceback."""

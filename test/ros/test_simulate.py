@@ -40,6 +40,7 @@ def scene(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_every_radar_has_its_own_topics(tmp_path, scene):
     """Frames of both, in the order of their stamps, each with the truth of its own middle; the scene lies beside the bag as simulated."""
     radars = simulators(scene)
@@ -94,6 +95,7 @@ def test_a_run_that_is_stopped_leaves_a_bag_that_can_be_read(tmp_path, number):
     assert sum(1 for _ in process_recording(bag)) == frames
 
 
+@pytest.mark.long
 def test_explain_prints_all_effects(tmp_path):
     """As a table with warnings, and as JSON that says the same."""
     text = subprocess.run(command("explain", "single_target"), capture_output=True, text=True, check=True).stdout

@@ -127,6 +127,7 @@ def test_ctrl_c_while_everything_is_starting(after):
     assert not marked(marker)
 
 
+@pytest.mark.long
 def test_a_node_that_cannot_start_says_why(tmp_path):
     """A scene that does not exist: one line of the node, one of the command, and status 2."""
     command = [sys.executable, "-m", "radar_app.cli", "up", "--scene", str(tmp_path / "nowhere.yaml")]

@@ -43,6 +43,7 @@ def specs(**knobs):
     return graph("live", parameters={"driver": settings}, without=("baseband", "tracking", "gestures", "hand", "visualisation"))
 
 
+@pytest.mark.long
 @pytest.mark.umockdev
 def test_kill_9_of_the_driver_and_its_restart(ros, machine):
     """SIGKILL while frames come: started again, it brings the board into step, and frames come again; then the same with the plug."""

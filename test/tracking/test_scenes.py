@@ -10,6 +10,8 @@ from radar_tracking import HandTracker, PeopleTracker, TrackedCloud
 
 BRIEF = 100  # clouds: the people of the demo first walk in from the edge of the unambiguous range
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def demo():
