@@ -39,7 +39,7 @@ def stage(name: str, quick: bool) -> dict[str, Any]:
     """Measure a stage of `handwave tradeoff` that is no benchmark of its own."""
     import tempfile
 
-    from benchmarks.tradeoff.config import StudyConfig
+    from benchmarks.tradeoff.stages import StudyConfig
 
     with tempfile.TemporaryDirectory() as folder:
         found = STAGES[name].measure(StudyConfig(Path(folder), quick))

@@ -22,7 +22,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from benchmarks.graph import DOMAIN
-from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.stages import StudyConfig
 from benchmarks.tradeoff.tune import LEVELS, tune, write
 from radar_app.graph import graph
 from radar_app.live import Monitor

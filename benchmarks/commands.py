@@ -10,8 +10,8 @@ import typer
 from radar_core import HandwaveError
 
 if TYPE_CHECKING:
-    from benchmarks.tradeoff.config import StudyConfig
     from benchmarks.tradeoff.run import Job
+    from benchmarks.tradeoff.stages import StudyConfig
 
 
 def tradeoff(
@@ -45,9 +45,8 @@ def tradeoff(
     Examples: `handwave tradeoff -o report --quick` · `handwave tradeoff -o report --stage detection --stage chain` ·
     `handwave tradeoff -o mine --scene my_room.yaml --device-factor 8` · `handwave tradeoff --tune -o levels`
     """
-    from benchmarks.tradeoff.config import StudyConfig
     from benchmarks.tradeoff.run import Job
-    from benchmarks.tradeoff.stages import chosen
+    from benchmarks.tradeoff.stages import StudyConfig, chosen
 
     study = StudyConfig(out, quick, seed, scene, domain)
     if tune:
@@ -115,6 +114,6 @@ def _measure(job: Job, command: str) -> None:
     unexplained = conclude(job, command)
     print(f"report in {job.out / REPORT}")
     if unexplained:
-        print(f"defaults that are beaten, and nobody says why: {', '.join(unexplained)} (benchmarks/tradeoff/reasons.py)")
+        print(f"defaults that are beaten, and nobody says why: {', '.join(unexplained)} (benchmarks/tradeoff/document.py)")
         if not job.study.quick:
             raise typer.Exit(1)

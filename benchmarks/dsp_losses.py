@@ -21,12 +21,10 @@ from typing import Any, Final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.dsp_frames import INFO, LIMITS, SNR_DB, WAVE
 from benchmarks.gesture_scenes import NAMED, gesture_stream, stroke
-from benchmarks.report import choice
+from benchmarks.report import choice, share_interval
 from benchmarks.stores import sources
-from benchmarks.tally import share_interval
-from benchmarks.tradeoff.echoes import AMPLITUDE, echo, noise
+from benchmarks.tradeoff.echoes import AMPLITUDE, INFO, LIMITS, SNR_DB, WAVE, echo, noise
 from radar_core import RadarFrame
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig, SpectrumConfig

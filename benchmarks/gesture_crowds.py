@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks import gesture_rules
-from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause
+from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause, rows_of_rules
 from benchmarks.gesture_clouds import Association, StreamStore, follow
 from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
-from benchmarks.report import against_first, timed
+from benchmarks.report import Tally, against_first, timed
 from benchmarks.stores import kept
-from benchmarks.tally import Tally
 from radar_core import GESTURES
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -97,13 +95,13 @@ def total(judged: Sequence[Judged]) -> Tally:
 
 
 def rule_rows(judged: Sequence[Judged], model: GestureModel) -> list[dict[str, Any]]:
-    """Accuracy of all crowds by other rules of the recogniser, see `gesture_rules`."""
+    """Accuracy of all crowds by other rules of the recogniser, see `rules`."""
 
     def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
         shares = total(again).figures()
         return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", (_ACCURACY, shares["accuracy"] or 0.0, "")
 
-    return gesture_rules.rows("crowds: rules, one event", judged, model, figures)
+    return rows_of_rules("crowds: rules, one event", judged, model, figures)
 
 
 def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:

@@ -11,13 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks import gesture_rules
-from benchmarks.gesture_causes import RANDOM, Judged, Outcome, count, false_by_cause, judge, missed_by_cause
+from benchmarks.gesture_causes import RANDOM, Judged, Outcome, count, false_by_cause, judge, missed_by_cause, rows_of_rules
 from benchmarks.gesture_clouds import Association, StreamStore, follow
 from benchmarks.gesture_scenes import IDLE, LONG, gesture_stream, idle_stream, unknown
-from benchmarks.report import choice
+from benchmarks.report import Tally, choice, rate, share
 from benchmarks.stores import kept
-from benchmarks.tally import Tally, rate, share
 from radar_core import GESTURES
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
@@ -200,7 +198,7 @@ def measure(
 
 
 def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: GestureModel) -> list[dict[str, Any]]:
-    """Count gestures named right, and false ones an hour of idle time, by other rules of the recogniser, see `gesture_rules`."""
+    """Count gestures named right, and false ones an hour of idle time, by other rules of the recogniser, see `rules`."""
     hours = math.fsum(one.hours for one in idle)
 
     def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
@@ -208,7 +206,7 @@ def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: Gesture
         false = sum(s.false for one in again[len(gestures) :] for s in one.surplus)
         return f", {false / hours:.1f} false gestures an hour", ("recognised", math.nan if recognised is None else recognised, "")
 
-    return gesture_rules.rows("streams: rules, one event", [*gestures, *idle], model, figures)
+    return rows_of_rules("streams: rules, one event", [*gestures, *idle], model, figures)
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:

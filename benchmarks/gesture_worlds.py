@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.report import share
 from benchmarks.stores import fill_samples, kept, sources
-from benchmarks.tally import share
 from radar_core import GESTURES
 from radar_core.config import plain
 from radar_gestures.classifiers.perceptron import GestureModel

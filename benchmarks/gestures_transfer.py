@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
 from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
-from benchmarks.report import choice, matrix, measure
+from benchmarks.report import choice, matrix, measure, share
 from benchmarks.stores import kept
-from benchmarks.tally import share
 from radar_gestures.curves import Curves, curve_names, join
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.maps import feature_maps

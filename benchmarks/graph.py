@@ -19,7 +19,7 @@ import numpy as np
 import psutil
 
 from benchmarks.report import Found, Panel, of_share, timed
-from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.tradeoff.stages import StudyConfig
 from radar_app.graph import NodeSpec, graph
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain

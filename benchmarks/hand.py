@@ -10,9 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.hand_clouds import DISTANCES, SCRIPTS, TUNING, HandStore, scene
 from benchmarks.hand_runs import (
+    DISTANCES,
+    SCRIPTS,
+    TUNING,
     Followed,
+    HandStore,
     Tracked,
     consistency,
     counts,
@@ -22,6 +25,7 @@ from benchmarks.hand_runs import (
     percentile,
     residual,
     rms,
+    scene,
     settling,
     track,
 )  # fmt: skip

@@ -9,8 +9,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.front import kept
-from benchmarks.report import Row
+from benchmarks.report import Row, kept
 
 GREY: Final = "0.7"
 COLOUR: Final = "tab:blue"

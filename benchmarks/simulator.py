@@ -11,15 +11,23 @@ import dataclasses
 import math
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from benchmarks import propagation, synthesis
+from benchmarks import propagation
 from benchmarks.propagation import error
-from benchmarks.report import choices, measure_together
-from radar_core import RadarFrame
+from benchmarks.report import choices, measure_together, timed
+from radar_core import RadarFrame, RadarInfo
+from radar_gestures.stage import GestureConfig
+from radar_lab.datasets.readings import read
+from radar_lab.datasets.samples import read_sample
+from radar_lab.datasets.synthesis import Job, write_sample
+from radar_lab.datasets.synthesis_plan import PLANS
 from radar_sim import (
     Action,
     CouplingConfig,
@@ -176,5 +184,37 @@ def run(quick: bool) -> dict[str, Any]:
     """Measure and return the figures."""
     dial = propagation.run(quick)
     keys, rows = whole(quick)
-    keys |= synthesis.measure(2 if quick else 10) | crowd_memory(3 if quick else 1000)
+    keys |= synthesis(2 if quick else 10) | crowd_memory(3 if quick else 1000)
     return {**dial, **keys, "choices": [*dial["choices"], *rows, *ghosts(quick), *effects(quick)]}
+
+
+N_SAMPLES, N_CORES = 600, 2
+BODIES = ("mesh", "ellipsoids")
+
+
+def sample_times(body: str, n: int, seed: int = 1) -> dict[str, list[float]]:
+    """Seconds to make, to load and to read again each of the first ``n`` samples, and the bytes of its file."""
+    taken: dict[str, list[float]] = {"make": [], "load": [], "read": [], "bytes": []}
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+        job = Job(Path(folder), seed, PLANS["thesis"], body, False, False, GestureConfig(), RadarInfo())
+        write_sample(job, n)  # compiles and designs what a worker prepares once
+        for number in range(n):
+            made = timed(write_sample, job, number)[1]
+            sample, loaded = timed(read_sample, job.path(number))
+            for name, value in (("make", made), ("load", loaded), ("read", timed(read, sample)[1])):
+                taken[name].append(1e-3 * value)
+            taken["bytes"].append(job.path(number).stat().st_size)
+    return taken
+
+
+def synthesis(n: int = 10) -> dict[str, float]:
+    """Seconds a sample takes with either body on one core, minutes of 600 mesh samples on two, and what a file takes."""
+    taken = {body: sample_times(body, n) for body in BODIES}
+    mesh = taken["mesh"]
+    return {
+        **{f"seconds_per_sample_{body}": float(np.mean(value["make"])) for body, value in taken.items()},
+        "minutes_for_600_on_two_cores": N_SAMPLES * float(np.mean(mesh["make"])) / N_CORES / 60,
+        "sample_bytes": float(np.mean(mesh["bytes"])),
+        "sample_load_ms": 1e3 * float(np.median(mesh["load"])),
+        "sample_read_again_ms": 1e3 * float(np.median(mesh["read"])),
+    }

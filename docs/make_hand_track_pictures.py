@@ -24,8 +24,7 @@ import matplotlib.pyplot as plt
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
 
 from benchmarks.hand import configured
-from benchmarks.hand_clouds import DISTANCES, SCRIPTS, HandStore, scene
-from benchmarks.hand_runs import SETTLED, Followed, Tracked, counts, follow, residual, track
+from benchmarks.hand_runs import DISTANCES, SCRIPTS, SETTLED, Followed, HandStore, Tracked, counts, follow, residual, scene, track
 from radar_tracking import HandConfig
 
 COLOURS = {"linear": "#E69F00", "mm_vel_est": "#0072B2"}  # Okabe and Ito: told apart by everybody

@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the benchmarks are not installed
 
 from benchmarks import hand_mars, recordings
-from benchmarks.hand_mars_parts import KNOWN, estimate, exercises
+from benchmarks.hand_mars import KNOWN, estimate, exercises
 from radar_core import PointCloud
 from radar_lab.posture.training import train_postures
 

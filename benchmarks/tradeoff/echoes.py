@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import SPEED_OF_LIGHT, RadarFrame, RadarInfo
+from radar_core import NO_GESTURE, SPEED_OF_LIGHT, RadarFrame, RadarInfo
+from radar_sim import Action, CouplingConfig, Effects, NoiseConfig, Person, Scene, Simulator
 
 INFO = RadarInfo()
 WAVE = INFO.waveform
@@ -52,3 +54,28 @@ def busy(rng: np.random.Generator, n: int = 40) -> tuple[NDArray[np.float64], Ra
         truths.append(rng.uniform(*LIMITS))
         cube += AMPLITUDE * 10 ** (level / 20) * echo(truths[-1])
     return np.array(truths), RadarFrame(cube.astype(np.complex64), 0, 0, "radar")
+
+
+__all__ = ["INFO", "LIMITS", "SNR_DB", "WAVE", "busy_frame", "frame", "noise", "person_frames", "single_frames"]
+
+
+def busy_frame() -> RadarFrame:
+    """Forty echoes of 10 to 35 dB in noise: about a hundred detections."""
+    return busy(np.random.default_rng(0))[1]
+
+
+@functools.cache
+def single_frames(n: int) -> list[tuple[NDArray[np.float64], RadarFrame]]:
+    """Truths and frames of single echoes."""
+    rng = np.random.default_rng(1)
+    return [(truth, frame(truth, SNR_DB, rng)) for truth in rng.uniform(*LIMITS, size=(n, 4))]
+
+
+@functools.cache
+def person_frames(step: int) -> list[tuple[NDArray[np.float64], RadarFrame]]:
+    """Place and frame of a person who gestures at 2.2 m, beside coupling 60 dB below the transmitted power."""
+    script = tuple(Action(gesture=name) for name in ("push", "pull", "swipe_right", "swipe_up", "rotate", "wave", "push_pull"))
+    effects = Effects(noise=NoiseConfig(), coupling=CouplingConfig(level=-60.0))
+    simulator = Simulator(Scene(duration=12.0, people=(Person(position=(2.2, 0.4), script=script),), effects=effects))
+    made = [simulator.process(sequence) for sequence in range(0, simulator.n_frames, step)]
+    return [(s.truth.position[0], s.frame) for s in made if s.truth.gesture[0] != NO_GESTURE]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from benchmarks.report import Found, Panel, measure_together, of_share, timed
 from benchmarks.stores import sources
-from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.echoes import INFO, busy
 from benchmarks.tradeoff.people import moments
+from benchmarks.tradeoff.stages import StudyConfig
 from radar_core import DataError
 from radar_core.config import load_file
 from radar_core.paths import find_config

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from benchmarks.hand_runs import LOST, SLOP
 from benchmarks.report import Found, Panel, of_rms, timed
-from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.people import short
+from benchmarks.tradeoff.stages import StudyConfig
 from radar_core import RadarFrame, RadarInfo, merge
 from radar_core.config import load, nest
 from radar_dsp import Baseband, BasebandConfig

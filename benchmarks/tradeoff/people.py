@@ -5,18 +5,24 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import Panel, Row, timed
-from benchmarks.tradeoff.config import StudyConfig
-from radar_core import ConfigError, PointCloud, RadarInfo
+from benchmarks.report import Found, Panel, Row, timed
+from benchmarks.tradeoff.stages import StudyConfig
+from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
+from radar_core.config import load, nest
+from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
+from radar_gestures.classifiers.model import load_model
+from radar_gestures.recognizer import GestureRecognizer
 from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
+from radar_lab.pipeline import PipelineConfig
 from radar_sim import Fidelity, Scene, SimulatedFrame, Simulator, Truth, load_scene
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, Tracks
 from radar_tracking.metrics import GospaMetric, ObjectSet, people
 
 _SCENES = ("two_crossing", "side_by_side", "five_people")
@@ -132,3 +138,140 @@ def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1)
 def slower(info: RadarInfo, every: int) -> RadarInfo:
     """Give a radar that sends only each so many'th frame."""
     return dataclasses.replace(info, waveform=dataclasses.replace(info.waveform, frame_interval=info.waveform.frame_interval * every))
+
+
+_REFERENCE = "the baseband's time of the same frames"
+TRACKER = Panel("tracker", "mean GOSPA", "m", "lower", "group_clustering", _REFERENCE)
+ESTIMATOR = Panel("estimator", "mean GOSPA", "m", "lower", "linear", _REFERENCE)
+WITHIN = Panel("clustering within the tracker", "mean GOSPA", "m", "lower", "dbscan", _REFERENCE)
+
+KNOBS: dict[Panel, dict[str, dict[str, str]]] = {
+    TRACKER: {
+        "group_clustering": {},
+        "group": {"tracker": "group"},
+        "cluster_first": {"tracker": "cluster_first"},
+        "cluster_first, split=kmeans": {"tracker": "cluster_first", "association.split": "kmeans"},
+    },
+    ESTIMATOR: {
+        name: {"filter.estimator.name": name} for name in ("linear", "extended", "unscented", "imm", "mmae", "mm_vel_est")
+    },
+    WITHIN: {
+        name: {"association.clustering.name": name} for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
+    },
+}  # fmt: skip
+
+
+def trackers(study: StudyConfig) -> Found:
+    """Compare trackers, estimators and clusterings within the tracker on the same clouds."""
+    configs = {f"{panel.name}: {name}": load(TrackerConfig, nest(knobs)) for panel, own in KNOBS.items() for name, knobs in own.items()}
+    judges, _, baseband = track(configs, study)
+    return Found([row for panel, own in KNOBS.items() for row in rows(panel, {n: judges[f"{panel.name}: {n}"] for n in own}, baseband)])
+
+
+RATE = Panel("frame rate", "mean GOSPA", "m", "lower", "50 Hz", "the same at 50 Hz")
+TRANSMITTERS = Panel("number of transmitters", "mean GOSPA", "m", "lower", "2 transmitters", "baseband and tracking with 2 transmitters")
+
+
+def _rates(study: StudyConfig) -> Found:
+    """Take every n-th cloud; times are of baseband and tracking for one second of radar."""
+    found, reference, default = Found(), [0.0], Judge()
+    for every in (1, 2, 3, 5):
+        judges, interval, baseband = track({"": TrackerConfig()}, study, every)
+        judge, rate = judges[""], 1.0 / interval
+        times = (rate * np.add(baseband, judge.times_ms)).tolist()
+        reference, default = (times, judge) if every == 1 else (reference, default)
+        name = "50 Hz" if every == 1 and round(rate) == 50 else f"{rate:.3g} Hz"
+        found.rows.append(RATE.row(name, judge.mean, times, reference, margin=judge.margin(default)))
+    return found
+
+
+def _whole(baseband: Baseband, tracker: PeopleTracker, frame: RadarFrame, info: RadarInfo) -> Tracks:
+    return tracker.process(baseband.process(frame).to_room(info.mount))
+
+
+def _transmitters(study: StudyConfig) -> Found:
+    """Keep the chirps of the first transmitter of the same frames."""
+    judges: dict[str, Judge] = {}
+    found = Found()
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        if info.waveform.n_tx == 1:
+            found.leave_out(TRANSMITTERS.name, "2 transmitters", f"the radar of {scene} has one transmitter")
+            return found
+        infos = {f"{info.waveform.n_tx} transmitters": info, "1 transmitter": one_transmitter(info)}
+        chains = {name: (Baseband(BasebandConfig(), one), PeopleTracker(None, one)) for name, one in infos.items()}
+        for made in simulated:
+            seen = visible(made.truth, info)
+            for name, (baseband, tracker) in chains.items():
+                frame = made.frame if name != "1 transmitter" else one_transmitter_frame(made.frame, info)
+                tracks, spent = timed(_whole, baseband, tracker, frame, info)
+                judge = judges.setdefault(name, Judge())
+                judge.times_ms.append(spent)
+                judge.compare(scene, made.truth, seen, tracks)
+    panel = replace(TRANSMITTERS, default=next(iter(judges)))  # a user's scene may have more
+    return Found(rows(panel, judges), found.left_out)
+
+
+def radars(study: StudyConfig) -> Found:
+    """Compare frame rates and numbers of transmitters on the same scenes."""
+    return _rates(study) + _transmitters(study)
+
+
+CHAIN = Panel("whole chain", "mean GOSPA of the people", "m", "lower", "default", "the default chain")
+PRESETS: Final[dict[str, tuple[int, dict[str, Any]]]] = {
+    "fast": (2, {"baseband.doa.newton_steps": 1}),
+    "default": (1, {}),
+    "people": (1, {"baseband.doa.method": "dml2"}),
+    "thorough": (1, {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3, "tracking.filter.estimator.name": "mm_vel_est"}),
+    "most thorough": (
+        1,
+        {
+            "baseband.doa.method": "dml2",
+            "baseband.doa.newton_steps": 3,
+            "baseband.refine": "ml",
+            "tracking.filter.estimator.name": "mm_vel_est",
+        },
+    ),
+}
+"""Every how many'th frame each preset takes, and the knobs that it sets apart from the defaults."""
+PARTS: Final = ("baseband", "tracking", "gestures")
+
+
+class Chain:
+    """One preset, its judge, and the times of its parts."""
+
+    def __init__(self, name: str, info: RadarInfo, judge: Judge, parts: dict[str, list[float]]) -> None:
+        self._every, knobs = PRESETS[name]
+        config, info = load(PipelineConfig, nest(knobs)), slower(info, self._every)
+        self._baseband, self._tracker = Baseband(config.baseband, info), PeopleTracker(config.tracking, info)
+        self._gestures = GestureRecognizer(config.gestures, load_model(config.gestures.model), info.mount)
+        self._info, self._rate, self._judge, self._parts = info, 1.0 / info.waveform.frame_interval, judge, parts
+
+    def process(self, scene: str, made: SimulatedFrame) -> None:
+        """Take one frame of a scene through baseband, tracking and gestures, and compare the people with the truth."""
+        if made.frame.sequence % self._every:
+            return
+        cloud, *spent = timed(lambda: self._baseband.process(made.frame).to_room(self._info.mount))
+        tracks, more = timed(self._tracker.process, cloud)
+        spent += [more, timed(self._gestures.process, TrackedCloud(cloud, tracks))[1]]
+        for name, value in zip(PARTS, spent, strict=True):
+            self._parts[name].append(value * self._rate)
+        self._judge.times_ms.append(sum(spent) * self._rate)
+        self._judge.compare(scene, made.truth, visible(made.truth, self._info), tracks)
+
+
+def chain(study: StudyConfig) -> Found:
+    """Run all presets over the same raw frames, in turn; ``parts`` of a row are the medians of its stages [ms]."""
+    judges = {name: Judge() for name in PRESETS}
+    parts: dict[str, dict[str, list[float]]] = {name: {part: [] for part in PARTS} for name in PRESETS}
+    for scene in scenes(study):
+        info, simulated = frames(scene, study)
+        chains = [Chain(name, info, judges[name], parts[name]) for name in PRESETS]
+        for made in simulated:
+            for chain in chains:
+                chain.process(scene, made)
+    found, default = Found(), judges["default"]
+    for name, judge in judges.items():
+        medians = {part: float(np.median(times)) for part, times in parts[name].items()}
+        found.rows.append(CHAIN.row(name, judge.mean, judge.times_ms, default.times_ms, margin=judge.margin(default), parts=medians))
+    return found

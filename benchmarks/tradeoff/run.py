@@ -17,9 +17,8 @@ from threadpoolctl import threadpool_limits
 from benchmarks.plot import draw
 from benchmarks.report import Found, scaled
 from benchmarks.stores import sources
-from benchmarks.tradeoff.config import StudyConfig
 from benchmarks.tradeoff.document import report, verdicts
-from benchmarks.tradeoff.stages import STAGES, Stage
+from benchmarks.tradeoff.stages import STAGES, Stage, StudyConfig
 from radar_core import ConfigError, DataError, HandwaveError
 from radar_core.paths import find_config
 from radar_sim import load_scene
@@ -48,7 +47,7 @@ def key(stage: Stage, study: StudyConfig) -> str:
     told: dict[str, Any] = {name: value for name, value in asdict(study).items() if name not in ("folder", "domain", "scene")}
     if stage.scene and study.scene is not None:
         told["scene"] = find_config(study.scene, "scenes", ".yaml").read_text(encoding="utf-8")
-    told |= {"format": FORMAT, "code": sources((*stage.packages, *_SHARED, f"{stage.path.replace('.', '/')}.py"))}
+    told |= {"format": FORMAT, "code": sources((*stage.packages, *_SHARED, f"{stage.module.replace('.', '/')}.py"))}
     told |= {"machine": f"{platform.machine()} {os.cpu_count()}", "python": platform.python_version()}
     told |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]

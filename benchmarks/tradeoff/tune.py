@@ -11,11 +11,10 @@ import numpy as np
 from rich.progress import track
 from threadpoolctl import threadpool_limits
 
-from benchmarks.front import FASTER
 from benchmarks.plot import draw
-from benchmarks.report import Found, Panel, Row, timed
-from benchmarks.tradeoff.config import StudyConfig
+from benchmarks.report import FASTER, Found, Panel, Row, timed
 from benchmarks.tradeoff.people import Judge, frames, scenes, visible
+from benchmarks.tradeoff.stages import StudyConfig
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_core.config import flat, load, nest
 from radar_core.ladder import Ladder, Level, save_ladders

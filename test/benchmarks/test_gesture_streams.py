@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import gesture_crowds, gesture_rules, gesture_scenes, gesture_streams
+from benchmarks import gesture_causes, gesture_crowds, gesture_scenes, gesture_streams
 from benchmarks.gesture_causes import Judged, Outcome, Surplus, count, is_crossed, judge, why_random
 from benchmarks.gesture_clouds import Found, Run, StreamStore, follow
 from benchmarks.gesture_scenes import CROWDS, IDLE, TOGETHER, Crowd, crowd_scene, fitted, gesture_stream, idle_stream, scene_of, unknown
 from benchmarks.gesture_streams import Plan, gesture_figures, idle_figures, rejection
+from benchmarks.report import Tally, rate_interval, share_interval
 from benchmarks.stores import code_of
-from benchmarks.tally import Tally, rate_interval, share_interval
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import load_model
@@ -310,8 +310,8 @@ def test_events_named_again_by_other_rules():
         seen[len(seen)] = (one.outcomes[0].found.gesture, one.surplus[0].found.gesture)
         return "!", ("gestures", 1.0, "")
 
-    rows = gesture_rules.rows("rules", [judged], sure_of_push(), figures)
-    names = list(gesture_rules.rules())
+    rows = gesture_causes.rows_of_rules("rules", [judged], sure_of_push(), figures)
+    names = list(gesture_causes.rules())
     assert [row["choice"] for row in rows] == [f"{name}!" for name in names]
     for k, name in enumerate(names):
         still, moved = seen[k]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from originals import recordings
 
-from benchmarks.hand_mars import Split, figures_of, geometric_figures, over_tests
-from benchmarks.hand_mars_parts import KNOWN, STRANGERS, exercises, kinect_place
+from benchmarks.hand_mars import KNOWN, STRANGERS, Split, exercises, figures_of, geometric_figures, kinect_place, over_tests
 from radar_lab.posture.training import PostureTrainingConfig, fit_postures, samples_of
 
 

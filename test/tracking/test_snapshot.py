@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.velocity_draws import bound, draw, errors, forearm, mounts
-from benchmarks.velocity_room import at, draws
+from benchmarks.velocity_room import at, bound, draw, draws, errors, forearm, mounts
 from radar_core import DataError
 from radar_tracking.estimators import Snapshot, SnapshotConfig
 from radar_tracking.metrics.consistency import chi_square_band

@@ -19,17 +19,14 @@ from hypothesis.extra import numpy as hnp
 from typer.testing import CliRunner
 
 from benchmarks.clustering_parts import people
-from benchmarks.front import beaten_by, front, kept, panels
 from benchmarks.graph import nodes
 from benchmarks.plot import COLOUR, GREY, colours, draw
-from benchmarks.report import Found, Panel, measure, of_rms, of_share, scaled
+from benchmarks.report import Found, Panel, beaten_by, front, kept, measure, of_rms, of_share, panels, scaled
 from benchmarks.tradeoff import document, run, stages
-from benchmarks.tradeoff.config import StudyConfig
-from benchmarks.tradeoff.document import NO_REASON, report, verdicts
+from benchmarks.tradeoff.document import NO_REASON, REASONS, report, verdicts
 from benchmarks.tradeoff.people import Judge, short, visible
-from benchmarks.tradeoff.reasons import REASONS
 from benchmarks.tradeoff.run import Job, conclude, measured, read
-from benchmarks.tradeoff.stages import STAGES, chosen
+from benchmarks.tradeoff.stages import STAGES, StudyConfig, chosen
 from radar_app.cli import app
 from radar_core import ConfigError, DataError
 from radar_sim import Simulator
@@ -197,7 +194,7 @@ def test_the_report_holds_every_stage_and_choice():
 
 def test_every_reason_is_of_a_panel():
     """A reason for a panel that does not exist explains nothing; every panel has one, because figures differ from machine to machine."""
-    modules = [importlib.import_module(stage.path) for stage in STAGES.values()]
+    modules = [importlib.import_module(stage.module) for stage in STAGES.values()]
     found = {value.name for module in modules for value in vars(module).values() if isinstance(value, Panel)}
     assert found == set(REASONS)
     assert all(REASONS.values())
