@@ -193,7 +193,7 @@ class Study:
         if isinstance(self.config, PerceptronTraining):
             return train_perceptron(changed, number, labels, self.names, self.config)
         steps = (len(self.names) - len(TOTALS)) // len(SIGNALS)
-        return train_net(changed, number, names=self.names, labels=labels, steps=steps, settings=self.config)
+        return train_net(changed, number, names=self.names, labels=labels, steps=steps, config=self.config)
 
     def validate(self, folds: Sequence[Mask], split: str) -> Validation:
         """Train once for every fold and judge the samples it leaves out."""

@@ -111,12 +111,12 @@ def evaluate(
 
 def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation:
     from radar_lab.training.calibration import soften
-    from radar_lab.training.training import settings_of, validate
+    from radar_lab.training.training import config_of, validate
     from radar_lab.training.validation import Validation, leave_subjects_out, random_split
 
     if split == "all":
         return Validation("all", model.labels, model.probabilities(samples.features), samples.label, samples.person)
-    settings = settings_of(model)
+    settings = config_of(model)
     if split == "random":
         folds = random_split(len(samples.label), seed=settings.seed)
     else:
@@ -126,10 +126,10 @@ def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation
 
 
 def _unknown(model: GestureModel, samples: SampleSet, *, quiet: bool) -> dict[str, float]:
-    from radar_lab.training.training import settings_of
+    from radar_lab.training.training import config_of
     from radar_lab.training.unknown import as_table, leave_one_gesture_out
 
-    reports = leave_one_gesture_out(samples, settings_of(model), labels=model.labels)
+    reports = leave_one_gesture_out(samples, config_of(model), labels=model.labels)
     if not quiet:
         print(as_table(reports))
     return {report.rejector: report.mean for report in reports}

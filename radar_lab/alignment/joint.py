@@ -33,23 +33,23 @@ class State:
 class Fit:
     """The least squares problem of two trajectories."""
 
-    def __init__(self, first: Trajectory, second: Trajectory, settings: TrajectoryConfig) -> None:
-        self.first, self.second, self.settings = first, second, settings
+    def __init__(self, first: Trajectory, second: Trajectory, config: TrajectoryConfig) -> None:
+        self.first, self.second, self.config = first, second, config
         d = first.position.shape[1]
-        self.pose = parameter_names(d, settings.freedom)
-        deep = settings.depth == "estimated"
-        wanted = (settings.clock, deep and settings.depth_std > 0, deep and settings.depth_difference_std > 0)
+        self.pose = parameter_names(d, config.freedom)
+        deep = config.depth == "estimated"
+        wanted = (config.clock, deep and config.depth_std > 0, deep and config.depth_difference_std > 0)
         self.more = np.flatnonzero(wanted)  # which of `_MORE` are estimated
         self.names = (*self.pose, *(_MORE[k] for k in self.more))
-        stds = np.array([math.inf, settings.depth_std, settings.depth_difference_std])
+        stds = np.array([math.inf, config.depth_std, config.depth_difference_std])
         self.prior = np.concatenate([np.full(len(self.pose), math.inf), stds[self.more]])
-        self.slopes = slopes(first, settings.window)
+        self.slopes = slopes(first, config.window)
 
     def choose(self, offset: float) -> None:
         """Choose the samples that have partners at an offset [s]."""
-        self.index, self.partner = nearest(self.first, self.second.stamp_ns, offset, self.settings.max_gap)
-        if len(self.index) < self.settings.min_samples:
-            raise DataError(f"only {len(self.index)} samples have a partner, {self.settings.min_samples} are needed; measure for longer")
+        self.index, self.partner = nearest(self.first, self.second.stamp_ns, offset, self.config.max_gap)
+        if len(self.index) < self.config.min_samples:
+            raise DataError(f"only {len(self.index)} samples have a partner, {self.config.min_samples} are needed; measure for longer")
 
     def seen(self, state: State) -> Float64Array:
         """Where the first sensor saw it at the second one's samples, shape (n, d) [m]."""
@@ -64,7 +64,7 @@ class Fit:
             known[len(self.pose) :] = -at.more[self.more]
             return known
 
-        return solve(state, self.names, self.linearise, self._move, self.prior, prior, self.settings.solver, _advice)
+        return solve(state, self.names, self.linearise, self._move, self.prior, prior, self.config.solver, _advice)
 
     def linearise(self, state: State) -> Linear:
         """Residuals in the first sensor's frame, and how they change."""
@@ -79,7 +79,7 @@ class Fit:
         p, k = len(self.names), len(self.pose)
         noise = np.zeros((p, p))
         noise[:k, :k] = noise_information(turning, covariance, own)
-        if self.settings.clock:
+        if self.config.clock:
             noise[k, k] = np.trace(np.linalg.solve(covariance, self.slopes.covariance[self.partner]), axis1=1, axis2=2).sum()
         residual = a + (depth - 0.5 * difference) * sight_a - turned - state.translation
         return Linear(residual, np.concatenate([jacobian, columns[..., self.more]], axis=-1), covariance, noise)
@@ -92,8 +92,8 @@ class Fit:
 
     def considered(self, solution: Solution[State]) -> Float64Array:
         """Work out what depths that are not estimated do to the covariance of the parameters, shape (p, p) (Schmidt 1966)."""
-        settings = self.settings
-        std = np.array([settings.depth_std, settings.depth_difference_std]) * (settings.depth == "considered")
+        config = self.config
+        std = np.array([config.depth_std, config.depth_difference_std]) * (config.depth == "considered")
         root = np.linalg.cholesky(solution.linear.covariance)
         change = np.linalg.solve(root, self.depths(solution.state)) * solution.weight[:, None, None]
         moved = solution.bread @ np.einsum("nip,nik->pk", solution.jacobian, change) * std
@@ -104,7 +104,7 @@ class Fit:
         more = state.more.copy()
         more[self.more] += step[len(self.pose) :]
         # a step too far would leave samples without neighbours
-        limit = 2.0 * self.settings.max_offset + 0.1
+        limit = 2.0 * self.config.max_offset + 0.1
         more[0] = min(max(more[0], -limit), limit)
         return State(rotation, translation, more)
 

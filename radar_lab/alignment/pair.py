@@ -50,7 +50,7 @@ class Walker:
 
     Parameters
     ----------
-    settings : PairConfig
+    config : PairConfig
         Knobs.
     info : RadarInfo
         The radar. Of its mount only height and tilt are used.
@@ -63,10 +63,10 @@ class Walker:
         Of these, clouds with more than one person; they are left out.
     """
 
-    def __init__(self, settings: PairConfig, info: RadarInfo) -> None:
-        self.info, self._settings = info, settings
+    def __init__(self, config: PairConfig, info: RadarInfo) -> None:
+        self.info, self._config = info, config
         self._level = Pose(z=info.mount.z, tilt=info.mount.tilt)
-        self._tracker = PeopleTracker(settings.tracker, replace(info, mount=self._level))
+        self._tracker = PeopleTracker(config.tracker, replace(info, mount=self._level))
         self.clouds = self.company = 0
         self._stamps: list[int] = []
         self._places: list[Float64Array] = []
@@ -74,10 +74,7 @@ class Walker:
     def process(self, cloud: PointCloud) -> None:
         """Take in the radar's next cloud, in the sensor's frame.
 
-        Raises
-        ------
-        DataError
-            When it is from another frame, or older than the one before.
+        Raises `DataError` when it is from another frame, or older than the one before.
         """
         if cloud.frame_id != self.info.frame_id:
             raise DataError(
@@ -91,7 +88,7 @@ class Walker:
         if len(people) != 1 or (self._stamps and cloud.stamp_ns <= self._stamps[-1]):
             return
         own = np.flatnonzero(tracks.point_track_id == people[0].id)
-        if len(own) >= self._settings.min_points:
+        if len(own) >= self._config.min_points:
             self._stamps.append(cloud.stamp_ns)
             self._places.append(self._centre(level.position[own].astype(np.float64)))
 
@@ -106,12 +103,12 @@ class Walker:
         """Median height of the person's points [m]; NaN: nobody was seen."""
         return float(np.median([place[2] for place in self._places])) if self._places else math.nan
 
-    def trajectory(self, settings: PairConfig | None = None) -> Trajectory:
+    def trajectory(self, config: PairConfig | None = None) -> Trajectory:
         """Give the places of the body's centre, on the floor plane.
 
         Parameters
         ----------
-        settings : PairConfig or None
+        config : PairConfig or None
             How deep the centre lies, and how sure it is; None: those that the person was followed with.
 
         Raises
@@ -119,18 +116,18 @@ class Walker:
         DataError
             When nobody was seen, or mostly more than one person.
         """
-        name, settings = self.info.frame_id, settings or self._settings
-        if self.company > settings.most_company * max(self.clouds, 1):
+        name, config = self.info.frame_id, config or self._config
+        if self.company > config.most_company * max(self.clouds, 1):
             raise DataError(f"{name} sees more than one person in {self.company} of {self.clouds} clouds; let one person walk alone")
         if not self._stamps:
             raise DataError(f"{name} sees nobody in {self.clouds} clouds; walk where both radars can see you, 1 to 5 m in front of them")
         distance, azimuth, _ = np.array(self._places).T
-        distance = distance + settings.surface
+        distance = distance + config.surface
         along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        variance = settings.cross_std**2 + (settings.azimuth_std * distance) ** 2
+        variance = config.cross_std**2 + (config.azimuth_std * distance) ** 2
         covariance = (
-            settings.range_std**2 * along[:, :, None] * along[:, None] + variance[:, None, None] * across[:, :, None] * across[:, None]
+            config.range_std**2 * along[:, :, None] * along[:, None] + variance[:, None, None] * across[:, :, None] * across[:, None]
         )
         return Trajectory(np.array(self._stamps, np.int64), distance[:, None] * along, covariance)
 
@@ -187,7 +184,7 @@ class PairCalibration:
         return notes
 
 
-def calibrate_pair(first: Walker, second: Walker, settings: PairConfig | None = None) -> PairCalibration:
+def calibrate_pair(first: Walker, second: Walker, config: PairConfig | None = None) -> PairCalibration:
     """Find where the second radar stands, by what both saw of one person who walked.
 
     The first radar's mount is taken as it is, the second one's height and tilt too: heights of a person's points scatter by decimetres.
@@ -196,12 +193,8 @@ def calibrate_pair(first: Walker, second: Walker, settings: PairConfig | None = 
     ----------
     first, second : Walker
         That have taken in all clouds.
-    settings : PairConfig or None
+    config : PairConfig or None
         Knobs; those of the tracker were used already.
-
-    Returns
-    -------
-    PairCalibration
 
     Raises
     ------
@@ -210,9 +203,9 @@ def calibrate_pair(first: Walker, second: Walker, settings: PairConfig | None = 
     NotObservableError
         When the walk does not tell the pose.
     """
-    settings = settings or PairConfig()
-    a, b = first.trajectory(settings), second.trajectory(settings)
-    found = align_trajectories(a, b, settings.alignment)
+    config = config or PairConfig()
+    a, b = first.trajectory(config), second.trajectory(config)
+    found = align_trajectories(a, b, config.alignment)
     base, given = first.info.mount, second.info.mount
     c, s = math.cos(base.yaw), math.sin(base.yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -32,10 +32,7 @@ def rows(result: PairCalibration) -> Iterator[tuple[str, str, str]]:
 def draw(result: PairCalibration, path: Path) -> None:
     """Draw both trajectories before and after, in the first radar's levelled frame.
 
-    Raises
-    ------
-    ConfigError
-        When the picture cannot be written.
+    Raises `ConfigError` when the picture cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -112,7 +112,7 @@ def align_points(
     target: Float64Array,
     source_covariance: Float64Array,
     target_covariance: Float64Array,
-    settings: RigidConfig | None = None,
+    config: RigidConfig | None = None,
 ) -> Rigid:
     """Find the rigid motion between corresponding points.
 
@@ -125,12 +125,8 @@ def align_points(
         Corresponding points, d = 2 or 3 [m].
     source_covariance, target_covariance : ndarray, shape (n, d, d) or (d, d)
         Of their errors [m^2]; their sum has to be positive definite.
-    settings : RigidConfig or None
+    config : RigidConfig or None
         Knobs.
-
-    Returns
-    -------
-    Rigid
 
     Raises
     ------
@@ -139,16 +135,16 @@ def align_points(
     DataError
         When shapes differ, or an entry is not finite.
     """
-    settings = settings or RigidConfig()
+    config = config or RigidConfig()
     source, source_covariance = check_points("source", source, source_covariance)
     target, target_covariance = check_points("target", target, target_covariance)
     if source.shape != target.shape:
         raise DataError(f"source has shape {source.shape} but target {target.shape}; give corresponding points")
     d = source.shape[1]
-    names = parameter_names(d, settings.freedom)
+    names = parameter_names(d, config.freedom)
     refuse_few(source, target, len(names), d)
     total = source_covariance + target_covariance
-    state = start(source, target, np.sqrt(np.trace(total, axis1=1, axis2=2) / d), settings.freedom)
+    state = start(source, target, np.sqrt(np.trace(total, axis1=1, axis2=2) / d), config.freedom)
 
     def linearise(at: tuple[Float64Array, Float64Array]) -> Linear:
         rotation, translation = at
@@ -158,7 +154,7 @@ def align_points(
         covariance = own + target_covariance
         return Linear(target - turned - translation, jacobian, covariance, noise_information(turning, covariance, own))
 
-    solution = solve(state, names, linearise, moved, np.full(len(names), math.inf), lambda _: np.zeros(len(names)), settings.solver, advice)
+    solution = solve(state, names, linearise, moved, np.full(len(names), math.inf), lambda _: np.zeros(len(names)), config.solver, advice)
     return as_rigid(solution, names)
 
 
@@ -182,10 +178,7 @@ def as_rigid(solution: Solution[tuple[Float64Array, Float64Array]], names: tuple
 def check_points(name: str, position: Float64Array, covariance: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Check points, shape (n, d), and their covariances; float64, with one covariance for each, shape (n, d, d).
 
-    Raises
-    ------
-    DataError
-        Naming what is wrong.
+    Raises `DataError` naming what is wrong.
     """
     position, covariance = np.asarray(position, np.float64), np.asarray(covariance, np.float64)
     if position.ndim != 2 or position.shape[1] not in (2, 3):
@@ -262,10 +255,6 @@ def noise_information(turning: Float64Array, covariance: Float64Array, own: Floa
         See `rigid_jacobian`.
     covariance, own : ndarray of float64, shape (n, d, d)
         Of the residuals, and of the turned points alone [m^2].
-
-    Returns
-    -------
-    ndarray of float64, shape (p, p)
     """
     try:
         weighted = np.linalg.solve(covariance[None], turning[:, None] @ own[None])
@@ -302,10 +291,6 @@ def closed_form(source: Float64Array, target: Float64Array, freedom: str) -> tup
         Corresponding points [m].
     freedom : str
         ``yaw`` or ``full``.
-
-    Returns
-    -------
-    rotation, translation : ndarray of float64, shapes (..., d, d), (..., d)
     """
     d = source.shape[-1]
     a, b = source.mean(axis=-2), target.mean(axis=-2)

@@ -148,7 +148,7 @@ def solve(
     move: Callable[[S, Float64Array], S],
     prior_std: Float64Array,
     prior_residual: Callable[[S], Float64Array],
-    settings: SolverSettings,
+    config: SolverSettings,
     advice: Callable[[Sequence[str]], str],
 ) -> Solution[S]:
     """Find the state with the least robust sum of squares, by iterated reweighted least squares.
@@ -167,7 +167,7 @@ def solve(
         Standard deviations of what is known beforehand; infinite: nothing is.
     prior_residual : callable
         Known minus state, shape (p,).
-    settings : SolverSettings
+    config : SolverSettings
         How.
     advice : callable
         Says what to do about parameters that cannot be told; for the error.
@@ -180,37 +180,37 @@ def solve(
         When a residual is not finite, a covariance is not positive definite, or nothing converges.
     """
     p, moved, iteration = len(names), math.inf, 0
-    while moved >= _CONVERGED and iteration < settings.max_iterations:
+    while moved >= _CONVERGED and iteration < config.max_iterations:
         iteration += 1
         linear = linearise(state)
         require_finite("residuals of the alignment", linear.residual)
         y, J = _whiten(linear)
         distance = np.sqrt((y * y).sum(-1))
-        scale = _scale(distance, y.shape[1], p) if settings.scale == "measured" else 1.0
-        weight = loss_weight(distance / scale, settings)
+        scale = _scale(distance, y.shape[1], p) if config.scale == "measured" else 1.0
+        weight = loss_weight(distance / scale, config)
         rows, values = _stack(y, J, weight, prior_std / scale, prior_residual(state))
-        U, singular, V, size = _decompose(rows, names, settings, advice)
+        U, singular, V, size = _decompose(rows, names, config, advice)
         step = (V / singular) @ (U.T @ values) / size
         moved = float(np.linalg.norm(U.T @ values)) / scale  # in units of what the parameters are known to
         state = move(state, step)
-    spread, slack = _robustness(distance / scale, settings, y.shape[1], p)
+    spread, slack = _robustness(distance / scale, config, y.shape[1], p)
     bread = symmetrise(((V / singular**2) @ V.T) / size[:, None] / size)
-    _refuse_noise(bread, linear.noise * (scale**2 * float(weight.mean())), names, settings.max_noise, advice)
+    _refuse_noise(bread, linear.noise * (scale**2 * float(weight.mean())), names, config.max_noise, advice)
     if moved > _NEARLY:
         raise DataError(
-            f"the alignment did not converge in {settings.max_iterations} iterations (last step: {moved:.2g} standard deviations); "
+            f"the alignment did not converge in {config.max_iterations} iterations (last step: {moved:.2g} standard deviations); "
             "the samples contradict each other: check that both sensors saw the same movement"
         )
     covariance, bread = bread * (scale**2 * spread * slack**2 / float(weight.mean())), bread * slack
     return Solution(state, linear, y, J, weight, scale, covariance, bread, prior_std, float(singular[0] / singular[-1]), p, iteration)
 
 
-def loss_weight(distance: Float64Array, settings: SolverSettings) -> Float64Array:
+def loss_weight(distance: Float64Array, config: SolverSettings) -> Float64Array:
     """Weights of samples, shape (n,), by their residuals in standard deviations, shape (n,)."""
-    cutoff = settings.cutoff or _CUTOFF[settings.loss]
-    if settings.loss == "none":
+    cutoff = config.cutoff or _CUTOFF[config.loss]
+    if config.loss == "none":
         return np.ones(len(distance))
-    if settings.loss == "huber":
+    if config.loss == "huber":
         return np.asarray(cutoff / np.maximum(distance, cutoff))
     return np.asarray(np.maximum(1.0 - (distance / cutoff) ** 2, 0.0) ** 2)
 
@@ -231,10 +231,6 @@ def correlated_covariance(solution: Solution[S], group: NDArray[np.int64], longe
         Half the correlation time over the length of a stretch: sums that are cut there are too small by this share.
     times : float
         Correlation time over the time between two samples.
-
-    Returns
-    -------
-    ndarray of float64, shape (p, p)
     """
     n, p = len(solution.weight), len(solution.bread)
     score = (solution.jacobian * (solution.weight[:, None] * solution.whitened)[..., None]).sum(axis=1)
@@ -279,21 +275,18 @@ def _stack(
 
 
 def _decompose(
-    rows: Float64Array, names: Sequence[str], settings: SolverSettings, advice: Callable[[Sequence[str]], str]
+    rows: Float64Array, names: Sequence[str], config: SolverSettings, advice: Callable[[Sequence[str]], str]
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """Singular value decomposition of the equations with columns of unit length: U, singular values, V, lengths.
 
-    Raises
-    ------
-    NotObservableError
-        When it is singular, or nearly so.
+    Raises `NotObservableError` when it is singular, or nearly so.
     """
     size = np.sqrt((rows * rows).sum(axis=0))
     if not (size > 0).all():
         open_ones = [name for name, length in zip(names, size, strict=True) if not length > 0]
         raise NotObservableError(f"{', '.join(open_ones)}; {advice(open_ones)}", open_ones)
     U, singular, Vt = canonical_svd(rows / size)
-    if len(singular) < len(names) or singular[0] > settings.max_condition * singular[-1]:
+    if len(singular) < len(names) or singular[0] > config.max_condition * singular[-1]:
         weak = Vt[len(singular) - 1] if len(singular) == len(names) else np.ones(len(names))
         found = _named(weak, names)
         condition = singular[0] / singular[-1] if singular[-1] > 0 else math.inf
@@ -322,7 +315,7 @@ def _refuse_noise(
         )
 
 
-def _robustness(distance: Float64Array, settings: SolverSettings, d: int, p: int) -> tuple[float, float]:
+def _robustness(distance: Float64Array, config: SolverSettings, d: int, p: int) -> tuple[float, float]:
     """Work out what a robust loss does to the uncertainty (Huber 1981, 7.6, for vector residuals).
 
     Returns
@@ -334,10 +327,10 @@ def _robustness(distance: Float64Array, settings: SolverSettings, d: int, p: int
     """
     n = len(distance)
     freedom = n * d / max(n * d - p, 1)
-    if settings.scale == "given":  # residuals are what the covariances say, not what a few samples happen to be
+    if config.scale == "given":  # residuals are what the covariances say, not what a few samples happen to be
         distance, freedom = _normal(d), 1.0
-    weight = loss_weight(distance, settings)
-    slope = (loss_weight(distance * (1.0 + 1e-6), settings) - weight) / 1e-6
+    weight = loss_weight(distance, config)
+    slope = (loss_weight(distance * (1.0 + 1e-6), config) - weight) / 1e-6
     mean = float(weight.mean())
     curvature = max(float((weight + slope / d).mean()), 1e-3)
     return float((weight**2 * distance**2).mean()) / d * freedom, mean / curvature

@@ -23,7 +23,7 @@ _SPAN = 10.0  # correlation times that a movement has to last
 _COARSE = 0.02  # s: steps of the search for the clocks' offset
 
 
-def align_trajectories(first: Trajectory, second: Trajectory, settings: TrajectoryConfig | None = None) -> TrajectoryAlignment:
+def align_trajectories(first: Trajectory, second: Trajectory, config: TrajectoryConfig | None = None) -> TrajectoryAlignment:
     """Find where the second sensor stands to the first one, from one movement that both saw.
 
     Samples of the second are paired with the nearest ones of the first, moved on by their velocity; so let the first be the one with more
@@ -35,12 +35,8 @@ def align_trajectories(first: Trajectory, second: Trajectory, settings: Trajecto
     ----------
     first, second : Trajectory
         Of the same dimension.
-    settings : TrajectoryConfig or None
+    config : TrajectoryConfig or None
         Knobs.
-
-    Returns
-    -------
-    TrajectoryAlignment
 
     Raises
     ------
@@ -49,13 +45,13 @@ def align_trajectories(first: Trajectory, second: Trajectory, settings: Trajecto
     DataError
         When the trajectories do not overlap in time, or nothing fits.
     """
-    settings = settings or TrajectoryConfig()
+    config = config or TrajectoryConfig()
     d = first.position.shape[1]
     if second.position.shape[1] != d:
         raise DataError(f"the first trajectory has {d} dimensions, the second {second.position.shape[1]}; leave out z, or give it in both")
-    rotation, translation, offset = _begin(first, second, settings)
+    rotation, translation, offset = _begin(first, second, config)
     state = State(rotation, translation, np.array([offset, 0.0, 0.0]))
-    fit = Fit(first, second, settings)
+    fit = Fit(first, second, config)
     for _ in range(3):  # which samples have partners depends, at the edges of gaps, on the offset
         fit.choose(float(state.more[0]))
         solution = fit.solve(state)
@@ -66,41 +62,41 @@ def align_trajectories(first: Trajectory, second: Trajectory, settings: Trajecto
     return _result(fit, solution)
 
 
-def _begin(first: Trajectory, second: Trajectory, settings: TrajectoryConfig) -> tuple[Float64Array, Float64Array, float]:
+def _begin(first: Trajectory, second: Trajectory, config: TrajectoryConfig) -> tuple[Float64Array, Float64Array, float]:
     """Find a start: the offset of the clocks, on a coarse grid, with which a rigid motion fits best."""
-    steps = math.ceil(settings.max_offset / _COARSE) if settings.clock else 0
-    velocity = slopes(first, settings.window).velocity
+    steps = math.ceil(config.max_offset / _COARSE) if config.clock else 0
+    velocity = slopes(first, config.window).velocity
     best: tuple[float, Float64Array, Float64Array, float] | None = None
     most = 0
     for k in sorted(range(-steps, steps + 1), key=abs):
-        offset = k * settings.max_offset / max(steps, 1)
-        index, partner = nearest(first, second.stamp_ns, offset, settings.max_gap)
+        offset = k * config.max_offset / max(steps, 1)
+        index, partner = nearest(first, second.stamp_ns, offset, config.max_gap)
         most = max(most, len(index))
-        if len(index) < settings.min_samples:
+        if len(index) < config.min_samples:
             continue
         b = second.position[index]
         a = first.position[partner] + velocity[partner] * since(first, second, index, partner, offset)[:, None]
-        names = parameter_names(b.shape[1], settings.freedom)
+        names = parameter_names(b.shape[1], config.freedom)
         rigid.refuse_few(b, a, len(names), b.shape[1])
         std = np.sqrt(np.trace(first.covariance[partner] + second.covariance[index], axis1=1, axis2=2) / b.shape[1])
-        rotation, translation = rigid.start(b, a, std, settings.freedom)
+        rotation, translation = rigid.start(b, a, std, config.freedom)
         step = a - b @ rotation.T - translation
         misfit = float(np.median(np.sqrt((step * step).sum(-1))))
         if best is None or misfit < 0.98 * best[0]:  # a shift of the clocks has to be worth it
             best = misfit, rotation, translation, offset
     if best is None:
         raise DataError(
-            f"only {most} samples of the second trajectory have a partner in the first, {settings.min_samples} are needed; both sensors "
+            f"only {most} samples of the second trajectory have a partner in the first, {config.min_samples} are needed; both sensors "
             "must see the person at the same time, and their stamps must be of one time"
         )
     return best[1:]
 
 
 def _result(fit: Fit, solution: Solution[State]) -> TrajectoryAlignment:
-    settings, index = fit.settings, fit.index
+    config, index = fit.config, fit.index
     stamp = fit.second.stamp_ns[index]
     time = integrated_time(stamp, solution.whitened, solution.weight)
-    apart = settings.correlation_time or time
+    apart = config.correlation_time or time
     span = float(stamp[-1] - stamp[0]) / _SECOND
     if span < _SPAN * apart:
         known = f"errors stay alike for {apart:.2g} s, nearly as long as the {span:.3g} s that both sensors saw"

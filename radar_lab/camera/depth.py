@@ -70,11 +70,6 @@ class DepthReader:
     enough pixels (`share`) lie within `thickness` of each other. Its median is the depth. Few pixels in front of it are flying pixels of
     an edge, or noise. The variance is that of the median of noisy pixels, and the square of what the surface's spread exceeds the noise
     by: which point of a slanted surface the pixel means is not known better.
-
-    Parameters
-    ----------
-    config : DepthConfig or None
-        None: all defaults.
     """
 
     def __init__(self, config: DepthConfig | None = None) -> None:

@@ -25,9 +25,6 @@ class PoseConfig:
 def make_estimator(config: PoseConfig) -> PoseEstimator:
     """Make the estimator that a configuration names.
 
-    Raises
-    ------
-    ConfigError
-        When what it needs is not installed, or its model is not there.
+    Raises `ConfigError` when what it needs is not installed, or its model is not there.
     """
     return MediapipePose(config.mediapipe) if config.estimator == "mediapipe" else MarkerFinder(config.markers)

@@ -65,11 +65,6 @@ class MarkerFinder:
     which fingers hide up to half, and for a band. The confidence is the spot's share of all spots of that hue (two of one size: 0.5),
     times that of the circle which it fills (a ball 1, a band of 1 : 2 0.5). A spot at the image's border is cut off: not found.
 
-    Parameters
-    ----------
-    config : MarkerConfig or None
-        None: all defaults.
-
     Attributes
     ----------
     names : tuple of str

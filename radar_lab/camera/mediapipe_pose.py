@@ -58,11 +58,6 @@ class MediapipeConfig:
 class MediapipePose:
     """Find the joints of one person.
 
-    Parameters
-    ----------
-    config : MediapipeConfig or None
-        None: all defaults.
-
     Attributes
     ----------
     names : tuple of str
@@ -83,10 +78,7 @@ class MediapipePose:
     def process(self, image: NDArray[np.uint8]) -> Keypoints:
         """Find the joints of an image, shape (height, width, 3): see `radar_lab.camera.pose.PoseEstimator`.
 
-        Raises
-        ------
-        DataError
-            When the image is none, or MediaPipe fails on it.
+        Raises `DataError` when the image is none, or MediaPipe fails on it.
         """
         require_image(image)
         n = len(self.names)

@@ -59,13 +59,7 @@ class PoseEstimator(Protocol):
     names: tuple[str, ...]
 
     def process(self, image: NDArray[np.uint8]) -> Keypoints:
-        """Find the joints of an image of red, green, blue, shape (height, width, 3).
-
-        Raises
-        ------
-        DataError
-            When the image is none.
-        """
+        """Find the joints of an image of red, green, blue, shape (height, width, 3). Raises `DataError` when the image is none."""
         ...
 
     def close(self) -> None:

@@ -133,11 +133,6 @@ class HandResiduals:
     them, the others stay, and that a hand does not move in a straight line is an error of its own. Samples may come in any order between
     the trackers and the reference, but each in the order of its own stamps; a track waits until the reference has gone past it.
 
-    Parameters
-    ----------
-    config : ResidualConfig or None
-        None: all defaults.
-
     Attributes
     ----------
     unmatched : int

@@ -150,10 +150,7 @@ class CameraTruth:
     def process(self, frame: RgbdFrame) -> JointTruth:
         """Find the joints of one frame.
 
-        Raises
-        ------
-        DataError
-            When the images are not of the camera's size, or the frame is not newer than the one before.
+        Raises `DataError` when the images are not of the camera's size, or the frame is not newer than the one before.
         """
         shape = (self.camera.height, self.camera.width)
         if frame.depth.shape != shape:
@@ -243,13 +240,7 @@ def _reason(found: Keypoints, i: int, sure: bool, depth: str) -> str:
 
 
 def reference_of(truth: JointTruth, joint: str) -> ReferenceSample | None:
-    """Take one joint as the reference of a hand track; None: it was not seen.
-
-    Raises
-    ------
-    DataError
-        When there is no such joint.
-    """
+    """Take one joint as the reference of a hand track; None: it was not seen. Raises `DataError` when there is no such joint."""
     if joint not in truth.names:
         raise DataError(f"the camera's joints are {', '.join(truth.names)}; there is no {joint!r} (parameter joint)")
     i = truth.names.index(joint)

@@ -135,7 +135,7 @@ def import_labelled(
     labels: Sequence[TruthSegment],
     *,
     source: str,
-    settings: GestureConfig | None = None,
+    config: GestureConfig | None = None,
     one_tx: bool = False,
 ) -> ImportReport:
     """Cut the labelled gestures out of a recording and add each to a data set as a sample of its own.
@@ -154,7 +154,7 @@ def import_labelled(
         What was performed, when and by whom.
     source : str
         What the recording is called, to know its samples again.
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of events and features; None: the defaults.
     one_tx : bool
         Whether moments hold clouds of one transmitter that are to be kept.
@@ -173,11 +173,11 @@ def import_labelled(
     """
     if not labels:
         raise ConfigError(f"{source}: there is no label, so there is nothing to import")
-    settings = settings or GestureConfig()
+    config = config or GestureConfig()
     manifest = {
         "format": FORMAT,
         "recorded": True,
-        "settings": feature_settings(settings),
+        "settings": feature_settings(config),
         "radar": plain(info),
         "one_tx": one_tx,
     }
@@ -187,12 +187,12 @@ def import_labelled(
     written = found = outside = repeated = 0
     for label, cut in cut_out(moments, labels):
         inside = [moment for moment in cut if label.start_ns <= moment.cloud.stamp_ns <= label.end_ns]
-        digest = _digest(source, label, info, settings)
+        digest = _digest(source, label, info, config)
         if not inside or digest in known:
             outside += not inside
             repeated += bool(inside)
             continue
-        columns = _columns(number, label, cut, info, settings, one_tx) | {"hash": np.array(digest)}
+        columns = _columns(number, label, cut, info, config, one_tx) | {"hash": np.array(digest)}
         write_chunk(sample_path(place, number), columns, compressed=True)
         known.add(digest)
         number, written, found = number + 1, written + 1, found + bool(columns["found"])
@@ -202,12 +202,7 @@ def import_labelled(
 def cut_out(moments: Iterable[Moment], labels: Sequence[TruthSegment]) -> Iterator[tuple[TruthSegment, list[Moment]]]:
     """Give every label the moments from `AROUND` before its start to `AROUND` after its end, in the order in which they end.
 
-    Only what is under way is kept in memory, however long the recording.
-
-    Raises
-    ------
-    DataError
-        When stamps go back.
+    Only what is under way is kept in memory, however long the recording. Raises `DataError` when stamps go back.
     """
     around = round(AROUND * 1e9)
     waiting = sorted(labels, key=lambda label: label.start_ns, reverse=True)
@@ -231,19 +226,19 @@ def cut_out(moments: Iterable[Moment], labels: Sequence[TruthSegment]) -> Iterat
     yield from ((label, []) for label in reversed(waiting))
 
 
-def _digest(source: str, label: TruthSegment, info: RadarInfo, settings: GestureConfig) -> str:
+def _digest(source: str, label: TruthSegment, info: RadarInfo, config: GestureConfig) -> str:
     """SHA-256 over what makes a recorded sample."""
-    described = [FORMAT, source, label.person_id, label.label, label.start_ns, label.end_ns, plain(info), feature_settings(settings)]
+    described = [FORMAT, source, label.person_id, label.label, label.start_ns, label.end_ns, plain(info), feature_settings(config)]
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
 def _columns(
-    number: int, label: TruthSegment, cut: list[Moment], info: RadarInfo, settings: GestureConfig, one_tx: bool
+    number: int, label: TruthSegment, cut: list[Moment], info: RadarInfo, config: GestureConfig, one_tx: bool
 ) -> dict[str, NDArray[Any]]:
     """Columns of a file, as `synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
     clouds = [moment.cloud for moment in cut]
     position = np.array([moment.places.get(label.person_id, _NOWHERE) for moment in cut], np.float64).reshape(-1, 3)
-    reading = read_stroke(info, clouds, position, label, settings, padded=False)
+    reading = read_stroke(info, clouds, position, label, config, padded=False)
     unknown = np.full(position.shape, np.nan)
     columns = {
         "number": np.array(number, np.int64),
@@ -253,7 +248,7 @@ def _columns(
         "gesture": np.array(GESTURES[label.label]),
         "scene": np.array(""),
         "radar": np.array(json.dumps(plain(info), sort_keys=True)),
-        "settings": np.array(json.dumps(plain(settings), sort_keys=True)),
+        "settings": np.array(json.dumps(plain(config), sort_keys=True)),
         "margin": np.array(AROUND),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
         **pack_clouds([in_sensor(cloud, info) for cloud in clouds]),

@@ -106,7 +106,7 @@ def read_stroke(
     clouds: Sequence[PointCloud],
     position: NDArray[np.floating],
     stroke: TruthSegment,
-    settings: GestureConfig,
+    config: GestureConfig,
     *,
     padded: bool = True,
 ) -> Reading:
@@ -125,7 +125,7 @@ def read_stroke(
         Of the person when the clouds were made, in ``room`` [m]; NaN: not known, then anybody's event may be the gesture.
     stroke : TruthSegment
         What was performed, and when.
-    settings : GestureConfig
+    config : GestureConfig
         Knobs of events and features.
     padded : bool
         Whether the clouds only span the stroke: then those before and after it are continued as a body at rest would look, long enough
@@ -134,10 +134,10 @@ def read_stroke(
     room = [cloud.to_room(info.mount) for cloud in clouds]
     places = [*np.asarray(position, np.float64)]
     if padded and room:
-        lead, rest = _surroundings(room, stroke, settings, info.waveform.frame_interval)
+        lead, rest = _surroundings(room, stroke, config, info.waveform.frame_interval)
         room = [*lead, *room, *rest]
         places = [*places[:1] * len(lead), *places, *places[-1:] * len(rest)]
-    tracker, stage = PeopleTracker(TrackerConfig(), info), EventStage(settings, info.mount)
+    tracker, stage = PeopleTracker(TrackerConfig(), info), EventStage(config, info.mount)
     passed: list[TrackedCloud] = []
     found: list[TrackEvent] = []
     for cloud, place in zip(room, places, strict=True):
@@ -149,7 +149,7 @@ def read_stroke(
             if own and not missed and event.features is not None:
                 found.append(event)
     best = max(found, key=lambda one: one.event.end_ns - one.event.start_ns, default=None)
-    own_clouds, samples = ((), ()) if best is None else _signals(passed, best, settings, info)
+    own_clouds, samples = ((), ()) if best is None else _signals(passed, best, config, info)
     return Reading(stroke.label, stroke.person_id, (stroke.start_ns, stroke.end_ns), best, own_clouds, samples)
 
 
@@ -161,7 +161,7 @@ def _is_of(track: Track | None, place: NDArray[np.float64]) -> bool:
 
 
 def _surroundings(
-    room: list[PointCloud], stroke: TruthSegment, settings: GestureConfig, interval: float
+    room: list[PointCloud], stroke: TruthSegment, config: GestureConfig, interval: float
 ) -> tuple[list[PointCloud], list[PointCloud]]:
     """Clouds to come before and after those of a stroke, in order of time."""
     before = [cloud for cloud in room if cloud.stamp_ns < stroke.start_ns] or room[:1]
@@ -169,26 +169,26 @@ def _surroundings(
     stamps = np.array([cloud.stamp_ns for cloud in room])
     step = round(float(np.median(np.diff(stamps)))) if len(stamps) > 1 else 0
     step = step if step >= _LEAST_STEP else round(interval * 1e9)
-    lead = _at_rest(before, settings, room[0].stamp_ns - step, -step, _LEAD)
-    return lead[::-1], _at_rest(after, settings, room[-1].stamp_ns + step, step, settings.events.quiet)
+    lead = _at_rest(before, config, room[0].stamp_ns - step, -step, _LEAD)
+    return lead[::-1], _at_rest(after, config, room[-1].stamp_ns + step, step, config.events.quiet)
 
 
-def _at_rest(near: list[PointCloud], settings: GestureConfig, start_ns: int, step_ns: int, duration: float) -> list[PointCloud]:
+def _at_rest(near: list[PointCloud], config: GestureConfig, start_ns: int, step_ns: int, duration: float) -> list[PointCloud]:
     """Clouds before or after those that were simulated: body and hand rest then, so what stands still nearby is what would come.
 
     With them tracking knows the person, as it long does at run time when a gesture begins, and the quiet time that ends an event passes.
     """
-    slow = min(settings.features.body_speed, settings.events.release)
+    slow = min(config.features.body_speed, config.events.release)
     still = [cloud.select(np.flatnonzero(~(np.abs(cloud.radial_speed) >= slow))) for cloud in near]
     n = math.ceil(duration * 1e9 / abs(step_ns)) + 1
     return [dataclasses.replace(still[k % len(still)], stamp_ns=start_ns + k * step_ns) for k in range(n)]
 
 
 def _signals(
-    passed: list[TrackedCloud], found: TrackEvent, settings: GestureConfig, info: RadarInfo
+    passed: list[TrackedCloud], found: TrackEvent, config: GestureConfig, info: RadarInfo
 ) -> tuple[tuple[PointCloud, ...], tuple[MotionSample, ...]]:
     """Return the track's own points about the event, cloud by cloud, and what they tell."""
-    margin = round(settings.margin * 1e9)
+    margin = round(config.margin * 1e9)
     clouds, samples = [], []
     for tracked in passed:
         track = tracked.tracks.find(found.track_id)
@@ -197,18 +197,18 @@ def _signals(
         own = tracked.cloud.select(np.flatnonzero(tracked.tracks.point_track_id == track.id))
         distance, azimuth, elevation = cartesian_to_spherical(info.mount.from_room(np.asarray(track.position)))
         clouds.append(own)
-        samples.append(summarise(own, (float(distance), float(azimuth), float(elevation)), settings.features))
+        samples.append(summarise(own, (float(distance), float(azimuth), float(elevation)), config.features))
     return tuple(clouds), tuple(samples)
 
 
-def read(sample: Columns, settings: GestureConfig | None = None, *, every: int = 1, one_tx: bool = False) -> Reading:
+def read(sample: Columns, config: GestureConfig | None = None, *, every: int = 1, one_tx: bool = False) -> Reading:
     """Read one stored sample.
 
     Parameters
     ----------
     sample : mapping
         As `read_samples` gives it.
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of events and features; None: the defaults.
     every : int
         Take every n-th cloud only, as a radar of a lower frame rate would give them.
@@ -228,7 +228,7 @@ def read(sample: Columns, settings: GestureConfig | None = None, *, every: int =
     clouds, start_end = unpack_clouds(sample, kind)[::every], sample["stroke_ns"].tolist()
     stroke = TruthSegment(int(sample["subject"]), int(sample["label"]), *start_end)
     return read_stroke(
-        info_of(sample, kind), clouds, sample["position"][::every], stroke, settings or GestureConfig(), padded=bool(str(sample["scene"]))
+        info_of(sample, kind), clouds, sample["position"][::every], stroke, config or GestureConfig(), padded=bool(str(sample["scene"]))
     )
 
 
@@ -251,7 +251,7 @@ def maps_of(sample: Columns, gate: float | None = None, *, one_tx: bool = False)
 
 def collect(
     folder: str | Path,
-    settings: GestureConfig | None = None,
+    config: GestureConfig | None = None,
     *,
     every: int = 1,
     one_tx: bool = False,
@@ -265,7 +265,7 @@ def collect(
     ----------
     folder : str or Path
         A data set of `radar_lab.datasets.synthesis` or `radar_lab.datasets.labelled`.
-    settings, every, one_tx
+    config, every, one_tx
         As in `read`.
     n_jobs : int
         Processes, -1: one per core.
@@ -284,8 +284,8 @@ def collect(
     DataError
         When the folder is no such data set, holds no sample, or one cannot be read.
     """
-    settings = settings or GestureConfig()
-    work = functools.partial(_row, settings=settings, every=every, one_tx=one_tx, vector=vector)
+    config = config or GestureConfig()
+    work = functools.partial(_row, config=config, every=every, one_tx=one_tx, vector=vector)
     rows = _each(folder, work, n_jobs)
     found = [row for row in rows if row[0] is not None]
     return SampleSet(
@@ -294,14 +294,14 @@ def collect(
         person=np.array([row[2] for row in found], np.int64),
         walked=np.array([row[3] for row in found], np.float64),
         missed=_count_missed(rows),
-        settings=feature_settings(settings),
+        config=feature_settings(config),
         names=names,
     )
 
 
 def cubes(
     folder: str | Path,
-    settings: GestureConfig | None = None,
+    config: GestureConfig | None = None,
     *,
     encoder: EncoderConfig | None = None,
     every: int = 1,
@@ -314,7 +314,7 @@ def cubes(
     ----------
     folder : str or Path
         As in `collect`.
-    settings, every, one_tx
+    config, every, one_tx
         As in `read`.
     encoder : EncoderConfig or None
         Size and kind of the cubes; None: the thesis's 50 detections of 50 frames.
@@ -328,7 +328,7 @@ def cubes(
     """
     encoder = encoder or EncoderConfig()
     rows = _each(
-        folder, functools.partial(_cube_row, settings=settings or GestureConfig(), every=every, one_tx=one_tx, encoder=encoder), n_jobs
+        folder, functools.partial(_cube_row, config=config or GestureConfig(), every=every, one_tx=one_tx, encoder=encoder), n_jobs
     )
     found = [row for row in rows if row[0] is not None]
     return Cubes(
@@ -342,15 +342,15 @@ def cubes(
 _Row = tuple[NDArray[Any] | None, int, int, float]
 
 
-def _row(path: Path, settings: GestureConfig, every: int, one_tx: bool, vector: Callable[[Reading], NDArray[np.float64]] | None) -> _Row:
-    reading = read(read_sample(path), settings, every=every, one_tx=one_tx)
+def _row(path: Path, config: GestureConfig, every: int, one_tx: bool, vector: Callable[[Reading], NDArray[np.float64]] | None) -> _Row:
+    reading = read(read_sample(path), config, every=every, one_tx=one_tx)
     if reading.event is None:
         return None, reading.label, reading.person, 0.0
     return reading.features if vector is None else vector(reading), reading.label, reading.person, reading.event.walked
 
 
-def _cube_row(path: Path, settings: GestureConfig, every: int, one_tx: bool, encoder: EncoderConfig) -> _Row:
-    reading = read(read_sample(path), settings, every=every, one_tx=one_tx)
+def _cube_row(path: Path, config: GestureConfig, every: int, one_tx: bool, encoder: EncoderConfig) -> _Row:
+    reading = read(read_sample(path), config, every=every, one_tx=one_tx)
     if reading.event is None:
         return None, reading.label, reading.person, 0.0
     distance, azimuth, elevation = np.median([sample.body for sample in reading.samples], axis=0).tolist()

@@ -52,7 +52,7 @@ class SampleSet:
         Ground distance moved during the event [m].
     missed : ndarray of int64, shape (10,)
         Gestures performed that gave no event, by label.
-    settings : mapping
+    config : mapping
         How the features were made.
     names : tuple of str, length n_features
         Of the features.
@@ -63,7 +63,7 @@ class SampleSet:
     person: NDArray[np.int64]
     walked: NDArray[np.float64]
     missed: NDArray[np.int64]
-    settings: Mapping[str, Any]
+    config: Mapping[str, Any]
     names: tuple[str, ...] = FEATURE_NAMES
 
     def __post_init__(self) -> None:
@@ -87,12 +87,8 @@ class SampleSet:
 def open_folder(folder: str | Path, manifest: Mapping[str, Any]) -> Path:
     """Make a data set folder, or check that an existing one was made with the same settings, so that a stopped run can go on.
 
-    What a killed run left half written is removed.
-
-    Raises
-    ------
-    ConfigError
-        When the folder holds samples made with other settings, or cannot be made.
+    What a killed run left half written is removed. Raises `ConfigError` when the folder holds samples made with other settings, or cannot
+    be made.
     """
     folder = Path(folder)
     try:
@@ -126,12 +122,8 @@ def sample_path(folder: Path, number: int) -> Path:
 def write_chunk(path: Path, columns: Mapping[str, NDArray[Any]], *, compressed: bool = False) -> None:
     """Write one file; it appears under its name only when complete, so that a killed run leaves no broken file.
 
-    The same columns give the same bytes: numpy dates the members of every file alike.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be written, as on a full disk.
+    The same columns give the same bytes: numpy dates the members of every file alike. Raises `DataError` when the file cannot be written,
+    as on a full disk.
     """
     partial, save = _partial(path), np.savez_compressed if compressed else np.savez
     try:
@@ -180,10 +172,7 @@ def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH) -> dict[str, NDA
 def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[PointCloud]:
     """Clouds of a sample, in the sensor frame, as `pack_clouds` laid them out; fields that are not kept are NaN.
 
-    Raises
-    ------
-    DataError
-        When the sample does not hold them.
+    Raises `DataError` when the sample does not hold them.
     """
     if f"{kind}_offset" not in sample:
         how = " with only one transmitter; generate with --one-tx" if kind == ONE else "; make the data set again"
@@ -204,13 +193,7 @@ def info_of(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> RadarInfo:
 
 
 def read_manifest(folder: str | Path) -> dict[str, Any]:
-    """Read what a data set was made with.
-
-    Raises
-    ------
-    DataError
-        When the folder is no data set, or one of another format.
-    """
+    """Read what a data set was made with. Raises `DataError` when the folder is no data set, or one of another format."""
     path = Path(folder) / MANIFEST
     try:
         manifest = dict(json.loads(path.read_text(encoding="utf-8")))
@@ -222,13 +205,7 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
 
 
 def sample_files(folder: str | Path) -> list[Path]:
-    """Files of a folder's samples, in order.
-
-    Raises
-    ------
-    DataError
-        When the folder is no such data set, or holds no sample.
-    """
+    """Files of a folder's samples, in order. Raises `DataError` when the folder is no such data set, or holds no sample."""
     read_manifest(folder)
     files = sorted(Path(folder).glob("sample_*.npz"))
     if not files:
@@ -237,13 +214,7 @@ def sample_files(folder: str | Path) -> list[Path]:
 
 
 def read_sample(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the file of one sample.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read.
-    """
+    """Read the file of one sample. Raises `DataError` when it cannot be read."""
     try:
         with np.load(path, allow_pickle=False) as content:
             return {name: content[name] for name in content.files}
@@ -254,10 +225,7 @@ def read_sample(path: Path) -> dict[str, NDArray[Any]]:
 def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
     """Read the samples of a folder one after the other, in order; each as `radar_lab.datasets.synthesis.simulate_sample` describes it.
 
-    Raises
-    ------
-    DataError
-        When the folder is no such data set, holds no sample, or one cannot be read.
+    Raises `DataError` when the folder is no such data set, holds no sample, or one cannot be read.
     """
     yield from map(read_sample, sample_files(folder))
 
@@ -265,10 +233,7 @@ def read_samples(folder: str | Path) -> Iterator[Mapping[str, NDArray[Any]]]:
 def load_samples(folder: str | Path) -> SampleSet:
     """Read all chunks of a data set of scenes (`radar_lab.datasets.scenes.generate`).
 
-    Raises
-    ------
-    DataError
-        When the folder is no data set, holds no chunk, or a chunk cannot be read.
+    Raises `DataError` when the folder is no data set, holds no chunk, or a chunk cannot be read.
     """
     folder = Path(folder)
     chunks = sorted(folder.glob("chunk_*.npz"))
@@ -281,10 +246,10 @@ def load_samples(folder: str | Path) -> SampleSet:
             raise DataError(f"{path}: cannot be read ({missing[0]} is missing); delete it and simulate again")
         for name in _COLUMNS:
             columns[name].append(content[name])
-    settings = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["settings"]
+    config = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["settings"]
     missed = np.sum(columns.pop("missed"), axis=0)
     joined: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
-    return SampleSet(**joined, missed=np.asarray(missed, np.int64), settings=settings)
+    return SampleSet(**joined, missed=np.asarray(missed, np.int64), config=config)
 
 
 def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
@@ -303,14 +268,14 @@ def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
     first = sets[0]
     person, above = [], 0
     for samples in sets:
-        if dict(samples.settings) != dict(first.settings) or samples.names != first.names:
+        if dict(samples.config) != dict(first.config) or samples.names != first.names:
             raise DataError("data sets whose features were made with different settings do not go together; generate one of them anew")
         known, number = np.unique(samples.person, return_inverse=True)
         person.append(number.astype(np.int64) + above)
         above += len(known)
     columns = {name: np.concatenate([getattr(samples, name) for samples in sets]) for name in ("features", "label", "walked")}
     missed = np.sum([samples.missed for samples in sets], axis=0)
-    return SampleSet(**columns, person=np.concatenate(person), missed=missed, settings=first.settings, names=first.names)
+    return SampleSet(**columns, person=np.concatenate(person), missed=missed, config=first.config, names=first.names)
 
 
 def standing(samples: SampleSet, most: float) -> SampleSet:

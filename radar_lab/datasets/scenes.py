@@ -39,7 +39,7 @@ def generate(
     *,
     seed: int = 1,
     n_jobs: int = 1,
-    settings: GestureConfig | None = None,
+    config: GestureConfig | None = None,
     info: RadarInfo | None = None,
     progress: bool = True,
 ) -> int:
@@ -57,7 +57,7 @@ def generate(
         Scene ``i`` depends on ``seed`` and ``i`` only: the number of jobs or a restart change nothing.
     n_jobs : int
         Scenes simulated at the same time, each on a core of its own.
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of events and features; None: the defaults.
     info : RadarInfo or None
         The radar; None: the default radar.
@@ -74,13 +74,13 @@ def generate(
     ConfigError
         When the folder holds samples made with another seed, radar or other settings.
     """
-    settings = settings if settings is not None else GestureConfig()
+    config = config if config is not None else GestureConfig()
     info = info if info is not None else RadarInfo()
-    manifest = {"seed": seed, "settings": feature_settings(settings), "radar": dataclasses.asdict(info), "motions": library_hash()}
+    manifest = {"seed": seed, "settings": feature_settings(config), "radar": dataclasses.asdict(info), "motions": library_hash()}
     place = open_folder(folder, manifest)
     todo = [number for number in range(n_scenes) if not chunk_path(place, number).exists()]
     work_through(
-        functools.partial(_make_chunk, place, seed, settings=settings, info=info),
+        functools.partial(_make_chunk, place, seed, config=config, info=info),
         todo,
         n_total=n_scenes,
         n_jobs=n_jobs,
@@ -90,10 +90,10 @@ def generate(
     return len(load_samples(place).label)
 
 
-def _make_chunk(folder: Path, seed: int, number: int, *, settings: GestureConfig, info: RadarInfo) -> None:
+def _make_chunk(folder: Path, seed: int, number: int, *, config: GestureConfig, info: RadarInfo) -> None:
     rng = np.random.default_rng([seed, number])
     recording = record(training_scene(number, rng, info), baseband_of(number))
-    columns = label_events(find_events(recording, settings), truth_segments(recording.truths))
+    columns = label_events(find_events(recording, config), truth_segments(recording.truths))
     columns["person"] = columns["person"] + 10 * number  # people of different scenes are different people
     write_chunk(chunk_path(folder, number), columns)
 
@@ -147,14 +147,14 @@ def record(scene: Scene, baseband: BasebandConfig | None = None) -> Recording:
     return recording
 
 
-def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
+def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
     """Run tracking and event detection over a recording.
 
     Parameters
     ----------
     recording : Recording
         Clouds and truth.
-    settings : GestureConfig
+    config : GestureConfig
         Knobs of events and features.
     every : int
         Take every n-th cloud only, as a radar with a lower frame rate would give them.
@@ -164,7 +164,7 @@ def find_events(recording: Recording, settings: GestureConfig, every: int = 1) -
     list of (int, TrackEvent)
         Events with the person whose they are (-1: nobody near).
     """
-    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(settings, recording.mount)
+    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(config, recording.mount)
     events = []
     for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
         tracks = tracker.process(cloud)

@@ -71,7 +71,7 @@ class Job:
         Whether raw frames are kept.
     one_tx : bool
         Whether the clouds of the first transmitter alone are kept too.
-    settings : GestureConfig
+    config : GestureConfig
         Knobs of events and features.
     info : RadarInfo
         The radar.
@@ -83,7 +83,7 @@ class Job:
     body: BodyKind
     raw: bool
     one_tx: bool
-    settings: GestureConfig
+    config: GestureConfig
     info: RadarInfo
 
     @property
@@ -96,7 +96,7 @@ class Job:
             "body": self.body,
             "raw": self.raw,
             "one_tx": self.one_tx,
-            "settings": feature_settings(self.settings),
+            "settings": feature_settings(self.config),
             "radar": dataclasses.asdict(self.info),
             "motions": library_hash(),
         }
@@ -130,7 +130,7 @@ def synthesise(
     body: BodyKind = "mesh",
     raw: bool = False,
     one_tx: bool = False,
-    settings: GestureConfig | None = None,
+    config: GestureConfig | None = None,
     info: RadarInfo | None = None,
     progress: bool = True,
 ) -> int:
@@ -154,7 +154,7 @@ def synthesise(
         Keep the raw frames too, about 16 MB a sample.
     one_tx : bool
         Keep the clouds of the same frames through the first transmitter alone too (thesis, table 4.1).
-    settings : GestureConfig or None
+    config : GestureConfig or None
         Knobs of events and features; None: the defaults.
     info : RadarInfo or None
         The radar; None: the default radar.
@@ -175,7 +175,7 @@ def synthesise(
     n_samples = chosen.n_samples if n_samples is None else n_samples
     if n_samples < 0 or seed < 0:
         raise ConfigError(f"synthesise: n_samples ({n_samples}) and seed ({seed}) must not be negative")
-    job = Job(Path(folder).absolute(), seed, chosen, body, raw, one_tx, settings or GestureConfig(), info or RadarInfo())
+    job = Job(Path(folder).absolute(), seed, chosen, body, raw, one_tx, config or GestureConfig(), info or RadarInfo())
     job.check()
     open_folder(job.folder, job.manifest)
     todo = [number for number in range(n_samples) if not job.path(number).exists()]
@@ -186,12 +186,12 @@ def synthesise(
 
 def write_sample(job: Job, number: int) -> None:
     """Simulate one sample of a data set and write its file."""
-    columns = simulate_sample(job.draw(number), job.settings, raw=job.raw, one_tx=job.one_tx, margin=job.plan.margin)
+    columns = simulate_sample(job.draw(number), job.config, raw=job.raw, one_tx=job.one_tx, margin=job.plan.margin)
     write_chunk(job.path(number), columns, compressed=True)
 
 
 def simulate_sample(
-    sample: Sample, settings: GestureConfig, *, raw: bool = False, one_tx: bool = False, margin: float = 0.2
+    sample: Sample, config: GestureConfig, *, raw: bool = False, one_tx: bool = False, margin: float = 0.2
 ) -> dict[str, NDArray[Any]]:
     """Simulate one stroke and take it through baseband, tracking, event detection and features.
 
@@ -201,7 +201,7 @@ def simulate_sample(
     ----------
     sample : Sample
         What happens.
-    settings : GestureConfig
+    config : GestureConfig
         Knobs of events and features.
     raw : bool
         Whether to keep raw frames.
@@ -233,10 +233,10 @@ def simulate_sample(
     truth = {name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")}
     stroke = TruthSegment(sample.subject, sample.label, _ns(sample.start), _ns(sample.end))
     columns: dict[str, NDArray[Any]] = {
-        **_about(sample, settings, margin),
+        **_about(sample, config, margin),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
         **pack_clouds(clouds),
-        **read_stroke(simulator.info, clouds, truth["position"], stroke, settings).columns,
+        **read_stroke(simulator.info, clouds, truth["position"], stroke, config).columns,
         "stroke_ns": np.array([stroke.start_ns, stroke.end_ns], np.int64),
         **truth,
     }
@@ -248,7 +248,7 @@ def simulate_sample(
     return columns
 
 
-def _about(sample: Sample, settings: GestureConfig, margin: float) -> dict[str, NDArray[Any]]:
+def _about(sample: Sample, config: GestureConfig, margin: float) -> dict[str, NDArray[Any]]:
     """Columns that say what a sample is and how it was made."""
     return {
         "number": np.array(sample.number, np.int64),
@@ -258,20 +258,20 @@ def _about(sample: Sample, settings: GestureConfig, margin: float) -> dict[str, 
         "gesture": np.array(sample.gesture),
         "scene": np.array(json.dumps(plain(sample.scene), sort_keys=True)),
         "radar": np.array(json.dumps(plain(sample.scene.radars[0].info), sort_keys=True)),
-        "settings": np.array(json.dumps(plain(settings), sort_keys=True)),
+        "settings": np.array(json.dumps(plain(config), sort_keys=True)),
         "margin": np.array(margin),
-        "hash": np.array(sample_hash(sample.scene, settings, margin)),
+        "hash": np.array(sample_hash(sample.scene, config, margin)),
     }
 
 
-def sample_hash(scene: Scene, settings: GestureConfig, margin: float) -> str:
+def sample_hash(scene: Scene, config: GestureConfig, margin: float) -> str:
     """SHA-256 over all that a sample depends on: scene with seed and radar, knobs of every stage with their defaults, motion library."""
     described = {
         "format": FORMAT,
         "scene": dataclasses.asdict(scene),
         "baseband": dataclasses.asdict(BasebandConfig()),
         "tracker": dataclasses.asdict(TrackerConfig()),
-        "settings": feature_settings(settings),
+        "settings": feature_settings(config),
         "margin": margin,
         "motions": library_hash(),
     }
@@ -305,10 +305,7 @@ def one_clouds(info: RadarInfo, frames: list[SimulatedFrame]) -> list[PointCloud
 def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
     """Return the scene that a sample is of, to simulate it again, look at it or change it.
 
-    Raises
-    ------
-    DataError
-        When the sample was recorded, not simulated.
+    Raises `DataError` when the sample was recorded, not simulated.
     """
     text = str(sample["scene"])
     if not text:
@@ -334,25 +331,22 @@ def remake(sample: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     DataError
         When the sample was recorded, or what it depends on (defaults of the stages, the motion library) is no longer the same.
     """
-    scene, settings = scene_of(sample), load(GestureConfig, json.loads(str(sample["settings"])), "sample")
+    scene, config = scene_of(sample), load(GestureConfig, json.loads(str(sample["settings"])), "sample")
     margin = float(sample["margin"])
-    if sample_hash(scene, settings, margin) != str(sample["hash"]):
+    if sample_hash(scene, config, margin) != str(sample["hash"]):
         raise DataError(
             f"sample {int(sample['number'])} was made with other defaults or another motion library: it cannot be made again by this "
             "version; install the one that made it, or generate the data set anew"
         )
     start, end = stroke_of(scene)
     again = Sample(int(sample["number"]), str(sample["gesture"]), int(sample["variant"]), int(sample["subject"]), scene, start, end)
-    return simulate_sample(again, settings, raw="cube" in sample, one_tx=f"{ONE}_offset" in sample, margin=margin)
+    return simulate_sample(again, config, raw="cube" in sample, one_tx=f"{ONE}_offset" in sample, margin=margin)
 
 
 def feature_samples(folder: str | Path) -> SampleSet:
     """Read features and labels as they were made with the data set's own settings; `collect` makes them with others.
 
-    Raises
-    ------
-    DataError
-        As `read_samples`.
+    Raises `DataError` as `read_samples`.
     """
     names = ("label", "subject", "found", "features", "walked")
     samples = [[sample[name] for name in names] for sample in read_samples(folder)]
@@ -363,5 +357,5 @@ def feature_samples(folder: str | Path) -> SampleSet:
         person=subject[found],
         walked=walked[found],
         missed=np.bincount(label[~found], minlength=len(GESTURES)),
-        settings=read_manifest(folder)["settings"],
+        config=read_manifest(folder)["settings"],
     )

@@ -128,13 +128,7 @@ all: the same of ten gestures, every sample of another person."""
 
 
 def named_plan(name: str, **changes: Any) -> Plan:
-    """Return one of `PLANS`, with some knobs changed.
-
-    Raises
-    ------
-    ConfigError
-        When there is no such plan, or a knob makes no sense.
-    """
+    """Return one of `PLANS`, with some knobs changed. Raises `ConfigError` when there is no such plan, or a knob makes no sense."""
     if name not in PLANS:
         near = difflib.get_close_matches(name, PLANS, n=1)
         raise ConfigError(f"there is no plan {name!r}{f' (did you mean {near[0]!r}?)' if near else ''}; choose one of {', '.join(PLANS)}")

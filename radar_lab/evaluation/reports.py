@@ -121,10 +121,7 @@ def new_figure(width: float, height: float) -> Figure:
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure as .png, .svg or .pdf; without version or date, so that the same numbers give the same picture.
 
-    Raises
-    ------
-    DataError
-        When it cannot be written.
+    Raises `DataError` when it cannot be written.
     """
     path = Path(path)
     try:

@@ -80,7 +80,7 @@ def open_original(kind: str, source: Path, **options: Any) -> Recording:
     if kind not in KINDS:
         raise ConfigError(f"there is no kind of recording called {kind!r}; choose one of {', '.join(KINDS)}")
     source = Path(source)
-    settings = load(KINDS[kind].options, options, f"options of {kind}")
+    config = load(KINDS[kind].options, options, f"options of {kind}")
     if not source.exists():
         raise DataError(f"{source}: there is no such file or folder; check the path")
-    return KINDS[kind].read(source, settings)
+    return KINDS[kind].read(source, config)

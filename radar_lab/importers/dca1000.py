@@ -45,19 +45,8 @@ class Dca1000Options(ShapeOptions):
 def read_dca1000(path: Path, options: Dca1000Options) -> Recording:
     """Open a capture.
 
-    Parameters
-    ----------
-    path : Path
-        The .pcap file.
-    options : Dca1000Options
-        How the radar was set up.
-
-    Raises
-    ------
-    ConfigError
-        When the radar's .cfg is not found, or the options contradict each other.
-    DataError
-        When capture or .cfg cannot be read, or the capture holds no frame of the size they describe.
+    Raises `ConfigError` when the radar's .cfg is not found, or the options contradict each other, `DataError` when capture or .cfg cannot
+    be read, or the capture holds no frame of the size they describe.
     """
     info, size = described(path, options)
     tally = Tally()
@@ -67,12 +56,7 @@ def read_dca1000(path: Path, options: Dca1000Options) -> Recording:
 def described(path: Path, options: ShapeOptions) -> tuple[RadarInfo, int]:
     """Find out what radar made a recording, and how many bytes its frames have.
 
-    Raises
-    ------
-    ConfigError
-        When the radar's .cfg is not found, or the options contradict each other.
-    DataError
-        When the .cfg cannot be read.
+    Raises `ConfigError` when the radar's .cfg is not found, or the options contradict each other, `DataError` when the .cfg cannot be read.
     """
     ti = read_ti_config(_config_path(path, options.config))
     info = radar_info(ti, options.tx, (options.n_rx, options.n_chirp, options.n_sample), mount=options.mount)

@@ -63,10 +63,7 @@ def load_npz(path: Path, fields: dict[str, tuple[int | None, ...]]) -> dict[str,
 def check_offsets(path: Path, offset: NDArray[Any], n_points: int) -> NDArray[np.int64]:
     """Return the field ``offset``, shape (n + 1,), as integers that never decrease and end with the number of points.
 
-    Raises
-    ------
-    DataError
-        Otherwise, naming the first bad entry.
+    Raises `DataError` otherwise, naming the first bad entry.
     """
     if offset.dtype.kind not in "iu" or len(offset) < 2:
         raise DataError(f"{path}: field offset is {offset.dtype} of length {len(offset)}, expected whole numbers, one more than frames")

@@ -34,12 +34,8 @@ class MarsOptions(SourceOptions):
 def read_mars(path: Path, options: MarsOptions) -> Recording:
     """Open one file, e.g. subject1_test.npz.
 
-    Joints are relative to the radar, as the points are; the feet lie 0.94 m below it, hence the default mount at 1 m.
-
-    Raises
-    ------
-    DataError
-        When a field is missing, or clouds and joints differ in number.
+    Joints are relative to the radar, as the points are; the feet lie 0.94 m below it, hence the default mount at 1 m. Raises `DataError`
+    when a field is missing, or clouds and joints differ in number.
     """
     shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(("offset", "doppler", "intensity", "joints"), (None,))
     data = load_npz(path, {**shapes, "xyz": (None, 3), "joint_xyz": (None, None, 3)})

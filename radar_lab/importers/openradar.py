@@ -31,12 +31,8 @@ class OpenRadarOptions(SourceOptions):
 def read_openradar(path: Path, options: OpenRadarOptions) -> Recording:
     """Open a file with one frame, axes (chirp, virtual channel, sample), or several, axes (frame, chirp, virtual channel, sample).
 
-    Whole numbers of 16 bits that were stored as unsigned (above 32767) are turned back into signed ones.
-
-    Raises
-    ------
-    DataError
-        When the array is not complex, has other axes, or its channels cannot be shared out among the transmitters.
+    Whole numbers of 16 bits that were stored as unsigned (above 32767) are turned back into signed ones. Raises `DataError` when the array
+    is not complex, has other axes, or its channels cannot be shared out among the transmitters.
     """
     try:
         data = np.load(path, mmap_mode="r", allow_pickle=False)

@@ -86,10 +86,7 @@ class Original:
 def read_mhomeges(path: Path, options: MhomegesOptions) -> Recording:
     """Open mHomeGes: segments.npz, daily_random.npz, or a .csv file or a folder of them (one segment a file).
 
-    Raises
-    ------
-    DataError
-        When a field is missing or makes no sense.
+    Raises `DataError` when a field is missing or makes no sense.
     """
     return _read(path, options, _MHOMEGES)
 
@@ -97,10 +94,7 @@ def read_mhomeges(path: Path, options: MhomegesOptions) -> Recording:
 def read_mtranssee(path: Path, options: MtransseeOptions) -> Recording:
     """Open mTransSee: segments.npz, or a .csv file or a folder of them (one segment a file).
 
-    Raises
-    ------
-    DataError
-        When a field is missing or makes no sense.
+    Raises `DataError` when a field is missing or makes no sense.
     """
     return _read(path, options, _MTRANSSEE)
 

@@ -113,13 +113,7 @@ class Seen:
 
 
 class PostureFeatures:
-    """Makes features of every person's points and remembers what it needs of the past, by track.
-
-    Parameters
-    ----------
-    config : PostureFeatureConfig
-        Knobs.
-    """
+    """Makes features of every person's points and remembers what it needs of the past, by track."""
 
     def __init__(self, config: PostureFeatureConfig) -> None:
         self.config = config

@@ -122,10 +122,7 @@ class PostureModel:
 def save_postures(model: PostureModel, path: str | Path) -> None:
     """Write ``model`` to ``path`` (.npz); its folder is made, and a killed run leaves no half file.
 
-    Raises
-    ------
-    DataError
-        When the file cannot be written, or is larger than what a reader takes.
+    Raises `DataError` when the file cannot be written, or is larger than what a reader takes.
     """
     path = Path(path)
     if 4 * model.n_parameters > _MOST_BYTES // 2:
@@ -140,10 +137,7 @@ def save_postures(model: PostureModel, path: str | Path) -> None:
 def load_postures(path: str | Path) -> PostureModel:
     """Read a model. Nothing in the file is ever executed, and sizes are checked before anything is unpacked.
 
-    Raises
-    ------
-    ConfigError
-        When there is no such file, it is no model, or it is of another version; the message says what to do.
+    Raises `ConfigError` when there is no such file, it is no model, or it is of another version; the message says what to do.
     """
     arrays = load_arrays(Path(path), "posture model", _ADVICE, _MOST_BYTES)
     try:

@@ -80,13 +80,7 @@ def card(
 
 
 def write_card(text: str, path: str | Path) -> None:
-    """Write a card; its folder is made.
-
-    Raises
-    ------
-    DataError
-        When it cannot be written.
-    """
+    """Write a card; its folder is made. Raises `DataError` when it cannot be written."""
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

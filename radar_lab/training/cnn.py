@@ -192,7 +192,7 @@ def export(
     batch = [helper.make_tensor_value_info("cube", TensorProto.FLOAT, ["n", *shape])]
     found = [helper.make_tensor_value_info("probabilities", TensorProto.FLOAT, ["n", len(labels)])]
     tensors = [numpy_helper.from_array(np.asarray(array), name) for name, array in numbers.items()]
-    graph = helper.make_graph([helper.make_node(*ends, **settings) for ends, settings in nodes], "handwave", batch, found, tensors)
+    graph = helper.make_graph([helper.make_node(*ends, **options) for ends, options in nodes], "handwave", batch, found, tensors)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9, producer_name="handwave")
     checker.check_model(model)
     flop = count_flop(model, shape)
@@ -205,7 +205,7 @@ def export(
 
 
 def _nodes(network: Network) -> tuple[list[tuple[tuple[Any, ...], dict[str, Any]]], dict[str, NDArray[Any]]]:
-    """Operators (kind, inputs, outputs) with their settings, and the numbers they take."""
+    """Operators (kind, inputs, outputs) with their options, and the numbers they take."""
     # Standardised only where something was detected: a cell is empty when its amplitude is 0.
     nodes: list[tuple[tuple[Any, ...], dict[str, Any]]] = [
         (("Slice", ["cube", "first", "second", "axis"], ["amplitude"]), {}),

@@ -16,7 +16,7 @@ from radar_lab.training.validation import Judge, Mask
 
 
 def train_cnn(
-    cubes: NDArray[np.float32], label: NDArray[np.int64], settings: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
+    cubes: NDArray[np.float32], label: NDArray[np.int64], config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
 ) -> Network:
     """Train a network on feature cubes; the same samples and seed give the same numbers on one machine.
 
@@ -26,7 +26,7 @@ def train_cnn(
         As `radar_lab.training.encoder.encode` gives them.
     label : ndarray of int64, shape (n,)
         Index into ``labels``.
-    settings : CnnConfig or None
+    config : CnnConfig or None
         None: the defaults.
     labels : sequence of str
         What the labels mean.
@@ -43,28 +43,28 @@ def train_cnn(
     DataError
         When there are no samples, or their number differs from that of the labels.
     """
-    settings = settings if settings is not None else CnnConfig()
+    config = config if config is not None else CnnConfig()
     if cubes.ndim != 4 or len(cubes) != len(label) or len(label) == 0:
         raise DataError(f"cubes have shape {cubes.shape} and there are {len(label)} labels; expected (n, 5, n_detections, n_frames), n > 0")
-    if min(cubes.shape[2:]) < 2 ** len(settings.channels):
+    if min(cubes.shape[2:]) < 2 ** len(config.channels):
         raise ConfigError(
-            f"{len(settings.channels)} times 2 x 2 maxima leave nothing of {cubes.shape[2]} x {cubes.shape[3]} cells: use fewer"
+            f"{len(config.channels)} times 2 x 2 maxima leave nothing of {cubes.shape[2]} x {cubes.shape[3]} cells: use fewer"
         )
     mean, scale = _spread(cubes)
     torch = _torch()
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(settings.seed)
-        net = _network(torch, settings, cubes.shape[1:], len(labels))
+        torch.manual_seed(config.seed)
+        net = _network(torch, config, cubes.shape[1:], len(labels))
         x = torch.from_numpy(np.where(cubes[:, :1] == 0, 0, (cubes - mean) / scale).astype(np.float32))
-        _optimise(torch, net, x, torch.from_numpy(np.asarray(label, np.int64)), settings)
+        _optimise(torch, net, x, torch.from_numpy(np.asarray(label, np.int64)), config)
     arrays = [p.detach().numpy().copy() for p in net.parameters()]
     pairs = list(zip(arrays[::2], arrays[1::2], strict=True))
-    n = len(settings.channels)
+    n = len(config.channels)
     return Network(mean.ravel(), scale.ravel(), tuple(pairs[:n]), tuple((weights.T.copy(), bias) for weights, bias in pairs[n:]))
 
 
 def cnn_judge(
-    cubes: NDArray[np.float32], label: NDArray[np.int64], settings: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
+    cubes: NDArray[np.float32], label: NDArray[np.int64], config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
 ) -> Judge:
     """Make the network comparable with any other classifier on the same split: see `radar_lab.training.validation.cross_validate`.
 
@@ -72,7 +72,7 @@ def cnn_judge(
 
     Parameters
     ----------
-    cubes, label, settings, labels
+    cubes, label, config, labels
         See `train_cnn`; of all samples.
     """
 
@@ -80,7 +80,7 @@ def cnn_judge(
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "network.onnx"
             shape = (cubes.shape[1], cubes.shape[2], cubes.shape[3])
-            export(train_cnn(cubes[known], label[known], settings, labels=labels), path, shape, labels=tuple(labels))
+            export(train_cnn(cubes[known], label[known], config, labels=labels), path, shape, labels=tuple(labels))
             return CnnModel(path).probabilities(cubes[test])
 
     return judge
@@ -104,27 +104,27 @@ def _torch() -> Any:
     return torch
 
 
-def _network(torch: Any, settings: CnnConfig, shape: tuple[int, ...], n_labels: int) -> Any:
+def _network(torch: Any, config: CnnConfig, shape: tuple[int, ...], n_labels: int) -> Any:
     nn = torch.nn
     layers, n_in = [], shape[0]
-    for n_out in settings.channels:
+    for n_out in config.channels:
         layers += [nn.Conv2d(n_in, n_out, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2)]
         n_in = n_out
-    cells = n_in * (shape[1] >> len(settings.channels)) * (shape[2] >> len(settings.channels))
-    dense = [nn.Linear(cells, settings.hidden), nn.ReLU(), nn.Dropout(settings.dropout), nn.Linear(settings.hidden, n_labels)]
+    cells = n_in * (shape[1] >> len(config.channels)) * (shape[2] >> len(config.channels))
+    dense = [nn.Linear(cells, config.hidden), nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(config.hidden, n_labels)]
     return nn.Sequential(*layers, nn.Flatten(), *dense)
 
 
-def _optimise(torch: Any, net: Any, x: Any, label: Any, settings: CnnConfig) -> None:
+def _optimise(torch: Any, net: Any, x: Any, label: Any, config: CnnConfig) -> None:
     """Minimise the cross-entropy; rare labels weigh more, so that all labels weigh the same."""
     count = torch.bincount(label, minlength=net[-1].out_features).float()
     loss = torch.nn.CrossEntropyLoss(torch.where(count > 0, len(label) / count.clamp(min=1), torch.zeros(())) / (count > 0).sum())
-    optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
-    steps = settings.epochs * -(-len(x) // settings.batch)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=max(steps, 2))
+    optimiser = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    steps = config.epochs * -(-len(x) // config.batch)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=max(steps, 2))
     net.train()
-    for _ in range(settings.epochs):
-        for rows in torch.randperm(len(x)).split(settings.batch):
+    for _ in range(config.epochs):
+        for rows in torch.randperm(len(x)).split(config.batch):
             optimiser.zero_grad()
             loss(net(x[rows]), label[rows]).backward()
             optimiser.step()

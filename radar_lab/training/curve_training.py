@@ -39,7 +39,7 @@ def train_net(
     names: Sequence[str],
     labels: Sequence[str],
     steps: int,
-    settings: CurveTraining | None = None,
+    config: CurveTraining | None = None,
     curves: Mapping[str, Any] | None = None,
 ) -> CurveNet:
     """Train a network; the same samples and seed give the same numbers on one machine.
@@ -56,7 +56,7 @@ def train_net(
         What inputs and outputs are called.
     steps : int
         Of the curves.
-    settings : CurveTraining or None
+    config : CurveTraining or None
         None: the defaults.
     curves : mapping or None
         Settings of the curves, for the file.
@@ -68,7 +68,7 @@ def train_net(
     DataError
         When there are fewer than two samples, or their number differs from that of the labels.
     """
-    settings = settings if settings is not None else CurveTraining()
+    config = config if config is not None else CurveTraining()
     if changed.ndim != 3 or len(changed) == 0 or changed.shape[1] != len(label) or len(label) < 2 or changed.shape[2] != len(names):
         raise DataError(
             f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {len(names)} names), with at least two samples"
@@ -76,9 +76,9 @@ def train_net(
     torch = _torch()
     mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3)
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(settings.seed)
-        net = _Network(torch, settings, len(names), steps, len(labels))
-        _optimise(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], np.asarray(label, np.int64), settings)
+        torch.manual_seed(config.seed)
+        net = _Network(torch, config, len(names), steps, len(labels))
+        _optimise(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], np.asarray(label, np.int64), config)
     kernels, offsets = zip(*(_folded(*pair) for pair in net.convolutions), strict=True)
     return CurveNet(
         mean,
@@ -105,18 +105,18 @@ def _torch() -> Any:
 class _Network:
     """The layers of `CurveNet` with dropout and batch normalisation, which training needs and the finished network does not."""
 
-    def __init__(self, torch: Any, settings: CurveTraining, n_features: int, steps: int, n_labels: int) -> None:
+    def __init__(self, torch: Any, config: CurveTraining, n_features: int, steps: int, n_labels: int) -> None:
         nn = torch.nn
         self._torch, self._steps = torch, steps
         self._split = n_features - len(TOTALS)
-        self._drop = nn.Dropout(settings.dropout)
+        self._drop = nn.Dropout(config.dropout)
         self.convolutions = []
         width, length = self._split // steps, steps
-        for number, n in enumerate(settings.channels):
+        for number, n in enumerate(config.channels):
             stride = 1 if number == 0 else 2
             self.convolutions.append((nn.Conv1d(width, n, 3, padding=1, stride=stride), nn.BatchNorm1d(n)))
             width, length = n, -(-length // stride)
-        self.dense = [nn.Linear(width * length + len(TOTALS), settings.hidden), nn.Linear(settings.hidden, n_labels)]
+        self.dense = [nn.Linear(width * length + len(TOTALS), config.hidden), nn.Linear(config.hidden, n_labels)]
         self.modules = nn.ModuleList([self._drop, *(part for pair in self.convolutions for part in pair), *self.dense])
 
     def __call__(self, x: Any) -> Any:
@@ -129,15 +129,15 @@ class _Network:
         return self.dense[1](self._drop(torch.relu(self.dense[0](value))))
 
 
-def _optimise(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]], label: NDArray[np.int64], settings: CurveTraining) -> None:
-    loss = torch.nn.CrossEntropyLoss(label_smoothing=settings.smoothing)
-    optimiser = torch.optim.AdamW(net.modules.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+def _optimise(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]], label: NDArray[np.int64], config: CurveTraining) -> None:
+    loss = torch.nn.CrossEntropyLoss(label_smoothing=config.smoothing)
+    optimiser = torch.optim.AdamW(net.modules.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     target = torch.from_numpy(label)
-    batch = min(settings.batch, max(len(label) // _LEAST_STEPS, _LEAST_BATCH), len(label))
-    steps = settings.passes * (len(label) // batch)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=max(steps, 2))
+    batch = min(config.batch, max(len(label) // _LEAST_STEPS, _LEAST_BATCH), len(label))
+    steps = config.passes * (len(label) // batch)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=max(steps, 2))
     net.modules.train()
-    for turn in range(settings.passes):
+    for turn in range(config.passes):
         x = torch.from_numpy(copies[turn % len(copies)].astype(np.float32))
         # the rest that fills no batch waits for the next pass: batch normalisation needs many samples
         for rows in torch.randperm(len(label))[: len(label) // batch * batch].split(batch):

@@ -34,7 +34,7 @@ class EncoderConfig:
 
 def encode(
     clouds: Sequence[PointCloud],
-    settings: EncoderConfig,
+    config: EncoderConfig,
     *,
     start_ns: int | None = None,
     end_ns: int | None = None,
@@ -49,7 +49,7 @@ def encode(
     ----------
     clouds : sequence of PointCloud
         Of one person, or of the one person in view, in any order.
-    settings : EncoderConfig
+    config : EncoderConfig
         The knobs.
     start_ns, end_ns : int or None
         The event [ns]; clouds outside are left out. None: from the first, to the last cloud.
@@ -66,13 +66,13 @@ def encode(
     DataError
         When the body's place is not finite but asked for.
     """
-    if settings.relative and not np.isfinite(body).all():
+    if config.relative and not np.isfinite(body).all():
         raise DataError(f"encode: the body is at {body}; a cube relative to it needs finite numbers")
-    cube = np.zeros((len(ATTRIBUTES), settings.n_detections, settings.n_frames), np.float32)
+    cube = np.zeros((len(ATTRIBUTES), config.n_detections, config.n_frames), np.float32)
     inside = [c for c in clouds if (start_ns is None or c.stamp_ns >= start_ns) and (end_ns is None or c.stamp_ns <= end_ns)]
     if not inside:
         return cube
-    frame = _frames([c.stamp_ns for c in inside], settings, start_ns, end_ns)
+    frame = _frames([c.stamp_ns for c in inside], config, start_ns, end_ns)
     column = np.repeat(frame, [len(c) for c in inside])
     points = np.concatenate([[c.snr, c.range, c.radial_speed, c.azimuth, c.elevation] for c in inside], axis=1)
     points, column = points[:, column >= 0], column[column >= 0]
@@ -80,9 +80,9 @@ def encode(
     order = np.lexsort((-strength, column))  # by frame, within a frame the strongest first
     column = column[order]
     row = np.arange(len(column)) - np.searchsorted(column, column)  # place within the frame
-    kept = row < settings.n_detections
+    kept = row < config.n_detections
     values = points[:, order[kept]]
-    if settings.relative:
+    if config.relative:
         values[[1, 3, 4]] -= np.array(body, np.float32)[:, None]
         values[3] = (values[3] + np.pi) % (2 * np.pi) - np.pi
     values = np.clip(np.nan_to_num(values, nan=0.0, posinf=np.inf, neginf=-np.inf), -_LIMITS, _LIMITS)
@@ -90,12 +90,12 @@ def encode(
     return cube
 
 
-def _frames(stamps: Sequence[int], settings: EncoderConfig, start_ns: int | None, end_ns: int | None) -> NDArray[np.int64]:
+def _frames(stamps: Sequence[int], config: EncoderConfig, start_ns: int | None, end_ns: int | None) -> NDArray[np.int64]:
     """Frame of the cube that each stamp falls into, shape (n_clouds,); -1: before the last `n_frames` of the event."""
-    interval = round(settings.frame_interval * 1e9)
+    interval = round(config.frame_interval * 1e9)
     start = min(stamps) if start_ns is None else start_ns
     end = max(stamps) if end_ns is None else end_ns
     # Differences of Python integers: stamps of a real clock have no room for sums in a double.
-    first = max(0, (end - start + interval // 2) // interval - (settings.n_frames - 1))
+    first = max(0, (end - start + interval // 2) // interval - (config.n_frames - 1))
     number = np.array([(stamp - start + interval // 2) // interval - first for stamp in stamps], np.int64)
-    return np.where((number >= 0) & (number < settings.n_frames), number, -1)
+    return np.where((number >= 0) & (number < config.n_frames), number, -1)

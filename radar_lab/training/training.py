@@ -52,7 +52,7 @@ class TrainingReport:
         Trained on all samples, calibrated on people left out.
     validation : Validation
         What models trained without them say about the people left out, calibrated.
-    settings : TrainingConfig
+    config : TrainingConfig
         How it was trained.
     calibration_error : tuple of float, length 2
         Expected calibration error of people left out, before and after the temperature.
@@ -64,7 +64,7 @@ class TrainingReport:
 
     model: GestureModel
     validation: Validation
-    settings: TrainingConfig
+    config: TrainingConfig
     calibration_error: tuple[float, float]
     score: NDArray[np.float64]
     lost: float
@@ -73,7 +73,7 @@ class TrainingReport:
 def train(
     folder: str | Path | Sequence[str | Path],
     out: str | Path | None = None,
-    settings: TrainingConfig | None = None,
+    config: TrainingConfig | None = None,
     *,
     labels: Sequence[str] = GESTURES,
 ) -> TrainingReport:
@@ -88,7 +88,7 @@ def train(
         Data sets of scenes or of single samples.
     out : str or Path or None
         Model file to write (.npz); None: write nothing.
-    settings : TrainingConfig or None
+    config : TrainingConfig or None
         None: the defaults.
     labels : sequence of str
         What the model shall tell apart, of `GESTURES`; samples of others are left out.
@@ -106,7 +106,7 @@ def train(
         When the folder holds no samples, those of fewer than two people, or none of a label.
     """
     folders = [folder] if isinstance(folder, str | Path) else list(folder)
-    report = train_on(of_labels(join_samples([read_folder(place) for place in folders]), labels), settings, labels=labels)
+    report = train_on(of_labels(join_samples([read_folder(place) for place in folders]), labels), config, labels=labels)
     if out is not None:
         save_model(report.model, out)
     return report
@@ -116,11 +116,7 @@ def read_folder(folder: str | Path) -> SampleSet:
     """Read a data set of scenes (`datasets.scenes.generate`) or one of single samples (`datasets.synthesis.synthesise`).
 
     Without the samples of people who walked (``GestureConfig.walk_distance``): a recogniser calls these random without asking its model.
-
-    Raises
-    ------
-    DataError
-        When it is neither, holds no samples, or one cannot be read.
+    Raises `DataError` when it is neither, holds no samples, or one cannot be read.
     """
     folder = Path(folder)
     if (folder / MANIFEST).is_file() and any(folder.glob("sample_*.npz")):
@@ -130,24 +126,24 @@ def read_folder(folder: str | Path) -> SampleSet:
     return standing(load_samples(folder), GestureConfig().walk_distance)
 
 
-def train_on(samples: SampleSet, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES) -> TrainingReport:
+def train_on(samples: SampleSet, config: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES) -> TrainingReport:
     """Train a perceptron on samples in memory; see `train`.
 
     Parameters
     ----------
     samples : SampleSet
         With whatever features; ``label`` is an index into ``labels``.
-    settings : TrainingConfig or None
+    config : TrainingConfig or None
         None: the defaults.
     labels : sequence of str
         What the labels mean.
     """
-    settings = settings if settings is not None else TrainingConfig()
-    folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
+    config = config if config is not None else TrainingConfig()
+    folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
     judges: list[GestureModel] = []
 
     def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
-        judges.append(fit(samples, known, settings, labels=labels))
+        judges.append(fit(samples, known, config, labels=labels))
         return judges[-1].probabilities(samples.features[test])
 
     raw = cross_validate(samples.label, samples.person, folds, judge, labels=labels, split="subjects")
@@ -156,16 +152,16 @@ def train_on(samples: SampleSet, settings: TrainingConfig | None = None, *, labe
     score = np.empty(len(samples.label))
     for model, test in zip(judges, folds, strict=True):
         score[test] = model.score(samples.features[test], soft.probabilities[test])
-    reject, lost = reject_limit(soft, score, settings.lost)
+    reject, lost = reject_limit(soft, score, config.lost)
     error = (calibration_error(raw.probabilities, raw.label), calibration_error(soft.probabilities, soft.label))
-    figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": _plain(settings)}
-    model = fit(samples, np.ones(len(samples.label), np.bool_), settings, labels=labels)
+    figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": _plain(config)}
+    model = fit(samples, np.ones(len(samples.label), np.bool_), config, labels=labels)
     model = dataclasses.replace(model, temperature=temperature, reject=reject, figures=figures)
-    return TrainingReport(model, soft, settings, error, score, lost)
+    return TrainingReport(model, soft, config, error, score, lost)
 
 
 def validate(
-    samples: SampleSet, folds: Sequence[Mask], settings: TrainingConfig, *, labels: Sequence[str] = GESTURES, split: str = "subjects"
+    samples: SampleSet, folds: Sequence[Mask], config: TrainingConfig, *, labels: Sequence[str] = GESTURES, split: str = "subjects"
 ) -> Validation:
     """Train a perceptron without each fold in turn and judge the samples left out.
 
@@ -175,7 +171,7 @@ def validate(
         ``label`` is an index into ``labels``.
     folds : sequence of ndarray of bool, shape (n,)
         Test parts, see `radar_lab.training.validation`.
-    settings : TrainingConfig
+    config : TrainingConfig
         How to train.
     labels : sequence of str
         What the labels mean.
@@ -184,12 +180,12 @@ def validate(
     """
 
     def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
-        return fit(samples, known, settings, labels=labels).probabilities(samples.features[test])
+        return fit(samples, known, config, labels=labels).probabilities(samples.features[test])
 
     return cross_validate(samples.label, samples.person, folds, judge, labels=labels, split=split)
 
 
-def settings_of(model: GestureModel) -> TrainingConfig:
+def config_of(model: GestureModel) -> TrainingConfig:
     """Return how a model was trained; for one that does not say, the defaults with its layers."""
     known = {field.name for field in dataclasses.fields(TrainingConfig)}
     said = model.figures.get("training")
@@ -218,7 +214,7 @@ def reject_limit(validation: Validation, score: NDArray[np.float64], lost: float
     return limit, float(np.mean(kept < limit))
 
 
-def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Sequence[str] = GESTURES) -> GestureModel:
+def fit(samples: SampleSet, known: Mask, config: TrainingConfig, *, labels: Sequence[str] = GESTURES) -> GestureModel:
     """Train one perceptron on the samples that ``known`` marks; temperature 1, nothing rejected.
 
     Parameters
@@ -227,7 +223,7 @@ def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Se
         With whatever features; ``label`` is an index into ``labels``.
     known : ndarray of bool, shape (n,)
         The training part.
-    settings : TrainingConfig
+    config : TrainingConfig
         How.
     labels : sequence of str
         What the labels mean.
@@ -246,12 +242,12 @@ def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Se
     mean, scale = features.mean(axis=0), features.std(axis=0)
     scale = np.where(scale > 1e-9, scale, 1.0)
     standard = (features - mean) / scale
-    rng = np.random.default_rng(settings.seed)
-    order = rng.permutation(_balanced(label, rng) if settings.balanced else np.arange(len(label)))
-    weights, biases = _perceptron(standard[order], label[order], settings)
+    rng = np.random.default_rng(config.seed)
+    order = rng.permutation(_balanced(label, rng) if config.balanced else np.arange(len(label)))
+    weights, biases = _perceptron(standard[order], label[order], config)
     rejector: Rejector = ByProbability()
-    if settings.rejector == "distance":
-        rejector = fit_distance(standard, label, len(labels), shared=settings.shared)
+    if config.rejector == "distance":
+        rejector = fit_distance(standard, label, len(labels), shared=config.shared)
     return GestureModel(
         mean.astype(np.float32),
         scale.astype(np.float32),
@@ -260,22 +256,19 @@ def fit(samples: SampleSet, known: Mask, settings: TrainingConfig, *, labels: Se
         labels=tuple(labels),
         names=samples.names,
         rejector=rejector,
-        settings=dict(samples.settings),
+        settings=dict(samples.config),
     )
 
 
-def _plain(settings: TrainingConfig) -> dict[str, Any]:
+def _plain(config: TrainingConfig) -> dict[str, Any]:
     """Return all settings as the model file keeps them: JSON has no tuples."""
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in dataclasses.asdict(settings).items()}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in dataclasses.asdict(config).items()}
 
 
 def of_labels(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
     """Return the samples of some of our gestures; ``label`` becomes an index into ``labels``.
 
-    Raises
-    ------
-    ConfigError
-        When a label is none of ours, or occurs twice.
+    Raises `ConfigError` when a label is none of ours, or occurs twice.
     """
     unknown = [name for name in labels if name not in GESTURES]
     if unknown or len(set(labels)) != len(labels) or len(labels) < 2:
@@ -300,22 +293,22 @@ def _balanced(label: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.
 
 
 def _perceptron(
-    x: NDArray[np.float64], label: NDArray[np.int64], settings: TrainingConfig
+    x: NDArray[np.float64], label: NDArray[np.int64], config: TrainingConfig
 ) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
     from sklearn.exceptions import ConvergenceWarning  # only training needs scikit-learn
     from sklearn.neural_network import MLPClassifier
 
     networks = [
         MLPClassifier(
-            settings.hidden,
-            alpha=settings.regularisation,
-            max_iter=settings.max_iterations,
-            random_state=settings.seed + start,
-            learning_rate_init=settings.learning_rate,
+            config.hidden,
+            alpha=config.regularisation,
+            max_iter=config.max_iterations,
+            random_state=config.seed + start,
+            learning_rate_init=config.learning_rate,
             tol=1e-5,
             n_iter_no_change=30,
         )
-        for start in range(settings.starts)
+        for start in range(config.starts)
     ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice

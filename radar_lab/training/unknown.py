@@ -43,7 +43,7 @@ class UnknownReport:
 
 
 def leave_one_gesture_out(
-    samples: SampleSet, settings: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES, unknown: Sequence[str] | None = None
+    samples: SampleSet, config: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES, unknown: Sequence[str] | None = None
 ) -> tuple[UnknownReport, ...]:
     """Train without each gesture in turn, and count how many of its events are rejected; people are left out as well.
 
@@ -51,7 +51,7 @@ def leave_one_gesture_out(
     ----------
     samples : SampleSet
         ``label`` is an index into ``labels``.
-    settings : TrainingConfig or None
+    config : TrainingConfig or None
         None: the defaults. ``folds`` models are trained for each gesture.
     labels : sequence of str
         What the labels mean.
@@ -61,33 +61,33 @@ def leave_one_gesture_out(
     Returns
     -------
     tuple of UnknownReport
-        By the rejector of ``settings`` and, to compare, by the probability alone; the same models.
+        By the rejector of ``config`` and, to compare, by the probability alone; the same models.
 
     Raises
     ------
     DataError
         When a gesture to keep away has no samples.
     """
-    settings = settings if settings is not None else TrainingConfig()
+    config = config if config is not None else TrainingConfig()
     chosen = [name for name in labels if name != RANDOM] if unknown is None else list(unknown)
     results: dict[str, tuple[dict[str, float], list[float]]] = {}
     for name in chosen:
         if name not in labels or not np.any(samples.label == labels.index(name)):
             raise DataError(f"{name}: no sample of this gesture; it cannot be played to a model that does not know it")
-        for rejector, (rejected, lost) in _without(samples, labels.index(name), settings, labels).items():
+        for rejector, (rejected, lost) in _without(samples, labels.index(name), config, labels).items():
             found = results.setdefault(rejector, ({}, []))
             found[0][name] = rejected
             found[1].append(lost)
     return tuple(UnknownReport(rejector, rejected, float(np.mean(lost))) for rejector, (rejected, lost) in results.items())
 
 
-def _without(samples: SampleSet, unknown: int, settings: TrainingConfig, labels: Sequence[str]) -> dict[str, tuple[float, float]]:
+def _without(samples: SampleSet, unknown: int, config: TrainingConfig, labels: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Share of the unknown gesture rejected and share of the known ones lost, by rejector."""
     names = tuple(name for number, name in enumerate(labels) if number != unknown)
     is_known = samples.label != unknown
-    folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
+    folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
     renamed = dataclasses.replace(samples, label=samples.label - (samples.label > unknown))
-    models = [fit(renamed, ~test & is_known, settings, labels=names) for test in folds]
+    models = [fit(renamed, ~test & is_known, config, labels=names) for test in folds]
     raw = _probabilities(models, folds, samples)
     soft = soften(raw, fit_temperature(raw[is_known], renamed.label[is_known]))
     known = Validation("subjects", names, soft[is_known], renamed.label[is_known], samples.person[is_known])
@@ -95,7 +95,7 @@ def _without(samples: SampleSet, unknown: int, settings: TrainingConfig, labels:
     found = {}
     for rejector in dict.fromkeys((models[0].rejector.name, ByProbability.name)):
         score = _scores(models, folds, samples, soft, None if rejector == models[0].rejector.name else ByProbability())
-        limit, lost = reject_limit(known, score[is_known], settings.lost)
+        limit, lost = reject_limit(known, score[is_known], config.lost)
         gone = (soft.argmax(axis=-1) == random) | (score < limit)
         found[rejector] = (float(np.mean(gone[~is_known])), lost)
     return found

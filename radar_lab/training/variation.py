@@ -41,7 +41,7 @@ def lose_gates(events: EventMaps, variation: VariationConfig, rng: np.random.Gen
 
 
 def vary(
-    events: EventMaps, values: Float64Array, settings: CurveConfig, variation: VariationConfig, rng: np.random.Generator
+    events: EventMaps, values: Float64Array, config: CurveConfig, variation: VariationConfig, rng: np.random.Generator
 ) -> Float64Array:
     """Make one changed copy of every event's curves.
 
@@ -51,7 +51,7 @@ def vary(
         Whose frames the signals have.
     values : ndarray of float64, shape (n_rows, n_signals)
         As `signals` gives them, of these events or of what `lose_gates` made of them.
-    settings : CurveConfig
+    config : CurveConfig
         The knobs of the curves.
     variation : VariationConfig
         How much copies differ.
@@ -80,7 +80,7 @@ def vary(
     values[:, _columns("side", spreads=False)] *= np.where(rng.random(n) < variation.mirrored, -1.0, 1.0)[event, None]
     duration = events.duration
     start, late = (duration * variation.ends * rng.uniform(-1.0, 1.0, n) for _ in range(2))
-    return read_curves(events, values, settings, start, duration + late)
+    return read_curves(events, values, config, start, duration + late)
 
 
 def _columns(*words: str, spreads: bool = True) -> list[int]:
@@ -89,7 +89,7 @@ def _columns(*words: str, spreads: bool = True) -> list[int]:
 
 
 def copies(
-    events: EventMaps, settings: CurveConfig, variation: VariationConfig, *, n: int, seed: int, body: Float64Array | None = None
+    events: EventMaps, config: CurveConfig, variation: VariationConfig, *, n: int, seed: int, body: Float64Array | None = None
 ) -> NDArray[np.float32]:
     """Make changed copies of the curves of events; copy k is a function of the arguments and k, however many there are.
 
@@ -97,7 +97,7 @@ def copies(
     ----------
     events : EventMaps
         The originals.
-    settings : CurveConfig
+    config : CurveConfig
         The knobs of the curves.
     variation : VariationConfig
         How much copies differ.
@@ -113,9 +113,9 @@ def copies(
     ndarray of float32, shape (n, n_events, n_features)
         In the order of `curve_names`.
     """
-    made = np.empty((n, len(events), len(curve_names(settings))), np.float32)
+    made = np.empty((n, len(events), len(curve_names(config))), np.float32)
     for k in range(n):
         rng = np.random.default_rng([seed, k, _STREAM])
-        values = signals(lose_gates(events, variation, rng), settings, body)
-        made[k] = vary(events, values, settings, variation, rng)
+        values = signals(lose_gates(events, variation, rng), config, body)
+        made[k] = vary(events, values, config, variation, rng)
     return made

@@ -14,7 +14,7 @@ from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import named_plan
-from radar_lab.training.training import TrainingConfig, settings_of, train_on
+from radar_lab.training.training import TrainingConfig, config_of, train_on
 from radar_lab.training.validation import Validation
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -107,7 +107,7 @@ def test_the_shipped_model_and_its_card_are_those_of_the_commands():
     """As far as a model says how it was trained, and its card what it measured: that they come out again is for the benchmark to show."""
     path = find_config("gestures", "models", ".npz")
     model, card = load_model(path), (ROOT / "docs" / "model_card.md").read_text(encoding="utf-8")
-    assert settings_of(model) == TrainingConfig(starts=gesture_model.STARTS, lost=gesture_model.LOST)
+    assert config_of(model) == TrainingConfig(starts=gesture_model.STARTS, lost=gesture_model.LOST)
     assert f"{path.stat().st_size:,} bytes" in card
     assert f"**{model.figures['accuracy']:.1%}**" in card
     assert f"--starts {gesture_model.STARTS} --lost {gesture_model.LOST} --seed 1 --scenes {gesture_model.SCENES}" in card

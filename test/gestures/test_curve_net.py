@@ -166,7 +166,7 @@ def test_training_learns_the_order_of_time_and_repeats() -> None:
 
     def train(seed: int) -> CurveNet:
         chosen = dataclasses.replace(settings, seed=seed)
-        return train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, settings=chosen)
+        return train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, config=chosen)
 
     net = train(1)
     fresh, truth = waves(200, rng)
@@ -194,7 +194,7 @@ def test_numpy_gives_what_pytorch_gives() -> None:
         patch.setattr(curve_training, "_Network", Kept)
         x, label = waves(200, np.random.default_rng(4))
         settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
-        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, settings=settings)
+        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, config=settings)
     standard = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
     with torch.no_grad():
         expected = torch.softmax(kept[0](torch.from_numpy(standard)), dim=1).numpy()

@@ -99,7 +99,7 @@ def test_importing_again_adds_nothing_and_another_recording_goes_on(tmp_path):
     other = import_labelled(tmp_path, RadarInfo(), long_recording(), LABELS[:1], source="kitchen")
     assert other.n_written == 1
     assert [int(sample["number"]) for sample in read_samples(tmp_path)] == [0, 1, 2, 3]
-    for more in ({"info": RadarInfo(mount=Pose(z=1.0))}, {"settings": GestureConfig(events=EventConfig(threshold=1.0))}, {"one_tx": True}):
+    for more in ({"info": RadarInfo(mount=Pose(z=1.0))}, {"config": GestureConfig(events=EventConfig(threshold=1.0))}, {"one_tx": True}):
         given = {"info": RadarInfo()} | more
         with pytest.raises(ConfigError, match="other settings"):
             import_labelled(tmp_path, given.pop("info"), long_recording(), LABELS[:1], source="hall", **given)

@@ -58,7 +58,7 @@ def test_reading_again_gives_what_simulation_found(folder):
     again, stored = readings.collect(folder), synthesis.feature_samples(folder)
     for name in ("features", "label", "person", "walked", "missed"):
         np.testing.assert_array_equal(getattr(again, name), getattr(stored, name), err_msg=name)
-    assert again.settings == stored.settings
+    assert again.config == stored.config
     assert set(again.person.tolist()) == {0, 1}
     assert len(again.label) + again.missed.sum() == N
 
@@ -116,7 +116,7 @@ def test_settings_frame_rate_and_transmitters_without_simulating_again(folder):
     assert none.features.shape == (0, 13)
     assert none.missed.sum() == N
     full = readings.collect(folder)
-    for more in ({"every": 2}, {"one_tx": True}, {"settings": GestureConfig(features=FeatureConfig(angles="sensor"))}):
+    for more in ({"every": 2}, {"one_tx": True}, {"config": GestureConfig(features=FeatureConfig(angles="sensor"))}):
         other = readings.collect(folder, **more)
         assert len(other.label) >= N - 3
         assert not np.array_equal(other.features, full.features)

@@ -10,7 +10,7 @@ import pytest
 from radar_core import GESTURES, ConfigError, DataError
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_lab.datasets.samples import SampleSet
-from radar_lab.training.training import TrainingConfig, describe, fit, of_labels, settings_of, train_on, validate
+from radar_lab.training.training import TrainingConfig, config_of, describe, fit, of_labels, train_on, validate
 from radar_lab.training.unknown import as_table, leave_one_gesture_out
 from radar_lab.training.validation import random_split
 
@@ -97,9 +97,9 @@ def test_the_temperature_does_not_make_calibration_worse(report):
 
 def test_a_model_knows_how_it_was_trained(report, tmp_path):
     save_model(report.model, tmp_path / "m.npz")
-    assert settings_of(load_model(tmp_path / "m.npz")) == QUICK
+    assert config_of(load_model(tmp_path / "m.npz")) == QUICK
     bare = dataclasses.replace(report.model, figures={})
-    assert settings_of(bare) == TrainingConfig()
+    assert config_of(bare) == TrainingConfig()
 
 
 def test_any_features_and_layers_can_be_trained():
