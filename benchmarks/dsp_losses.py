@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_scenes import NAMED, gesture_stream, stroke
-from benchmarks.report import choice, share_interval
+from benchmarks.report import Panel, share_interval
 from benchmarks.stores import sources
 from benchmarks.tradeoff.echoes import AMPLITUDE, INFO, LIMITS, SNR_DB, WAVE, echo, noise
 from radar_core import RadarFrame
@@ -44,6 +44,13 @@ METHODS: Final[tuple[Missing, ...]] = get_args(Missing)
 BURST: Final = 8
 ECHO_DB: Final = 50.0
 SLOW: Final = 0.5  # range rate up to which an echo is slow [m/s]
+_ZERO: Final = "missing=zero"
+PANELS: Final = {
+    rate: Panel(
+        f"{rate:.0%} of the chirps lost", "rise of the floor beside 50 dB", "dB", "lower", f"missing={SpectrumConfig().missing}", _ZERO
+    )
+    for rate in (0.01, 0.1)
+}
 SEEDS: Final = range(7300, 7309)
 DURATION: Final = 95.0  # of a scene [s]: about 26 gestures
 PACKAGES: Final = ("radar_core", "radar_sim", "radar_dsp", "radar_tracking", "radar_gestures")
@@ -188,22 +195,13 @@ def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
     return {"performed": len(known["none"]), "recognised_without_loss": int(known["none"].sum()), "cases": table}
 
 
-def rows(quick: bool) -> list[dict[str, Any]]:
-    """Accuracy beside time of every choice, at 1 % and 10 % of random losses; the ratio is to the choice zero."""
-    n, made = 3 if quick else 60, []
-    for rate in (0.01, 0.1):
-        times = {method: baseband_ms(method, rate, 10 if quick else 200) for method in METHODS}
-        for method in METHODS:
-            worst = worst_floor_db(method, rate, n)["worst"]
-            made.append(
-                choice(
-                    "dsp",
-                    f"missing={method}, {100 * rate:g} % lost",
-                    accuracy=("rise of the floor beside 50 dB", worst, "dB"),
-                    times_ms=times[method],
-                    reference_ms=times["zero"],
-                )
-            )
+def rows(n: int, repeat: int) -> list[dict[str, Any]]:
+    """Floors over ``n`` frames of each kind beside the times of ``repeat`` frames, for every choice at every rate of `PANELS`."""
+    made = []
+    for rate, panel in PANELS.items():
+        times = {f"missing={method}": baseband_ms(method, rate, repeat) for method in METHODS}
+        floors = {f"missing={method}": worst_floor_db(method, rate, n)["worst"] for method in METHODS}
+        made += panel.rows(floors, times | {"": times[_ZERO]})
     return made
 
 
@@ -219,4 +217,4 @@ def figures(quick: bool, keep: Path | None = None) -> dict[str, Any]:
         key = f"lost_chirps_{100 * rate:g}pct"
         result |= {f"{key}_floor_db": floors[f"{rate:g}"]["worst"], f"{key}_gestures_lost": worse["lost"]}
         result[f"{key}_gestures_lost_interval"] = worse["lost_interval"]
-    return result | {"choices": rows(quick)}
+    return result | {"choices": rows(*((3, 10) if quick else (60, 200)))}

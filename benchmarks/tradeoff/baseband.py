@@ -13,6 +13,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from benchmarks import dsp_losses
 from benchmarks.report import Found, Panel, measure_together, of_rms, of_share
 from benchmarks.tradeoff.echoes import AMPLITUDE, INFO, LIMITS, SNR_DB, WAVE, busy, echo, frame, noise
 from benchmarks.tradeoff.stages import StudyConfig
@@ -35,7 +36,7 @@ def _windowed(cube: NDArray[Any], window: NDArray[Any]) -> NDArray[Any]:
 
 
 def transforms(study: StudyConfig) -> Found:
-    """Compare float32 with float64 samples, and the back ends with each other, on a frame of forty echoes."""
+    """Compare float32 with float64 samples, and the back ends with each other, on a frame of forty echoes; what fills in lost chirps."""
     cube = busy(np.random.default_rng(study.seed))[1].cube
     made = make_spectrum(SpectrumConfig(), INFO)
     window = made.speed_window[:, None, None] * made.range_window
@@ -59,6 +60,7 @@ def transforms(study: StudyConfig) -> Found:
     for panel, names in ((SAMPLES, kinds), (BACK_ENDS, spectra)):
         off = {name: float(np.linalg.norm(calls[name]() - truth) / norm) for name in names}
         found.rows += panel.rows(off, times, lambda value: 0.5 * value)  # half of it is chance of rounding
+    found.rows += dsp_losses.rows(study.pick(3, 60), study.pick(10, 200))
     return found
 
 

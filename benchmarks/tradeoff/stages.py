@@ -50,6 +50,7 @@ class Stage:
 
 
 _DSP: Final = ("radar_core", "radar_dsp")
+_LOSSES: Final = (*_DSP, "benchmarks/dsp_losses.py")
 _PEOPLE: Final = (*_DSP, "radar_sim", "radar_tracking")
 _ALL: Final = (*_PEOPLE, "radar_gestures")
 _BASEBAND, _ROOM = "benchmarks.tradeoff.baseband", "benchmarks.tradeoff.people"
@@ -58,7 +59,14 @@ STAGES: Final[dict[str, Stage]] = {
     stage.name: stage
     for stage in (
         Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True, "benchmarks.propagation", "fidelity"),
-        Stage("transforms", "Baseband: sample type, FFT back end, word length", _DSP, False, _BASEBAND, "transforms"),
+        Stage(
+            "transforms",
+            "Baseband: sample type, FFT back end, word length, lost chirps",
+            (*_DSP, "benchmarks/dsp_losses.py"),
+            False,
+            _BASEBAND,
+            "transforms",
+        ),
         Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False, _BASEBAND, "detection"),
         Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False, _BASEBAND, "directions"),
         Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False, "benchmarks.clustering_parts"),

@@ -1,6 +1,5 @@
 """Lost chirps: filled in from the others, and said when that is a guess."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -8,47 +7,16 @@ import pytest
 from echoes import amplitude_for, echo, frame, noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from losses import draw, numbers, radar, tones
 from oracles import gaps as oracle
 
-from radar_core import AntennaArray, DataError, Quality, RadarFrame, RadarInfo, Waveform, known_symbols
+from radar_core import DataError, Quality, RadarFrame, RadarInfo, known_symbols
 from radar_core.cloud import ARRAY_FIELDS
-from radar_dsp import Baseband, BasebandConfig, SpectrumConfig, gaps
+from radar_dsp import Baseband, BasebandConfig, SpectrumConfig
 from radar_dsp.gaps import LOADING, Gaps, autoregressive, cubic, longest_gap, usable_order
 from radar_dsp.spectrum import make_spectrum
 
 INFO = RadarInfo()
-
-
-def radar(n_tx: int = 2, n_chirp: int = 64, **waveform) -> RadarInfo:
-    """A small radar with so many transmitters and chirps."""
-    interval = 116e-6 * n_tx * n_chirp
-    wave = Waveform(**{"n_tx": n_tx, "n_chirp": n_chirp, "n_sample": 16, "frame_interval": max(2 * interval, 20e-3), **waveform})
-    tx = tuple((2e-3 * t, 0.0) for t in range(n_tx))
-    rx = ((0.0, 0.0), (2e-3, 2e-3), (4e-3, 0.0))
-    return RadarInfo(waveform=wave, array=AntennaArray(tx=tx, rx=rx))
-
-
-def tones(info: RadarInfo, rng: np.random.Generator, n: int = 3) -> np.ndarray:
-    """A few echoes of constant speed in one range cell and others, exact from chirp to chirp."""
-    n_tx, n_chirp, n_rx, n_sample = info.cube_shape
-    cube = np.zeros(info.cube_shape, complex)
-    for _ in range(n):
-        slow, fast = rng.uniform(-0.5, 0.5), rng.uniform(0.1, 0.9)
-        phase = np.exp(2j * np.pi * (slow * np.arange(n_chirp)[:, None, None] + fast * np.arange(n_sample)))
-        cube += np.exp(2j * np.pi * rng.random((n_tx, 1, n_rx, 1))) * phase * rng.uniform(0.3, 1.0)
-    return cube.astype(np.complex64)
-
-
-def draw(info: RadarInfo, rng: np.random.Generator, share: float) -> np.ndarray:
-    """Which chirps are lost, shape (n_tx, n_chirp); at least one."""
-    n_tx, n_chirp = info.cube_shape[:2]
-    lost = rng.random((n_tx, n_chirp)) < share
-    lost[rng.integers(n_tx), rng.integers(n_chirp)] = True
-    return lost
-
-
-def numbers(lost: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(lost.T).astype(np.uint32)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
@@ -129,77 +97,6 @@ def test_cubic_is_exact_on_cubics_and_holds_at_the_ends():
     np.testing.assert_array_equal(found[3], cube[0, 14])
 
 
-@pytest.mark.parametrize("method", ["autoregressive", "cubic"])
-@pytest.mark.parametrize("which", ["first", "last", "both ends", "one transmitter", "all but one", "all"])
-def test_extreme_losses(which, method):
-    """Whatever is lost: no sample above twice the echo's, what is there untouched, and the flag says when it is a guess."""
-    info = radar(2, 32)
-    rng = np.random.default_rng(43)
-    cube = tones(info, rng, 1)
-    lost = np.zeros((2, 32), np.bool_)
-    reliable = which in ("first", "last", "both ends")
-    if which in ("first", "both ends"):
-        lost[:, :2] = True
-    if which in ("last", "both ends"):
-        lost[:, -2:] = True
-    if which == "one transmitter":
-        lost[0] = True
-    if which in ("all but one", "all"):
-        lost[...] = True
-        lost[1, 7] = which == "all"
-    got = cube.copy()
-    assert Gaps(method, info).process(got, numbers(lost)) is reliable
-    np.testing.assert_array_equal(got[~lost], cube[~lost])
-    assert np.abs(got).max() < 2.0
-    if reliable and method == "autoregressive":
-        np.testing.assert_allclose(got, cube, atol=3e-3)
-    if not reliable:
-        assert not got[lost].any()
-
-
-@pytest.mark.parametrize("n_chirp", [1, 2, 3, 4, 5])
-def test_few_chirps(n_chirp):
-    """Frames of a few chirps: nothing breaks, and one chirp of a transmitter that has no other stays zero."""
-    info = radar(2, n_chirp)
-    cube = tones(info, np.random.default_rng(44), 1)
-    got = cube.copy()
-    reliable = Gaps("autoregressive", info).process(got, np.array([0], np.uint32))
-    assert np.isfinite(got).all()
-    np.testing.assert_array_equal(got[0, 1:], cube[0, 1:])
-    assert reliable == (n_chirp >= 4)
-    if n_chirp >= 3:
-        np.testing.assert_allclose(got[0, 0], cube[0, 0], atol=1e-3)
-    if n_chirp == 1:
-        assert not got[0].any()
-
-
-def test_prediction_makes_do_with_short_stretches():
-    """Fewer coefficients where gaps leave no long stretches; none where no two chirps are side by side."""
-    lost = np.zeros((1, 24), np.bool_)
-    assert usable_order(lost) == gaps.ORDER
-    lost[0, 3::4] = True
-    assert usable_order(lost) == 2
-    lost[0, 1::2] = True
-    assert usable_order(lost) == 0
-
-
-def test_scale_does_not_matter():
-    """Samples from 1e-30 to 1e30 give the same, but for the scale; all-zero frames stay zero."""
-    info = radar()
-    rng = np.random.default_rng(45)
-    cube, missing = (tones(info, rng) + 0.01 * noise(info, rng)).astype(np.complex64), numbers(draw(info, rng, 0.05))
-    filled = {}
-    for exponent in (-100, 0, 100):
-        scaled = np.ldexp(cube.view(np.float32), exponent).view(np.complex64)
-        Gaps("autoregressive", info).process(scaled, missing)
-        filled[exponent] = np.ldexp(scaled.view(np.float32), -exponent)
-    np.testing.assert_allclose(filled[-100], filled[0], atol=1e-5)
-    np.testing.assert_allclose(filled[100], filled[0], atol=1e-5)
-    nothing = np.zeros(info.cube_shape, np.complex64)
-    Gaps("autoregressive", info).process(nothing, missing)
-    assert not nothing.any()
-
-
 def test_a_weak_echo_beside_a_very_strong_one():
     """Coupling 90 dB above the noise, in float32: what is filled in errs by no more than the noise."""
     info = INFO
@@ -235,23 +132,6 @@ def test_nothing_lost_is_bit_for_bit_what_it_was(monkeypatch):
     for cloud in clouds[1:]:
         for name in ARRAY_FIELDS:
             np.testing.assert_array_equal(getattr(cloud, name), getattr(clouds[0], name))
-
-
-@pytest.mark.parametrize("method", ["autoregressive", "cubic", "zero"])
-def test_what_is_in_a_lost_chirp_does_not_matter(method):
-    """Garbage, saturation, NaN: ignored, and the frame that was given stays as it is."""
-    info = dataclasses.replace(INFO, full_scale=1e4)
-    cube = frame(INFO, noise(INFO, np.random.default_rng(49)), echo(INFO, 2.0, 1.0, 0.1, 0.0, amplitude_for(30, INFO))).cube
-    baseband = Baseband(BasebandConfig(spectrum=SpectrumConfig(missing=method)), info)
-    missing, clouds = np.array([6, 7, 90], np.uint32), []
-    for garbage in (0.0, 1e6, math.nan, math.inf):
-        spoilt = cube.copy()
-        spoilt[missing % 2, missing // 2] = garbage
-        kept = spoilt.copy()
-        clouds.append(baseband.process(RadarFrame(spoilt, 0, 0, "radar", missing)))
-        np.testing.assert_array_equal(spoilt, kept)
-        assert clouds[-1].quality == Quality.MISSING_CHIRPS
-        np.testing.assert_array_equal(clouds[-1].snr, clouds[0].snr)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
