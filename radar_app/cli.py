@@ -169,14 +169,12 @@ def process(
     from rich.progress import track
 
     from radar_core.mounting import load_mount
-    from radar_ros.bags import BagWriter, contents, local
+    from radar_ros.bags import BagWriter
     from radar_ros.offline import copy_info, open_recording, pipeline_config, process_recording, write_results
 
     chosen = pipeline_config(parse_parameters(param, config))
     mount = load_mount(chosen.driver.calibration) if chosen.driver.calibration else None
-    recording = open_recording(bag)
-    total = sum(count for topic, count in contents(bag).items() if local(topic) == recording.topic)
-    gestures = 0
+    total, gestures = len(open_recording(bag)), 0
     with BagWriter(out) as writer:
         copy_info(bag, writer, mount)
         for stamp_ns, result in track(process_recording(bag, chosen), total=total, description="processing"):

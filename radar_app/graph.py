@@ -19,7 +19,7 @@ class NodeSpec:
     name : str
         Of the node, and of its executable ``<name>_node``.
     module : str
-        Python module with ``make_node`` and ``main``.
+        Python module with ``make_node``.
     parameters : mapping
         Parameters that differ from the defaults.
     remappings : mapping
@@ -179,7 +179,9 @@ def run_node(name: str) -> int:
     """Run the node of that name in this process; for the executables of a ROS installation."""
     if name not in NODES:
         raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
-    return int(importlib.import_module(NODES[name].module).main())
+    from radar_ros.stage import run
+
+    return run(importlib.import_module(NODES[name].module).make_node)
 
 
 def replace_parameters(spec: NodeSpec, namespace: str, parameters: Mapping[str, Any]) -> NodeSpec:

@@ -17,10 +17,10 @@ from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError, DataError
 from radar_core.mounting import MountCalibration, load_mount
-from radar_ros.bags import TYPES, BagWriter, contents, local
+from radar_ros.bags import TYPES, BagWriter
 from radar_ros.interrupts import INTERRUPTED, interruptible, ros
-from radar_ros.offline import copy_info, open_recording
-from radar_ros.replay import Lockstep, Player, expected_stages, play, source_topics
+from radar_ros.offline import Recording, copy_info, open_recording
+from radar_ros.replay import Lockstep, Player, play
 
 READER_TIMEOUT = 30.0
 """How long the player waits for a reader of its frames [s]; nodes take seconds to start."""
@@ -75,9 +75,9 @@ def run_replay(options: ReplayOptions) -> int:
     with interruptible(), ros(), supervisor:
         try:
             if options.lockstep:
-                _lockstep(options, supervisor, recording.topic, console, mount)
+                _lockstep(options, supervisor, recording, console, mount)
             else:
-                _in_time(options, supervisor, console, mount)
+                _in_time(options, supervisor, recording.topic, console, mount)
             supervisor.poll()
         except KeyboardInterrupt:
             console.print("interrupted")
@@ -106,22 +106,21 @@ def _errors_only(console: Console) -> Any:
     return sink
 
 
-def _total(options: ReplayOptions, topic: str) -> int:
-    return sum(count for name, count in contents(options.bag).items() if local(name) == topic)
-
-
-def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console, mount: MountCalibration | None) -> None:
+def _lockstep(
+    options: ReplayOptions, supervisor: Supervisor, recording: Recording, console: Console, mount: MountCalibration | None
+) -> None:
     def watch() -> None:
         for name, status in supervisor.poll():
             raise DataError(f"node {name} ended with status {status}; the replay is not complete")
 
+    stages = [stage for stage in STAGES if stage != "baseband" or recording.topic == "radar/frame"]
     out = BagWriter(options.out) if options.out is not None else None
     if out is not None:
         copy_info(options.bag, out, mount)
-    lockstep = Lockstep(expected_stages(STAGES, topic), options.namespace, out, watch, mount)
+    lockstep = Lockstep(stages, options.namespace, out, watch, mount)
     try:
         with Progress(console=console) as progress:
-            task = progress.add_task("lockstep", total=_total(options, topic))
+            task = progress.add_task("lockstep", total=len(recording))
             count = lockstep.run(options.bag, lambda done: progress.update(task, completed=done))
         console.print(f"{count} frames, none lost" + (f"; results in {options.out}" if options.out else ""))
     finally:
@@ -130,9 +129,9 @@ def _lockstep(options: ReplayOptions, supervisor: Supervisor, topic: str, consol
             out.close()
 
 
-def _in_time(options: ReplayOptions, supervisor: Supervisor, console: Console, mount: MountCalibration | None) -> None:
-    topics = options.topics or source_topics(options.bag)
-    awaited = next((topic for topic in topics if topic in ("radar/frame", "radar/points")), topics[0])
+def _in_time(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console, mount: MountCalibration | None) -> None:
+    topics = options.topics or ("radar/info", topic, "truth", "tf_static", "hand/trigger")
+    awaited = next((name for name in topics if name in ("radar/frame", "radar/points")), topics[0])
     player, monitor = Player(options.namespace, mount), Monitor(options.namespace)
     try:
         source = player.publisher(awaited)

@@ -27,20 +27,12 @@ def in_namespace(node: Any, frame_id: str) -> str:
 
 
 class Announcer:
-    """Publishes the description of a radar, again and again.
+    """Publishes the description of a radar through a node, again and again; ``tf`` and ``pose``: also on /tf_static and radar/pose."""
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Publishes.
-    pose : bool
-        Whether there is a topic radar/pose.
-    """
-
-    def __init__(self, node: Any, *, pose: bool = False) -> None:
+    def __init__(self, node: Any, *, tf: bool = True, pose: bool = False) -> None:
         self._node = node
         self._infos = node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
-        self._tf = node.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        self._tf = node.create_publisher(TFMessage, "/tf_static", qos.LATCHED) if tf else None
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "radar/pose", qos.LATCHED) if pose else None
         self._info: RadarInfo | None = None
         self._measured: MountCalibration | None = None
@@ -66,7 +58,8 @@ class Announcer:
             return
         self._infos.publish(info_to_msg(info, now))
         transform = mount_to_transform(info, now)
-        self._tf.publish(TFMessage(transforms=[transform]))
+        if self._tf is not None:
+            self._tf.publish(TFMessage(transforms=[transform]))
         if self._pose is not None and self._measured is not None:
             place = PoseMsg(position=Point(x=info.mount.x, y=info.mount.y, z=info.mount.z), orientation=transform.transform.rotation)
             pose = PoseWithCovariance(pose=place, covariance=self._measured.pose_covariance.ravel())

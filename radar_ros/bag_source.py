@@ -26,12 +26,7 @@ class BagConfig:
 class BagFrames:
     """The raw frames of a bag, in order; see `radar_driver.paced.Frames`.
 
-    Parameters
-    ----------
-    path : Path
-        Folder of the bag.
-    namespace : str
-        Which radar, where the bag holds several, e.g. ``"left"``; a bag of one radar is taken whatever its namespace.
+    ``namespace`` says which radar, where the bag holds several, e.g. ``"left"``; a bag of one radar is taken whatever its namespace.
 
     Raises
     ------
@@ -96,11 +91,11 @@ class BagFrames:
             self._reader.close()
 
 
-def open_bag(settings: BagConfig, context: Context) -> Paced:
+def open_bag(config: BagConfig, context: Context) -> Paced:
     """Make the source of a recording."""
     from radar_driver.paced import Paced
 
-    return Paced(BagFrames(Path(settings.bag), context.namespace), context)
+    return Paced(BagFrames(Path(config.bag), context.namespace), context)
 
 
 BOARD = register(Board("bag", "recording of raw frames (rosbag2)", BagConfig, open_bag, prefix="", paced=True))

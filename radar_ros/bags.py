@@ -14,6 +14,7 @@ from typing import Any
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
+from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -83,17 +84,9 @@ def was_cut_off(path: Path) -> bool:
 
 
 class BagWriter:
-    """Writes serialised messages into a new bag; what is written survives a crash up to the last `flush`.
+    """Writes messages into a new bag; what is written survives a crash up to the last `flush`.
 
-    Parameters
-    ----------
-    path : Path
-        Folder of the bag; must not exist.
-
-    Raises
-    ------
-    DataError
-        When the folder exists or cannot be made.
+    A `DataError` says that the folder (``path``) exists already or cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -119,14 +112,12 @@ class BagWriter:
         self.close()
 
     def write(self, topic: str, msgtype: str, stamp_ns: int, data: bytes, definition: str = "") -> None:
-        """Append one message.
+        """Append one serialised message.
 
         Parameters
         ----------
-        topic : str
-            Full name, with the leading slash.
-        msgtype : str
-            E.g. ``handwave/msg/RadarFrame``.
+        topic, msgtype : str
+            Full name, with the leading slash, and type, e.g. ``handwave/msg/RadarFrame``.
         stamp_ns : int
             Time of recording [ns].
         data : bytes
@@ -141,6 +132,10 @@ class BagWriter:
                 self.counts[topic] = 0
             self._writer.write(self._connections[topic], stamp_ns, data)
             self.counts[topic] += 1
+
+    def put(self, topic: str, stamp_ns: int, msg: Any) -> None:
+        """Append one message of this version, of the type that `TYPES` gives the topic."""
+        self.write(topic, TYPES[local(topic)], stamp_ns, serialize_message(msg))
 
     def flush(self) -> None:
         """Bring everything to the file; a crash from now on does not lose it."""
@@ -167,13 +162,7 @@ class Recorded:
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[AnyReader]:
-    """Open a bag for reading.
-
-    Raises
-    ------
-    DataError
-        When there is no bag, or a crash cut it off and it needs `repair`.
-    """
+    """Open a bag for reading; a `DataError` says that there is none, or that a crash cut it off and it needs `repair`."""
     path = Path(path)
     if was_cut_off(path):
         raise DataError(f"{path}: the recording was cut off (no metadata.yaml); recover it with: handwave repair {path}")
@@ -189,14 +178,7 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
 
 
 def read(path: Path, topics: Iterable[str] | None = None) -> Iterator[Recorded]:
-    """Messages of a bag in the order of their times.
-
-    Parameters
-    ----------
-    path : Path
-        Folder of the bag.
-    topics : iterable of str or None
-        Names without namespace, e.g. ``radar/frame``; None: all.
+    """Messages of a bag in the order of their times, of these topics (names without namespace, e.g. ``radar/frame``) or of all.
 
     Raises
     ------
@@ -216,20 +198,12 @@ def read(path: Path, topics: Iterable[str] | None = None) -> Iterator[Recorded]:
 def local(topic: str) -> str:
     """Name of a topic within its namespace: ``/left/radar/frame`` is ``radar/frame``."""
     parts = topic.strip("/").split("/")
-    for start in range(len(parts)):
-        if "/".join(parts[start:]) in TYPES:
-            return "/".join(parts[start:])
-    return topic.strip("/")
+    names = ("/".join(parts[start:]) for start in range(len(parts)))
+    return next((name for name in names if name in TYPES), topic.strip("/"))
 
 
 def contents(path: Path) -> dict[str, int]:
-    """Count the messages of every topic.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read.
-    """
+    """Count the messages of every topic of a bag; a `DataError` says that it cannot be read."""
     with open_bag(path) as reader:
         counts: dict[str, int] = {}
         for connection in sorted(reader.connections, key=lambda c: c.topic):  # several publishers: several connections
@@ -238,13 +212,7 @@ def contents(path: Path) -> dict[str, int]:
 
 
 def require_topics(path: Path, *alternatives: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the first set of topics that a bag holds completely.
-
-    Raises
-    ------
-    DataError
-        Listing what it holds instead.
-    """
+    """Return the first set of topics that a bag holds completely; a `DataError` lists what it holds instead."""
     held = {local(topic) for topic, count in contents(path).items() if count}
     for names in alternatives:
         if set(names) <= held:
@@ -256,15 +224,7 @@ def require_topics(path: Path, *alternatives: tuple[str, ...]) -> tuple[str, ...
 def repair(path: Path) -> dict[str, int]:
     """Recover a recording that a crash cut off, in place; the damaged file is kept as ``*.damaged``, a whole one is left alone.
 
-    Returns
-    -------
-    dict of str to int
-        Recovered messages per topic; empty when nothing had to be done.
-
-    Raises
-    ------
-    DataError
-        When there is nothing to recover.
+    Returns the recovered messages per topic, none when nothing had to be done. A `DataError` says that there is nothing to recover.
     """
     path = Path(path)
     files = sorted(path.glob("*.mcap")) if path.is_dir() else []

@@ -19,7 +19,7 @@ from radar_ros.messages.convert import header
 from radar_ros.params import declare_config, on_change
 
 if TYPE_CHECKING:  # imported only where there is a budget
-    from radar_core.governor import Governor, Step
+    from radar_core.governor import Governor
     from radar_core.ladder import Ladder, Level
 
 T = TypeVar("T")
@@ -72,8 +72,8 @@ class Budget(Generic[T]):
 
     Attributes
     ----------
-    number : int
-        Of the level to use now; 0: the most accurate.
+    configs : tuple of configurations
+        Of all levels.
     """
 
     def __init__(self, node: Any, base: T, prepare: Callable[[tuple[T, ...]], Callable[[], None]]) -> None:
@@ -81,7 +81,7 @@ class Budget(Generic[T]):
         self._config = declare_config(node, BudgetConfig, changeable=True)
         self._publisher = node.create_publisher(StageBudgetMsg, "stage_budget", qos.LATCHED)
         self._ladder = self._read(self._config)
-        self._configs = self._over(base, self._ladder)
+        self.configs = self._over(base, self._ladder)
         self._governor: Governor | None = None
         self._first = 0
         self._start()
@@ -97,7 +97,7 @@ class Budget(Generic[T]):
             place = prepare(configs)
 
             def apply() -> None:
-                self._config, self._ladder, self._configs = config, ladder, configs
+                self._config, self._ladder, self.configs = config, ladder, configs
                 self._start()
                 place()
 
@@ -115,18 +115,13 @@ class Budget(Generic[T]):
         """Only every so many'th frame is to be processed."""
         return self._levels[self.number].every if self._levels else 1
 
-    @property
-    def configs(self) -> tuple[T, ...]:
-        """Configurations of all levels."""
-        return self._configs
-
     def configs_of(self, base: T) -> tuple[T, ...]:
         """Make the configurations of all levels on top of another one."""
         return self._over(base, self._ladder)
 
     def rebase(self, base: T) -> None:
         """Work on top of another configuration from now on."""
-        self._base, self._configs = base, self.configs_of(base)
+        self._base, self.configs = base, self.configs_of(base)
 
     @property
     def _levels(self) -> tuple[Level, ...]:
@@ -184,17 +179,14 @@ class Budget(Generic[T]):
         now = time.monotonic_ns()
         step = self._governor.process((now - started_ns) * 1e-6, now * 1e-9)
         if step is not None:
-            self._tell(stamp_ns, step.measured_ms, step.expected_ms, self._why(step))
-
-    def _why(self, step: Step) -> str:
-        budget = self._config.frame_budget_ms
-        if step.after > step.before:
-            return f"a frame took {step.measured_ms:.3g} ms of {budget:g} ms"
-        return f"a better level has fitted into {budget:g} ms for a while"
+            budget = f"{self._config.frame_budget_ms:g} ms"
+            slow = f"a frame took {step.measured_ms:.3g} ms of {budget}"
+            why = slow if step.after > step.before else f"a better level has fitted into {budget} for a while"
+            self._tell(stamp_ns, step.measured_ms, step.expected_ms, why)
 
     def gave_up(self) -> list[str]:
         """Say what the present level sets apart from the most accurate one."""
-        now, best = flat(self._configs[self.number]), flat(self._configs[0])
+        now, best = flat(self.configs[self.number]), flat(self.configs[0])
         found = [f"{name}: {now[name]} instead of {best[name]}" for name in now if now[name] != best[name]]
         most = self._levels[0].every
         return found + ([f"one frame in {self.every} is processed instead of one in {most}"] if self.every != most else [])

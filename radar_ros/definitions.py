@@ -25,12 +25,7 @@ _ADDED: Mapping[str, Mapping[str, Any]] = {
 def as_recorded(msgtype: str, definition: str) -> Typestore:
     """Message types as a recording itself defines them.
 
-    Parameters
-    ----------
-    msgtype : str
-        E.g. ``handwave/msg/HandTrack``.
-    definition : str
-        Its definition and those of the messages in it, in the form of ``.msg`` files, as MCAP embeds them.
+    ``definition`` is that of the type and of the messages in it, in the form of ``.msg`` files, as MCAP embeds them.
     """
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(definition, msgtype))
@@ -38,14 +33,7 @@ def as_recorded(msgtype: str, definition: str) -> Typestore:
 
 
 def translator(ours: Typestore, msgtype: str, definition: str) -> Callable[[bytes], bytes] | None:
-    """Find out how to read messages of a recording.
-
-    Parameters
-    ----------
-    ours : Typestore
-        Message types of this version.
-    msgtype, definition : str
-        As for `as_recorded`.
+    """Find out how to read messages of a recording with the message types of this version (``ours``).
 
     Returns
     -------
@@ -63,10 +51,8 @@ def translator(ours: Typestore, msgtype: str, definition: str) -> Callable[[byte
     if theirs.hash_rihs01(msgtype) == ours.hash_rihs01(msgtype):
         return None
     if not _known(ours, theirs, msgtype):
-        raise DataError(
-            f"{msgtype} was recorded by another version of this package, which defines it otherwise; read it with that version, or record "
-            "again"
-        )
+        other = "was recorded by another version of this package, which defines it otherwise"
+        raise DataError(f"{msgtype} {other}; read it with that version, or record again")
 
     def translate(data: bytes) -> bytes:
         new = _renewed(ours, theirs, theirs.deserialize_cdr(data, msgtype), msgtype)
@@ -108,26 +94,9 @@ def _renewed(ours: Typestore, theirs: Typestore, old: Any, msgtype: str) -> Any:
 
 
 def translator_of(path: Path, connection: Any, ours: Typestore) -> Callable[[bytes], bytes] | None:
-    """Find out how to read the messages of one connection of a bag.
+    """Find out, as `translator`, how to read one connection (``rosbags.interfaces.Connection``) of a bag; None also without definition.
 
-    Parameters
-    ----------
-    path : Path
-        The bag, for the error.
-    connection : rosbags.interfaces.Connection
-        As the reader lists it.
-    ours : Typestore
-        Message types of this version.
-
-    Returns
-    -------
-    callable or None
-        As of `translator`; None also where the bag embeds no definition.
-
-    Raises
-    ------
-    DataError
-        Naming bag and topic, when an older version recorded something else.
+    A `DataError` names bag and topic, when an older version recorded something else.
     """
     if connection.msgdef.format is not MessageDefinitionFormat.MSG:
         return None

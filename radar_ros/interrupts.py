@@ -17,10 +17,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _Shield:
-    """How many blocks that must not be broken are being run, and whether a signal waits for their end."""
-
-    depth = 0
-    told = False
+    depth = 0  # of blocks that must not be broken and are being run
+    told = False  # whether a signal waits for their end
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 from rclpy.serialization import deserialize_message, serialize_message
@@ -16,7 +16,7 @@ from radar_core.mounting import MountCalibration
 from radar_dsp.context import CalibratedBasebandConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
-from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
+from radar_ros.bags import TYPES, BagWriter, Recorded, contents, local, read, require_topics
 from radar_ros.interrupts import unbroken
 from radar_ros.messages.convert import (
     cloud_from_msg,
@@ -44,30 +44,17 @@ def parse(data: bytes, topic: str) -> Any:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a bag holds for processing: the radar and whether raw frames or ready clouds.
-
-    Attributes
-    ----------
-    path : Path
-        Folder of the bag.
-    info : RadarInfo
-        The radar.
-    topic : str
-        ``radar/frame`` or ``radar/points``.
-    """
+    """What a bag (``path``) holds for processing: the radar, and whether raw frames or ready clouds (``topic``)."""
 
     path: Path
     info: RadarInfo
-    topic: str
+    topic: Literal["radar/frame", "radar/points"]
+
+    def __len__(self) -> int:
+        return sum(count for topic, count in contents(self.path).items() if local(topic) == self.topic)
 
     def messages(self) -> Iterator[tuple[int, RadarFrame | PointCloud]]:
-        """Yield recording time [ns] and frame or cloud, in order.
-
-        Raises
-        ------
-        DataError
-            When the radar changes within the bag.
-        """
+        """Yield recording time [ns] and frame or cloud, in order; a `DataError` says that the radar changes within the bag."""
         for item in read(self.path, ("radar/info", self.topic)):
             name = local(item.topic)
             msg = parse(item.data, name)
@@ -79,25 +66,19 @@ class Recording:
 
 
 def open_recording(path: Path) -> Recording:
-    """Look at a bag.
-
-    Raises
-    ------
-    DataError
-        When it holds neither raw frames nor clouds with their radar's info.
-    """
+    """Look at a bag; a `DataError` says that it holds neither raw frames nor clouds with their radar's info."""
     names = require_topics(path, ("radar/info", "radar/frame"), ("radar/info", "radar/points"))
-    first = next(iter(read(path, ("radar/info",))))
-    return Recording(Path(path), info_from_msg(parse(first.data, "radar/info")), names[1])
+    info = info_from_msg(parse(first_info(path).data, "radar/info"))
+    return Recording(Path(path), info, "radar/frame" if "radar/frame" in names else "radar/points")
+
+
+def first_info(path: Path) -> Recorded:
+    """Return the first message of radar/info in a bag that has one."""
+    return next(iter(read(path, ("radar/info",))))
 
 
 def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
-    """Make the library's configuration from parameters of the nodes: both have the same names.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Per node, parameter names with dots and values.
+    """Make the library's configuration from parameters of the nodes (per node, names with dots and values): both have the same names.
 
     Raises
     ------
@@ -117,12 +98,7 @@ def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConf
 def baseband_config(parameters: Mapping[str, Mapping[str, Any]], namespace: str = "") -> CalibratedBasebandConfig:
     """Make the configuration of the baseband that a command puts raw frames through; no other stage has parameters there.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Parameters of ``baseband``, or of one radar's as ``left/baseband``, which win.
-    namespace : str
-        Of the radar, e.g. ``left``.
+    They are those of ``baseband``, or of the baseband in the radar's ``namespace``, e.g. ``left/baseband``, which win.
 
     Raises
     ------
@@ -160,7 +136,7 @@ def remounted(item: Recorded, mount: MountCalibration | None) -> Recorded:
 
 def copy_info(path: Path, writer: BagWriter, mount: MountCalibration | None = None) -> None:
     """Write the radar's description of one bag into another, which can be replayed only with it; with its mount where it was measured."""
-    item = remounted(next(iter(read(path, ("radar/info",)))), mount)
+    item = remounted(first_info(path), mount)
     writer.write("/radar/info", item.msgtype, item.stamp_ns, item.data)
 
 
@@ -171,48 +147,33 @@ def write_results(writer: BagWriter, stamp_ns: int, result: PipelineResult) -> N
     if result.hand is not None:
         messages.append(("hand", hand_to_msg(result.hand)))
     for topic, msg in messages:
-        writer.write(f"/{topic}", TYPES[topic], stamp_ns, serialize_message(msg))
+        writer.put(f"/{topic}", stamp_ns, msg)
 
 
 def simulators(scene: str | Path) -> list[Simulator]:
-    """Make one simulator for every radar of a scene.
-
-    Raises
-    ------
-    ConfigError
-        When the scene makes no sense.
-    """
+    """Make one simulator for every radar of a scene; a `ConfigError` says that the scene makes no sense."""
     loaded = load_scene(scene)
     first = Simulator(loaded)
     return [first, *(Simulator(first.scene, radar.frame_id) for radar in loaded.radars[1:])]
 
 
 def simulate(radars: Sequence[Simulator], out: Path) -> Iterator[SimulatedFrame]:
-    """Simulate a scene into a bag of raw frames, info and truth, as fast as it goes; yields each frame once it is written.
+    """Simulate a scene into a new bag of raw frames, info and truth, as fast as it goes; yields each frame once it is written.
 
-    Parameters
-    ----------
-    radars : sequence of Simulator
-        As `simulators` gives them; several write into the namespaces that their frame_ids begin with.
-    out : Path
-        Folder of the new bag.
-
-    Raises
-    ------
-    DataError
-        When the bag exists already.
+    Several ``radars``, as `simulators` gives them, write into the namespaces that their frame_ids begin with. A `DataError` says that the
+    bag exists already.
     """
     spaces = [f"/{radar.radar.namespace}".rstrip("/") for radar in radars]
     order = sorted((round((r.radar.trigger_offset + k * r.interval) * 1e9), i, k) for i, r in enumerate(radars) for k in range(r.n_frames))
     with BagWriter(Path(out)) as writer:
         (Path(out) / "scene.yaml").write_text(yaml.safe_dump(plain(radars[0].scene), sort_keys=False), encoding="utf-8")
         for radar, space in zip(radars, spaces, strict=True):
-            writer.write(f"{space}/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(radar.info, 0)))
+            writer.put(f"{space}/radar/info", 0, info_to_msg(radar.info, 0))
         for stamp, i, sequence in order:
             with unbroken():  # a signal in the middle of a foreign function is no KeyboardInterrupt any more
                 simulated = radars[i].process(sequence)
-            writer.write(f"{spaces[i]}/radar/frame", TYPES["radar/frame"], stamp, serialize_message(frame_to_msg(simulated.frame)))
-            writer.write(f"{spaces[i]}/truth", TYPES["truth"], simulated.truth.stamp_ns, serialize_message(truth_to_msg(simulated.truth)))
+            writer.put(f"{spaces[i]}/radar/frame", stamp, frame_to_msg(simulated.frame))
+            writer.put(f"{spaces[i]}/truth", simulated.truth.stamp_ns, truth_to_msg(simulated.truth))
             if sequence % _FLUSH == 0:
                 writer.flush()
             yield simulated

@@ -41,13 +41,11 @@ def declare(
     if choices is not None:
         descriptor.additional_constraints = "one of " + ", ".join(map(repr, choices))
     if isinstance(default, float) and (low is not None or high is not None):
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=-1e308 if low is None else float(low), to_value=1e308 if high is None else float(high))
-        ]
+        start, end = -1e308 if low is None else float(low), 1e308 if high is None else float(high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=start, to_value=end)]
     elif isinstance(default, int) and not isinstance(default, bool) and (low is not None or high is not None):
-        descriptor.integer_range = [
-            IntegerRange(from_value=-(2**62) if low is None else int(low), to_value=2**62 if high is None else int(high))
-        ]
+        start, end = -(2**62) if low is None else int(low), 2**62 if high is None else int(high)
+        descriptor.integer_range = [IntegerRange(from_value=start, to_value=end)]
     given = node._parameter_overrides.get(name)
     meant = _meant(default, given)
     if meant is not None:
@@ -92,18 +90,8 @@ def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: boo
     """
     values: dict[str, Any] = {}
     for name, field, default in _knobs(cls):
-        meta = field.metadata
-        values[name] = declare(
-            node,
-            prefix + name,
-            default,
-            meta.get("doc", name),
-            unit=meta.get("unit", ""),
-            low=meta.get("low"),
-            high=meta.get("high"),
-            choices=meta.get("choices"),
-            changeable=changeable,
-        )
+        limits: dict[str, Any] = {key: field.metadata[key] for key in ("unit", "low", "high", "choices") if key in field.metadata}
+        values[name] = declare(node, prefix + name, default, field.metadata.get("doc", name), **limits, changeable=changeable)
     return _build(node, cls, values)
 
 

@@ -10,11 +10,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 def sensor(*, reliable: bool = False, depth: int = 5) -> QoSProfile:
     """Streams (frames, clouds, status): best effort, the newest few; reliable where nothing may be lost (lockstep replay)."""
-    return QoSProfile(
-        depth=100 if reliable else depth,
-        history=HistoryPolicy.KEEP_LAST,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-    )
+    policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(depth=100 if reliable else depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
 
 
 def stream_out() -> QoSProfile:
@@ -42,10 +39,8 @@ COMMAND = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """What a late joiner must get too: radar/info, radar/pose, /tf_static."""
 
-
 LATCHED_EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """The same where several nodes have a last word of their own (stage_budget): who reads them keeps ten; each offers only its newest."""
-
 
 CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
 """Images of an RGB-D camera and what describes them: streams, as the camera's driver offers them."""
@@ -53,14 +48,11 @@ CAMERA_STREAMS = ("camera/color/image_raw", "camera/aligned_depth_to_color/image
 
 def for_topic(name: str, *, reliable: bool = False, depth: int = 50) -> QoSProfile:
     """Profile for a reader or a replayer of a topic, by its name within the namespace."""
-    if name in ("radar/info", "radar/pose", "tf_static"):
-        return LATCHED
-    if name == "stage_budget":
-        return LATCHED_EACH
+    special = {"radar/info": LATCHED, "radar/pose": LATCHED, "tf_static": LATCHED, "stage_budget": LATCHED_EACH, "hand/trigger": COMMAND}
+    if name in special:
+        return special[name]
     if name in CAMERA_STREAMS:  # other people's drivers: many offer best effort only, and a reader that asks for more gets nothing
         return sensor(depth=depth)
-    if name == "hand/trigger":
-        return COMMAND
     if name in ("radar/frame", "radar/points", "radar/points2", "gestures/maps", "stage_status"):
         return sensor(reliable=reliable, depth=depth)
     return RESULT

@@ -15,39 +15,20 @@ from rosgraph_msgs.msg import Clock
 from radar_core import DataError
 from radar_core.mounting import MountCalibration
 from radar_ros import qos
-from radar_ros.bags import TYPES, BagWriter, Recorded, local, read, require_topics
+from radar_ros.bags import TYPES, BagWriter, Recorded, local, read
 from radar_ros.messages.convert import from_time, to_time
-from radar_ros.offline import open_recording, parse, remounted
+from radar_ros.offline import first_info, open_recording, parse, remounted
 
-SOURCES = ("radar/info", "radar/frame", "truth", "tf_static", "hand/trigger")
-CLOUD_SOURCES = ("radar/info", "radar/points", "truth", "tf_static", "hand/trigger")
 _CLOCK_INTERVAL = 0.01  # s of recording time between two /clock messages
 _READY_TIMEOUT = 30.0  # s for nodes to start and to learn what the radar is
 _SETTLE = 1.0  # s: a reader knows its writer a moment before the writer knows its reader
 _ANSWER_TIMEOUT = 10.0  # s for all stages to finish one frame
 
 
-def source_topics(path: Path) -> tuple[str, ...]:
-    """Topics of a bag that go into the graph: raw frames if it has them, else clouds.
-
-    Raises
-    ------
-    DataError
-        When it has neither.
-    """
-    names = require_topics(path, ("radar/info", "radar/frame"), ("radar/info", "radar/points"))
-    return SOURCES if "radar/frame" in names else CLOUD_SOURCES
-
-
 class Player:
-    """Publishes recorded messages as they are.
+    """Publishes recorded messages as they are, in the namespace of a graph.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the graph.
-    mount : MountCalibration or None
-        Where the radar stands, if that was measured after the recording; else it stands where the recording says.
+    ``mount`` is where the radar stands, if that was measured after the recording; else it stands where the recording says.
     """
 
     def __init__(self, namespace: str = "", mount: MountCalibration | None = None) -> None:
@@ -82,35 +63,18 @@ class Player:
 
 
 def play(
-    player: Player,
-    path: Path,
-    topics: Sequence[str],
-    *,
-    rate: float = 1.0,
-    spin: Callable[[float], None] = time.sleep,
-    clock: bool = True,
+    player: Player, path: Path, topics: Sequence[str], *, rate: float = 1.0, spin: Callable[[float], None] = time.sleep, clock: bool = True
 ) -> int:
-    """Publish a bag in its own time (times ``rate``).
+    """Publish topics of a bag (names within the namespace) in their own time; returns the number of messages.
 
     Parameters
     ----------
-    player : Player
-        Publishes.
-    path : Path
-        Folder of the bag.
-    topics : sequence of str
-        What to publish, names within the namespace.
     rate : float
         Pace; 2 is twice as fast.
     spin : callable
         Waits for so many seconds.
     clock : bool
         Also publish /clock.
-
-    Returns
-    -------
-    int
-        Messages published.
     """
     count = 0
     latched: list[Recorded] = []
@@ -150,10 +114,10 @@ class Lockstep:
 
     Parameters
     ----------
-    namespace : str
-        Of the graph, whose nodes run with the parameter ``reliable``.
     stages : sequence of str
         Stages whose answers are waited for.
+    namespace : str
+        Of the graph, whose nodes run with the parameter ``reliable``.
     out : BagWriter or None
         Where the results go.
     watch : callable
@@ -212,41 +176,26 @@ class Lockstep:
         return True
 
     def run(self, path: Path, progress: Callable[[int], None] = lambda count: None) -> int:
-        """Replay a bag.
-
-        Parameters
-        ----------
-        path : Path
-            Folder of the bag.
-        progress : callable
-            Called with the number of frames done.
-
-        Returns
-        -------
-        int
-            Frames (or clouds) replayed.
+        """Replay a bag; ``progress`` is told the number of frames (or clouds) done, which is returned in the end.
 
         Raises
         ------
         DataError
             When a stage does not start or loses a frame.
         """
-        recording = open_recording(path)
-        source = "radar/points" if recording.topic == "radar/points" else "radar/frame"
+        recording, info = open_recording(path), first_info(path)
+        source = recording.topic
         publisher = self.player.publisher(source)  # exists before the nodes are asked: they are ready when their inputs are connected
-        info = next(iter(read(path, ("radar/info",))))
         if not self._spin_until(lambda: self._stages <= self._ready, _READY_TIMEOUT, lambda: self.player.publish(info)):
-            raise DataError(
-                f"no answer from {', '.join(sorted(self._stages - self._ready))}: do the nodes run, with the parameter reliable?"
-            )
+            missing = ", ".join(sorted(self._stages - self._ready))
+            raise DataError(f"no answer from {missing}: do the nodes run, with the parameter reliable?")
         if not self._spin_until(lambda: publisher.get_subscription_count() > 0, _READY_TIMEOUT):
             raise DataError(f"nobody reads {source}")
         self._spin_until(lambda: False, _SETTLE)
         half = recording.info.waveform.acquisition_ns // 2 if source == "radar/frame" else 0
         count = 0
-        for item in read(path, (source,)):
-            self._send(item, from_time(parse(item.data, source).header.stamp) + half, count)
-            count += 1
+        for count, item in enumerate(read(path, (source,)), 1):
+            self._send(item, from_time(parse(item.data, source).header.stamp) + half, count - 1)
             progress(count)
         self._spin_until(lambda: False, 0.5)  # results may travel behind the status that announces them
         return count
@@ -257,15 +206,9 @@ class Lockstep:
         self.player.publish(item)
         if not self._spin_until(lambda: self._stages <= self._done, _ANSWER_TIMEOUT):
             missing = ", ".join(sorted(self._stages - self._done))
-            raise DataError(
-                f"frame {number} was lost: no answer from {missing} within {_ANSWER_TIMEOUT:g} s; look at the logs of these nodes"
-            )
+            late = f"no answer from {missing} within {_ANSWER_TIMEOUT:g} s"
+            raise DataError(f"frame {number} was lost: {late}; look at the logs of these nodes")
 
     def close(self) -> None:
         """Leave the graph."""
         self.player.close()
-
-
-def expected_stages(names: Iterable[str], source: str) -> list[str]:
-    """Stages that answer when a bag with that source topic is replayed."""
-    return [name for name in names if not (name == "baseband" and source == "radar/points")]

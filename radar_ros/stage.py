@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 import re
@@ -36,25 +37,28 @@ _BUDGET = 0.8  # of the frame interval; above that, a little more load loses fra
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
 
 
+def refusing(take: Callable[..., None]) -> Callable[..., None]:
+    """Let a message that a stage's callback cannot use cost itself only: a `HandwaveError` is counted and logged, and the node goes on."""
+
+    @functools.wraps(take)
+    def taking(self: Any, *msgs: Any) -> None:
+        try:
+            take(self, *msgs)
+        except HandwaveError as error:
+            self.refuse(error)
+
+    return taking
+
+
 @dataclass
 class Period:
-    """What happened since the last diagnostics.
+    """What happened since the last diagnostics."""
 
-    Attributes
-    ----------
-    started : float
-        On CLOCK_MONOTONIC [s].
-    processed, dropped : int
-        The stage's counts at that time.
-    compute, compute_max : float
-        Time spent on all messages since then, and on the slowest of them [s].
-    """
-
-    started: float
-    processed: int
+    started: float  # on CLOCK_MONOTONIC [s]
+    processed: int  # the stage's counts at that time
     dropped: int
-    compute: float = 0.0
-    compute_max: float = 0.0
+    compute: float = 0.0  # spent on all messages since then [s]
+    compute_max: float = 0.0  # and on the slowest of them [s]
 
     def figures(self, now: float, processed: int, dropped: int, frame_interval: float) -> tuple[dict[str, Any], list[str]]:
         """Values and warnings at its end; ``frame_interval`` [s] is 0 where the stage does not know its radar (yet)."""
@@ -155,15 +159,18 @@ class StageMixin:
 
     def problem(self: Any, text: str) -> None:
         """Log an error once, and again only when it goes on for long; texts that differ only in their numbers are one problem."""
-        said = self._not_again(text)
-        if said:
+        if said := self._not_again(text):
             self.get_logger().error(said)
 
     def caution(self: Any, text: str) -> None:
         """Log a warning as `problem` logs an error: for what is processed all the same."""
-        said = self._not_again(text)
-        if said:
+        if said := self._not_again(text):
             self.get_logger().warning(said)
+
+    def refuse(self: Any, reason: object) -> None:
+        """Count a message that cannot be used, and log why as `problem` does."""
+        self.dropped += 1
+        self.problem(str(reason))
 
     def _not_again(self: Any, text: str) -> str:
         """Make the text to log; empty when the same was logged a moment ago."""
@@ -187,14 +194,14 @@ class StageMixin:
         idle = self.processed == period.processed
         more, worse = self.extra_diagnostics()
         warnings += worse
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK,
-            name=f"{self.get_fully_qualified_name().lstrip('/')}",
-            message="; ".join(warnings) or ("idle" if idle else "running"),
-            hardware_id=self.stage,
-            values=[KeyValue(key=k, value=str(v)) for k, v in {**values, **more}.items()],
-        )
-        array = DiagnosticArray(status=[status])
+        level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+        message = "; ".join(warnings) or ("idle" if idle else "running")
+        self.publish_diagnostics(self.get_fully_qualified_name().lstrip("/"), message, {**values, **more}, level)
+
+    def publish_diagnostics(self: Any, name: str, message: str, values: dict[str, Any], level: bytes = DiagnosticStatus.OK) -> None:
+        """Publish one status of this stage."""
+        told = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        array = DiagnosticArray(status=[DiagnosticStatus(level=level, name=name, message=message, hardware_id=self.stage, values=told)])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
@@ -248,7 +255,13 @@ class InfoKeeper:
             self._node.problem(f"radar/info makes no sense: {error}")
             return
         if self.info is None:
-            self._try(info)
+            try:
+                self._ready(info)
+            except HandwaveError as error:
+                self.unusable, self.reason = info, str(error)
+                self._node.problem(f"{self._node.get_name()} cannot work with the radar of radar/info: {error}")
+            else:
+                self.accept(info)
         elif info != self.info:
             self.refused = True
             self._node.problem(
@@ -259,41 +272,31 @@ class InfoKeeper:
             self.refused = False
             self._node.ready()
 
-    def _try(self, info: RadarInfo) -> None:
-        try:
-            self._ready(info)
-        except HandwaveError as error:
-            self.unusable, self.reason = info, str(error)
-            self._node.problem(f"{self._node.get_name()} cannot work with the radar of radar/info: {error}")
-        else:
-            self.accept(info)
-
     def accept(self, info: RadarInfo) -> None:
         """Work with this radar from now on; tells that the node is ready."""
         self.info, self.unusable, self.reason = info, None, ""
         self._node.frame_interval = info.waveform.frame_interval
         self._node.ready()
 
-    def usable(self) -> bool:
-        """Whether data can be processed; says once why not."""
+    def usable(self) -> RadarInfo | None:
+        """Give the info to process a message with; None: it is dropped and counted, and the log says once why."""
+        if self.info is not None and not self.refused:
+            return self.info
+        self._node.dropped += 1
+        now = time.monotonic()
+        self._waiting_since = self._waiting_since or now
         if self.unusable is not None:
             self._node.problem(f"data is refused, because {self._node.get_name()} cannot work with its radar: {self.reason}")
-            return False
-        if self.info is None and self._waiting_since is None:
-            self._waiting_since = time.monotonic()
-        if self.info is None and self._waiting_since is not None and time.monotonic() - self._waiting_since > _INFO_GRACE:
+        elif self.info is None and now - self._waiting_since > _INFO_GRACE:
             self._node.problem("data comes but no radar/info: is the driver (or the replay) of this namespace running, and configured?")
-        return self.info is not None and not self.refused
+        return None
 
 
 def run(make_node: Callable[..., Any], argv: Sequence[str] | None = None) -> int:
     """Run one node until it is told to stop.
 
-    Returns
-    -------
-    int
-        Exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense; 3 when a device is not there or fails,
-        which may be mended: whoever respawns nodes tries again.
+    Returns the exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense; 3 when a device is not there or
+    fails, which may be mended: whoever respawns nodes tries again.
     """
     return run_many([make_node], argv)
 

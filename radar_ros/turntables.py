@@ -6,16 +6,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import yaml
-from rclpy.serialization import serialize_message
 
-from radar_core import ConfigError, DataError, RadarFrame, RadarInfo
+from radar_core import ConfigError, DataError, RadarFrame
 from radar_dsp.array_file import save_array
 from radar_lab.arrays.ambiguity import plot
 from radar_lab.arrays.calibration import Calibration, Calibrator
 from radar_lab.arrays.report import CalibrationReport
 from radar_lab.arrays.sweeps import SWEEPS_FILE, readings, sweeps_of
 from radar_lab.arrays.turntable import gather
-from radar_ros.bags import TYPES, BagWriter
+from radar_ros.bags import BagWriter
 from radar_ros.messages.convert import frame_to_msg, info_to_msg
 from radar_ros.offline import Recording, open_recording
 from radar_sim.turntable import Sweep, Turntable, TurntableFrame, TurntableSimulator, begins
@@ -39,11 +38,6 @@ def calibrate(
     picture : Path or None
         Default: ``out`` with the ending .png.
 
-    Returns
-    -------
-    CalibrationReport
-        Result and figures.
-
     Raises
     ------
     ConfigError
@@ -53,7 +47,12 @@ def calibrate(
     """
     config = config or Calibration()
     opened = [open_recording(Path(path)) for path in recordings]
-    info = _same_radar(opened)
+    if not opened:
+        raise ConfigError("name at least one recording of a turntable")
+    info = opened[0].info
+    for other in opened[1:]:
+        if other.info.array != info.array or other.info.waveform != info.waveform:
+            raise DataError(f"{other.path}: another radar or waveform than in {opened[0].path}; calibrate each radar on its own")
     snapshots = gather(_all_readings(opened, sweeps_of([r.path for r in opened], sweeps)), info, config.distance, config.nearest)
     result = Calibrator(config, info).process(snapshots)
     save_array(result, out)
@@ -74,40 +73,18 @@ def _all_readings(recordings: Sequence[Recording], sweeps: Sequence[tuple[Sweep,
         first += len(own)
 
 
-def _same_radar(recordings: Sequence[Recording]) -> RadarInfo:
-    if not recordings:
-        raise ConfigError("name at least one recording of a turntable")
-    info = recordings[0].info
-    for other in recordings[1:]:
-        if other.info.array != info.array or other.info.waveform != info.waveform:
-            raise DataError(f"{other.path}: another radar or waveform than in {recordings[0].path}; calibrate each radar on its own")
-    return info
-
-
 def record_turntable(turntable: Turntable, out: Path) -> Iterator[int]:
-    """Simulate a turntable into a bag with its ``turntable.yaml``; yields the number of each frame written.
+    """Simulate a turntable into a new bag (``out``) with its ``turntable.yaml``; yields the number of each frame written.
 
-    Parameters
-    ----------
-    turntable : Turntable
-        Reflector, sweeps and errors.
-    out : Path
-        Folder of the new bag.
-
-    Raises
-    ------
-    DataError
-        When the bag exists already.
+    A `DataError` says that the bag exists already.
     """
     simulator = TurntableSimulator(turntable)
     with BagWriter(Path(out)) as writer:
-        writer.write("/radar/info", TYPES["radar/info"], 0, serialize_message(info_to_msg(simulator.info, 0)))
+        writer.put("/radar/info", 0, info_to_msg(simulator.info, 0))
         for item in simulator:
-            writer.write("/radar/frame", TYPES["radar/frame"], item.frame.stamp_ns, serialize_message(frame_to_msg(item.frame)))
+            writer.put("/radar/frame", item.frame.stamp_ns, frame_to_msg(item.frame))
             yield item.frame.sequence
     names = ("axis", "start", "stop", "step", "cross", "dwell", "settle")
-    said = [
-        {name: getattr(sweep, name) for name in names} | {"begin": begin}
-        for sweep, begin in zip(turntable.sweeps, begins(turntable.sweeps), strict=True)
-    ]
+    sweeps = zip(turntable.sweeps, begins(turntable.sweeps), strict=True)
+    said = [{name: getattr(sweep, name) for name in names} | {"begin": begin} for sweep, begin in sweeps]
     (Path(out) / SWEEPS_FILE).write_text(yaml.safe_dump({"sweeps": said}, sort_keys=False), encoding="utf-8")

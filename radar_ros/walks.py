@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def from_bag(
     names : sequence of str
         Namespaces of the first and the second radar, e.g. left and right.
     config : PairConfig
-        Knobs.
+        How to follow.
     progress : callable
         Told the share that is done.
     parameters : mapping
@@ -77,9 +78,9 @@ def from_bag(
     DataError
         Naming what is not in the recording.
     """
-    basebands = {_space(name): baseband_config(parameters or {}, _space(name)) for name in names}
-    counts = contents(path)
-    topics = {_topic(path, counts, _space(name)): _space(name) for name in names}
+    names, counts = [name.strip("/") for name in names], contents(path)
+    basebands = {name: baseband_config(parameters or {}, name) for name in names}
+    topics = {_topic(path, counts, name) for name in names}
     total = sum(counts[topic] for topic in topics)
     radars: dict[str, _Radar] = {}
     done = 0
@@ -97,12 +98,8 @@ def from_bag(
             progress(done / total)
             if name in radars:  # frames before their info cannot be understood
                 radars[name].take(kind, parse(item.data, kind))
-    first, second = (radars[_space(name)].walker for name in names)
+    first, second = (radars[name].walker for name in names)
     return first, second
-
-
-def _space(name: str) -> str:
-    return name.strip("/")
 
 
 def _topic(path: Path, counts: dict[str, int], name: str) -> str:
@@ -119,56 +116,37 @@ def _topic(path: Path, counts: dict[str, int], name: str) -> str:
 
 
 class Listener:
-    """Follows the person while a graph runs.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Namespaces of the first and the second radar.
-    config : PairConfig
-        Knobs.
-    namespace : str
-        Of the whole graph.
-    """
+    """Follows the person while a graph (in ``namespace``) runs, whose two radars are in the namespaces ``names``."""
 
     def __init__(self, names: Sequence[str], config: PairConfig, namespace: str = "") -> None:
         self.node = rclpy.create_node("handwave_calibrate_pair", namespace=namespace, start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        self._names, self._config = tuple(_space(name) for name in names), config
+        self._names, self._config = tuple(name.strip("/") for name in names), config
         self._radars: dict[str, _Radar] = {}
         self.refused: list[str] = []
         for name in self._names:
-            self.node.create_subscription(RadarInfoMsg, f"{name}/radar/info", self._taking_info(name), qos.LATCHED)
-            self.node.create_subscription(PointCloudMsg, f"{name}/radar/points", self._taking_cloud(name), qos.sensor(depth=50))
+            self.node.create_subscription(RadarInfoMsg, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
+            self.node.create_subscription(PointCloudMsg, f"{name}/radar/points", partial(self._take, name), qos.sensor(depth=50))
 
-    def _taking_info(self, name: str) -> Callable[[Any], None]:
-        def take(msg: Any) -> None:
-            info = info_from_msg(msg)
-            if name not in self._radars:
-                self._radars[name] = _Radar(info, self._config)
-            elif self._radars[name].info != info:
-                self.refused.append(f"radar/info of {name} changed meanwhile")
+    def _take_info(self, name: str, msg: Any) -> None:
+        info = info_from_msg(msg)
+        if name not in self._radars:
+            self._radars[name] = _Radar(info, self._config)
+        elif self._radars[name].info != info:
+            self.refused.append(f"radar/info of {name} changed meanwhile")
 
-        return take
-
-    def _taking_cloud(self, name: str) -> Callable[[Any], None]:
-        def take(msg: Any) -> None:
-            if name in self._radars:
-                try:
-                    self._radars[name].take("radar/points", msg)
-                except DataError as error:
-                    self.refused.append(str(error))
-
-        return take
+    def _take(self, name: str, msg: Any) -> None:
+        if name in self._radars:
+            try:
+                self._radars[name].take("radar/points", msg)
+            except DataError as error:
+                self.refused.append(str(error))
 
     def listen(self, duration: float, progress: Progress = lambda share: None) -> tuple[Walker, Walker]:
         """Listen for so long [s], from when both radars have told what they are, or until Ctrl-C: what was heard until then counts.
 
-        Raises
-        ------
-        DataError
-            When one is silent, or its clouds cannot be used.
+        A `DataError` says that one is silent, or that its clouds cannot be used.
         """
         with contextlib.suppress(KeyboardInterrupt):
             self._spin(duration, progress)

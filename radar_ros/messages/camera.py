@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, Final
 
 import numpy as np
 from handwave.msg import HandResidual as HandResidualMsg
@@ -12,7 +13,11 @@ from radar_core import ConfigError, DataError
 from radar_lab.camera.pinhole import COEFFICIENTS, CameraModel
 from radar_lab.camera.residual import Residual
 from radar_lab.camera.truth import PARTS, JointTruth
-from radar_ros.messages.convert import from_time, header, pack, unpack
+from radar_ros.messages.convert import from_time, header, pack_all, unpack
+
+_SHAPES: Final = {"position": (3,), "velocity": (3,), "covariance": (3, 3), "common": (3, 3), "part_std": (len(PARTS),), "pixel": (2,)}
+_JOINTS: Final[dict[str, tuple[int, ...]]] = {**_SHAPES, "confidence": ()}
+"""Arrays of a message of joints, and the shape that each has for one joint."""
 
 
 def camera_from_msg(msg: Any) -> CameraModel:
@@ -35,33 +40,15 @@ def camera_from_msg(msg: Any) -> CameraModel:
         raise ConfigError(
             f"camera_info has the lens {lens!r}; known are {known}: rectify the images (image_proc) and use their camera_info"
         )
-    k = msg.k
-    return CameraModel(
-        width=msg.width,
-        height=msg.height,
-        fx=float(k[0]),
-        fy=float(k[4]),
-        cx=float(k[2]),
-        cy=float(k[5]),
-        lens=lens,
-        distortion=() if plain else tuple(float(value) for value in msg.d),
-    )
+    fx, _, cx, _, fy, cy = map(float, msg.k[:6])
+    distortion = () if plain else tuple(float(value) for value in msg.d)
+    return CameraModel(width=msg.width, height=msg.height, fx=fx, fy=fy, cx=cx, cy=cy, lens=lens, distortion=distortion)
 
 
 def joints_to_msg(truth: JointTruth) -> JointTruthMsg:
     """Put the joints that a camera saw into a message."""
-    return JointTruthMsg(
-        header=header(truth.stamp_ns, truth.frame_id),
-        sequence=truth.sequence,
-        name=list(truth.names),
-        position=pack(truth.position, "d"),
-        velocity=pack(truth.velocity, "d"),
-        covariance=pack(truth.covariance, "d"),
-        common=pack(truth.common, "d"),
-        part_std=pack(truth.part_std, "d"),
-        pixel=pack(truth.pixel, "d"),
-        confidence=pack(truth.confidence, "d"),
-    )
+    arrays = pack_all(truth, dict.fromkeys(_JOINTS, "d"))
+    return JointTruthMsg(header=header(truth.stamp_ns, truth.frame_id), sequence=truth.sequence, name=list(truth.names), **arrays)
 
 
 def joints_from_msg(msg: Any) -> JointTruth:
@@ -72,15 +59,12 @@ def joints_from_msg(msg: Any) -> JointTruth:
     DataError
         When an array does not fit the number of joints.
     """
-    n = len(msg.name)
-    shapes = {"position": (n, 3), "velocity": (n, 3), "covariance": (n, 3, 3), "common": (n, 3, 3), "part_std": (n, len(PARTS))}
-    shapes |= {"pixel": (n, 2), "confidence": (n,)}
-    arrays = {}
-    for name, shape in shapes.items():
-        values = unpack(getattr(msg, name), np.float64)
-        if values.size != int(np.prod(shape)):
-            raise DataError(f"camera/joints has {values.size} numbers in {name} for {n} joints; expected {int(np.prod(shape))}")
-        arrays[name] = values.reshape(shape)
+    n, arrays = len(msg.name), {}
+    for name, shape in _JOINTS.items():
+        values, size = unpack(getattr(msg, name), np.float64), n * math.prod(shape)
+        if values.size != size:
+            raise DataError(f"camera/joints has {values.size} numbers in {name} for {n} joints; expected {size}")
+        arrays[name] = values.reshape(n, *shape)
     seen = np.isfinite(arrays["position"]).all(-1).tolist()
     return JointTruth(
         stamp_ns=from_time(msg.header.stamp),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import array
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +25,15 @@ from radar_core import AntennaArray, CloudComposite, CloudSource, DataError, Poi
 from radar_core.cloud import ARRAY_FIELDS
 
 _NANOSECONDS: Final = 1_000_000_000
+_WAVEFORM: Final = {name: name for name in ("modulation", "n_chirp", "code_seed", "n_sample")} | {
+    "carrier": "carrier_hz",
+    "bandwidth": "bandwidth_hz",
+    "chirp_duration": "chirp_s",
+    "chirp_pause": "pause_s",
+    "frame_interval": "frame_interval_s",
+}
+_ARRAY: Final = {"gain": "gain_dbi", "tx_power": "tx_power_dbm", "fov_azimuth": "fov_azimuth_rad", "fov_elevation": "fov_elevation_rad"}
+_MOUNT: Final = {"x": "mount_x_m", "y": "mount_y_m", "z": "mount_z_m", "yaw": "mount_yaw_rad", "tilt": "mount_tilt_rad"}
 CLOUD2_FIELDS: Final = ("x", "y", "z", "range", "radial_speed", "azimuth", "elevation", "snr")
 """Fields of the PointCloud2 on radar/points2."""
 
@@ -61,36 +71,37 @@ def unpack(field: Any, dtype: Any) -> NDArray[Any]:
     return np.frombuffer(field, dtype).copy() if len(field) else np.empty(0, dtype)
 
 
+def pack_all(item: Any, codes: Mapping[str, str]) -> dict[str, array.array[Any]]:
+    """Pack the arrays of a dataclass that its message calls the same: name to type code."""
+    return {name: pack(getattr(item, name), code) for name, code in codes.items()}
+
+
+def unpack_all(msg: Any, codes: Mapping[str, str]) -> dict[str, Any]:
+    """Unpack these arrays, shape (n,) each."""
+    return {name: unpack(getattr(msg, name), code) for name, code in codes.items()}
+
+
+def to_fields(item: Any, names: Mapping[str, str]) -> dict[str, Any]:
+    """Fields of a message from those of a dataclass; ``names``: what the dataclass calls them, to what the message does."""
+    return {theirs: getattr(item, ours) for ours, theirs in names.items()}
+
+
+def from_fields(msg: Any, names: Mapping[str, str]) -> dict[str, Any]:
+    """Fields of a dataclass from those of a message, by the same ``names``."""
+    return {ours: getattr(msg, theirs) for ours, theirs in names.items()}
+
+
 def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
     """Describe a radar in a message."""
-    w, a, m = info.waveform, info.array, info.mount
-    tx, rx = np.asarray(a.tx, np.float64), np.asarray(a.rx, np.float64)
+    places = {"tx": np.asarray(info.array.tx, np.float64), "rx": np.asarray(info.array.rx, np.float64)}
     return RadarInfoMsg(
         header=header(stamp_ns, info.frame_id),
-        modulation=w.modulation,
-        carrier_hz=w.carrier,
-        bandwidth_hz=w.bandwidth,
-        chirp_s=w.chirp_duration,
-        pause_s=w.chirp_pause,
-        frame_interval_s=w.frame_interval,
-        n_chirp=w.n_chirp,
-        code_seed=w.code_seed,
-        n_sample=w.n_sample,
-        tx_y_m=pack(tx[:, 0], "d"),
-        tx_z_m=pack(tx[:, 1], "d"),
-        rx_y_m=pack(rx[:, 0], "d"),
-        rx_z_m=pack(rx[:, 1], "d"),
-        gain_dbi=a.gain,
-        tx_power_dbm=a.tx_power,
-        fov_azimuth_rad=a.fov_azimuth,
-        fov_elevation_rad=a.fov_elevation,
-        channel_error=pack(_channel_error(a), "d"),
+        channel_error=pack(_channel_error(info.array), "d"),
         full_scale=info.full_scale,
-        mount_x_m=m.x,
-        mount_y_m=m.y,
-        mount_z_m=m.z,
-        mount_yaw_rad=m.yaw,
-        mount_tilt_rad=m.tilt,
+        **{f"{kind}_{axis}_m": pack(place[:, i], "d") for kind, place in places.items() for i, axis in enumerate("yz")},
+        **to_fields(info.waveform, _WAVEFORM),
+        **to_fields(info.array, _ARRAY),
+        **to_fields(info.mount, _MOUNT),
     )
 
 
@@ -116,30 +127,16 @@ def info_from_msg(msg: Any) -> RadarInfo:
     error = error.reshape(4, -1)
     return RadarInfo(
         frame_id=msg.header.frame_id,
-        waveform=Waveform(
-            modulation=msg.modulation,
-            code_seed=msg.code_seed,
-            carrier=msg.carrier_hz,
-            bandwidth=msg.bandwidth_hz,
-            chirp_duration=msg.chirp_s,
-            chirp_pause=msg.pause_s,
-            frame_interval=msg.frame_interval_s,
-            n_tx=len(msg.tx_y_m),
-            n_chirp=msg.n_chirp,
-            n_sample=msg.n_sample,
-        ),
+        waveform=Waveform(n_tx=len(msg.tx_y_m), **from_fields(msg, _WAVEFORM)),
         array=AntennaArray(
             tx=_pairs(msg.tx_y_m, msg.tx_z_m),
             rx=_pairs(msg.rx_y_m, msg.rx_z_m),
-            gain=msg.gain_dbi,
-            tx_power=msg.tx_power_dbm,
-            fov_azimuth=msg.fov_azimuth_rad,
-            fov_elevation=msg.fov_elevation_rad,
             channel_gain=tuple(error[0].tolist()),
             channel_phase=tuple(error[1].tolist()),
             channel_shift=_pairs(error[2], error[3]),
+            **from_fields(msg, _ARRAY),
         ),
-        mount=Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad),
+        mount=Pose(**from_fields(msg, _MOUNT)),
         full_scale=msg.full_scale,
     )
 
@@ -149,12 +146,9 @@ def _channel_error(array: AntennaArray) -> NDArray[np.float64]:
     if not (array.channel_gain or array.channel_phase or array.channel_shift):
         return np.empty(0)
     error = np.zeros((4, array.n_tx * array.n_rx))
-    if array.channel_gain:
-        error[0] = array.channel_gain
-    if array.channel_phase:
-        error[1] = array.channel_phase
-    if array.channel_shift:
-        error[2:] = np.transpose(array.channel_shift)
+    for rows, given in ((0, array.channel_gain), (1, array.channel_phase), (slice(2, 4), np.transpose(array.channel_shift))):
+        if len(given):
+            error[rows] = given
     return error.ravel()
 
 
@@ -247,29 +241,13 @@ def stride(msg: Any) -> int:
 
 
 def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
-    m = source.mount
-    return CloudSourceMsg(
-        header=header(source.stamp_ns, source.frame_id),
-        sequence=source.sequence,
-        quality=int(source.quality),
-        every=source.every,
-        mount_x_m=m.x,
-        mount_y_m=m.y,
-        mount_z_m=m.z,
-        mount_yaw_rad=m.yaw,
-        mount_tilt_rad=m.tilt,
-    )
+    head, mount = header(source.stamp_ns, source.frame_id), to_fields(source.mount, _MOUNT)
+    return CloudSourceMsg(header=head, sequence=source.sequence, quality=int(source.quality), every=source.every, **mount)
 
 
 def _source_from_msg(msg: Any) -> CloudSource:
-    mount = Pose(x=msg.mount_x_m, y=msg.mount_y_m, z=msg.mount_z_m, yaw=msg.mount_yaw_rad, tilt=msg.mount_tilt_rad)
     return CloudSource(
-        frame_id=msg.header.frame_id,
-        mount=mount,
-        stamp_ns=from_time(msg.header.stamp),
-        sequence=msg.sequence,
-        quality=Quality(msg.quality),
-        every=stride(msg),
+        msg.header.frame_id, Pose(**from_fields(msg, _MOUNT)), from_time(msg.header.stamp), msg.sequence, Quality(msg.quality), stride(msg)
     )
 
 

@@ -12,25 +12,22 @@ from radar_core import DataError
 from radar_gestures.maps import FeatureMaps
 from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import TrackEvent
-from radar_ros.messages.convert import from_time, header, pack, to_time, unpack
+from radar_ros.messages.convert import from_fields, from_time, header, pack, pack_all, to_fields, to_time, unpack, unpack_all
 
-_MAPS: Final[tuple[str, ...]] = ("speed", "micro_doppler", "azimuth", "elevation", "distance")
+_MAPS: Final = dict.fromkeys(("speed", "micro_doppler", "azimuth", "elevation", "distance"), "f")
+_GESTURE: Final = {name: name for name in ("track_id", "label", "name", "confidence", "known")}
+_ARRAYS: Final = {"probabilities": "d", "features": "d"}
 
 
 def gesture_to_msg(gesture: Gesture) -> GestureMsg:
     """Put a gesture into a message."""
     return GestureMsg(
         header=header(gesture.stamp_ns, gesture.frame_id),
-        track_id=gesture.track_id,
-        label=gesture.label,
-        name=gesture.name,
-        confidence=float(gesture.confidence),
-        known=bool(gesture.known),
-        probabilities=pack(gesture.probabilities, "d"),
         start=to_time(gesture.start_ns),
         end=to_time(gesture.end_ns),
         latency_s=gesture.latency,
-        features=pack(gesture.features, "d"),
+        **to_fields(gesture, _GESTURE),
+        **pack_all(gesture, _ARRAYS),
     )
 
 
@@ -39,15 +36,10 @@ def gesture_from_msg(msg: Any) -> Gesture:
     return Gesture(
         stamp_ns=from_time(msg.header.stamp),
         frame_id=msg.header.frame_id,
-        track_id=msg.track_id,
-        label=msg.label,
-        name=msg.name,
-        confidence=msg.confidence,
-        probabilities=unpack(msg.probabilities, np.float64),
         start_ns=from_time(msg.start),
         end_ns=from_time(msg.end),
-        features=unpack(msg.features, np.float64),
-        known=msg.known,
+        **from_fields(msg, _GESTURE),
+        **unpack_all(msg, _ARRAYS),
     )
 
 
@@ -59,7 +51,7 @@ def maps_to_msg(found: TrackEvent, maps: FeatureMaps, stamp_ns: int) -> GestureM
         start=to_time(found.event.start_ns),
         end=to_time(found.event.end_ns),
         stamp_ns=pack(maps.stamp_ns, "q"),
-        **{name: pack(getattr(maps, name), "f") for name in _MAPS},
+        **pack_all(maps, _MAPS),
     )
 
 
@@ -71,13 +63,13 @@ def maps_from_msg(msg: Any) -> FeatureMaps:
     DataError
         When an array is not as long as the clouds and gates ask for.
     """
-    stamps, arrays = unpack(msg.stamp_ns, np.int64), {name: unpack(getattr(msg, name), np.float32) for name in _MAPS}
-    shape = len(stamps), len(arrays["speed"])
-    for name in _MAPS[1:]:
-        if arrays[name].size != shape[0] * shape[1]:
+    stamps, arrays = unpack(msg.stamp_ns, np.int64), unpack_all(msg, _MAPS)
+    speed = arrays.pop("speed")
+    for name, values in arrays.items():
+        if values.size != len(stamps) * len(speed):
             raise DataError(
-                f"gestures/maps of track {msg.track_id}: {name} has {arrays[name].size} values, but there are {shape[0]} clouds and "
-                f"{shape[1]} gates; whatever sent it is broken or of another version"
+                f"gestures/maps of track {msg.track_id}: {name} has {values.size} values, but there are {len(stamps)} clouds and "
+                f"{len(speed)} gates; whatever sent it is broken or of another version"
             )
-        arrays[name] = arrays[name].reshape(shape)
-    return FeatureMaps(stamps, **arrays)
+        arrays[name] = values.reshape(len(stamps), len(speed))
+    return FeatureMaps(stamps, speed, **arrays)

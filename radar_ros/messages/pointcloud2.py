@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, Protocol
+import math
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +16,7 @@ _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 
 _MOST: Final = 1 << 24  # points; a cloud of a radar has thousands at most
 
 
-class Field(Protocol):
-    """The attributes of ``sensor_msgs/PointField``."""
-
-    name: str
-    offset: int
-    datatype: int
-    count: int
-
-
-class Cloud2(Protocol):
-    """The attributes of ``sensor_msgs/PointCloud2`` that matter here."""
-
-    height: int
-    width: int
-    fields: Sequence[Field]
-    is_bigendian: bool
-    point_step: int
-    row_step: int
-    data: Any
-
-
-def read_fields(msg: Cloud2, names: Mapping[str, str], topic: str) -> dict[str, NDArray[np.float64]]:
+def read_fields(msg: Any, names: Mapping[str, str], topic: str) -> dict[str, NDArray[np.float64]]:
     """Read some fields of a cloud.
 
     Parameters
@@ -59,31 +39,24 @@ def read_fields(msg: Cloud2, names: Mapping[str, str], topic: str) -> dict[str, 
         Naming topic and field, when the message lacks a field or contradicts itself.
     """
     wanted = {ours: theirs for ours, theirs in names.items() if theirs}
-    n, rows = _size(msg, topic)
-    if n == 0:
+    rows = _size(msg, topic)
+    if math.prod(rows) == 0:
         return {ours: np.empty(0) for ours in wanted}
     chosen = {ours: _field(msg, theirs, topic) for ours, theirs in wanted.items()}
     order = ">" if msg.is_bigendian else "<"
-    layout = np.dtype(
-        {
-            "names": list(wanted),
-            "formats": [order + _TYPES[field.datatype] for field in chosen.values()],
-            "offsets": [field.offset for field in chosen.values()],
-            "itemsize": msg.point_step,
-        }
-    )
+    formats, offsets = [order + _TYPES[field.datatype] for field in chosen.values()], [field.offset for field in chosen.values()]
+    layout = np.dtype({"names": list(wanted), "formats": formats, "offsets": offsets, "itemsize": msg.point_step})
     points = np.ndarray(rows, layout, buffer=memoryview(msg.data), strides=(msg.row_step, msg.point_step))
     with np.errstate(invalid="ignore"):  # signalling NaNs
         return {ours: points[ours].astype(np.float64).ravel() for ours in wanted}
 
 
-def _size(msg: Cloud2, topic: str) -> tuple[int, tuple[int, int]]:
-    """Give the number of points, and rows and columns; refuse sizes that contradict each other."""
+def _size(msg: Any, topic: str) -> tuple[int, int]:
+    """Give rows and columns of the cloud; refuse sizes that contradict each other."""
     rows, columns = int(msg.height), int(msg.width)
-    n = rows * columns
-    if n == 0:
-        return 0, (rows, columns)
-    if n > _MOST:
+    if rows * columns == 0:
+        return rows, columns
+    if rows * columns > _MOST:
         raise DataError(f"{topic}: a cloud of {rows} x {columns} points is more than a radar gives ({_MOST})")
     if msg.point_step < 1 or msg.row_step < columns * msg.point_step:
         raise DataError(
@@ -92,10 +65,10 @@ def _size(msg: Cloud2, topic: str) -> tuple[int, tuple[int, int]]:
     needed = (rows - 1) * msg.row_step + columns * msg.point_step
     if len(msg.data) < needed:
         raise DataError(f"{topic}: data has {len(msg.data)} bytes, but {rows} x {columns} points need {needed}; its publisher is broken")
-    return n, (rows, columns)
+    return rows, columns
 
 
-def _field(msg: Cloud2, name: str, topic: str) -> Field:
+def _field(msg: Any, name: str, topic: str) -> Any:
     """Find a field that holds one number a point."""
     found = [field for field in msg.fields if field.name == name]
     if not found:

@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from handwave.msg import HandTrack as HandTrackMsg
 from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
-from radar_ros.messages.convert import from_time, header, pack, stride, unpack
+from radar_ros.messages.convert import from_fields, from_time, header, pack, stride, to_fields, unpack
 from radar_tracking.tracks import Deleted, HandTrack, Reason, Track, Tracks, TrackStatus
+
+_TRACK: Final = {name: name for name in ("id", "n_points", "nis", "dof")} | {"age": "age_s", "unseen": "unseen_s"}
+_HAND: Final = {name: name for name in ("sequence", "parent_id", "active", "n_points", "value", "velocity_rank", "velocity_condition")} | {
+    "outliers": "outliers",
+    "unseen": "unseen_s",
+}
 
 
 def track_to_msg(track: Track) -> TrackMsg:
     """Put one track into a message."""
-    return TrackMsg(
-        id=track.id,
-        status=int(track.status),
-        age_s=float(track.age),
-        unseen_s=float(track.unseen),
-        n_points=track.n_points,
-        position=track.position,
-        velocity=track.velocity,
-        extent=track.extent,
-        covariance=track.covariance.ravel(),
-        nis=float(track.nis),
-        dof=track.dof,
-    )
+    vectors = {"position": track.position, "velocity": track.velocity, "extent": track.extent, "covariance": track.covariance.ravel()}
+    return TrackMsg(status=int(track.status), **vectors, **to_fields(track, _TRACK))
 
 
 def track_from_msg(msg: Any) -> Track:
     """Take one track out of a message."""
-    return Track(
-        id=msg.id,
-        status=TrackStatus(msg.status),
-        age=msg.age_s,
-        unseen=msg.unseen_s,
-        n_points=msg.n_points,
-        position=np.array(msg.position),
-        velocity=np.array(msg.velocity),
-        extent=np.array(msg.extent),
-        covariance=np.array(msg.covariance).reshape(6, 6),
-        nis=msg.nis,
-        dof=msg.dof,
-    )
+    vectors: dict[str, Any] = {name: np.array(getattr(msg, name)) for name in ("position", "velocity", "extent")}
+    covariance = np.array(msg.covariance).reshape(6, 6)
+    return Track(status=TrackStatus(msg.status), covariance=covariance, **vectors, **from_fields(msg, _TRACK))
 
 
 def tracks_to_msg(tracks: Tracks) -> TrackArrayMsg:
@@ -63,54 +48,26 @@ def tracks_to_msg(tracks: Tracks) -> TrackArrayMsg:
 
 def tracks_from_msg(msg: Any) -> Tracks:
     """Take all tracks of one cloud out of a message."""
-    tracks = tuple(track_from_msg(track) for track in msg.tracks)
     ended = zip(msg.deleted_id, msg.deleted_reason, msg.deleted_confirmed, strict=True)
-    deleted = tuple(Deleted(int(number), Reason(reason), bool(confirmed)) for number, reason, confirmed in ended)
     return Tracks(
         stamp_ns=from_time(msg.header.stamp),
         sequence=msg.sequence,
         frame_id=msg.header.frame_id,
-        tracks=tracks,
+        tracks=tuple(track_from_msg(track) for track in msg.tracks),
         point_track_id=unpack(msg.point_track_id, np.int32),
-        deleted=deleted,
+        deleted=tuple(Deleted(int(number), Reason(reason), bool(confirmed)) for number, reason, confirmed in ended),
         every=stride(msg),
     )
 
 
 def hand_to_msg(hand: HandTrack) -> HandTrackMsg:
     """Put a hand track into a message."""
-    return HandTrackMsg(
-        header=header(hand.stamp_ns, hand.frame_id),
-        sequence=hand.sequence,
-        parent_id=hand.parent_id,
-        active=hand.active,
-        n_points=hand.n_points,
-        unseen_s=float(hand.unseen),
-        position=hand.position,
-        velocity=hand.velocity,
-        covariance=hand.covariance.ravel(),
-        value=float(hand.value),
-        velocity_rank=hand.velocity_rank,
-        velocity_condition=float(hand.velocity_condition),
-        outliers=hand.outliers,
-    )
+    vectors = {"position": hand.position, "velocity": hand.velocity, "covariance": hand.covariance.ravel()}
+    return HandTrackMsg(header=header(hand.stamp_ns, hand.frame_id), **vectors, **to_fields(hand, _HAND))
 
 
 def hand_from_msg(msg: Any) -> HandTrack:
     """Take a hand track out of a message."""
-    return HandTrack(
-        stamp_ns=from_time(msg.header.stamp),
-        sequence=msg.sequence,
-        frame_id=msg.header.frame_id,
-        parent_id=msg.parent_id,
-        active=msg.active,
-        n_points=msg.n_points,
-        unseen=msg.unseen_s,
-        position=np.array(msg.position),
-        velocity=np.array(msg.velocity),
-        covariance=np.array(msg.covariance).reshape(6, 6),
-        value=msg.value,
-        velocity_rank=msg.velocity_rank,
-        velocity_condition=msg.velocity_condition,
-        outliers=msg.outliers,
-    )
+    vectors: dict[str, Any] = {name: np.array(getattr(msg, name)) for name in ("position", "velocity")}
+    vectors["covariance"] = np.array(msg.covariance).reshape(6, 6)
+    return HandTrack(stamp_ns=from_time(msg.header.stamp), frame_id=msg.header.frame_id, **vectors, **from_fields(msg, _HAND))

@@ -6,14 +6,13 @@ import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from sensor_msgs.msg import PointCloud2
 
-from radar_core import HandwaveError, RadarInfo
+from radar_core import DataError, HandwaveError, RadarInfo
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, load_context
 from radar_dsp.tally import FLAWS, Tally
@@ -21,7 +20,7 @@ from radar_ros import qos
 from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
 from radar_ros.params import declare_config, on_change
-from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.stage import InfoKeeper, StageNode, refusing, run
 
 
 class BasebandNode(StageNode):
@@ -63,8 +62,7 @@ class BasebandNode(StageNode):
     def _prepare_levels(self, configs: tuple[CalibratedBasebandConfig, ...]) -> Callable[[], None]:
         """Make new chains for all levels of the budget, likewise."""
         unusable = self._info.unusable  # it may be the configuration that the radar did not suit
-        info = self._info.info or unusable
-        levels = self._make(configs, info) if info is not None else (None,) * len(configs)
+        levels = self._make(configs, self._info.info or unusable)
 
         def apply() -> None:
             self._levels = levels
@@ -73,33 +71,26 @@ class BasebandNode(StageNode):
 
         return apply
 
-    def _make(self, configs: Sequence[CalibratedBasebandConfig], info: RadarInfo) -> tuple[Baseband | None, ...]:
-        """Make the chains for the calibrated radar; None for a source that gives ready point clouds only."""
-        if info.waveform.n_sample == 0:
+    def _make(self, configs: Sequence[CalibratedBasebandConfig], info: RadarInfo | None) -> tuple[Baseband | None, ...]:
+        """Make the chains for the calibrated radar; None without a radar, and for a source that gives ready point clouds only."""
+        if info is None or info.waveform.n_sample == 0:
             return (None,) * len(configs)
         radar = load_context(info, configs[0].calibration).radar  # levels differ in other knobs only
         made = {config: Baseband(config, radar) for config in set(configs)}  # or only in how many frames they leave out
         return tuple(made[config] for config in configs)
 
+    @refusing
     def _take(self, msg: Any) -> None:
         started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
-        if not self._info.usable():
-            self.dropped += 1
+        if self._info.usable() is None:
             return
         baseband = self._levels[self._budget.number]
         if baseband is None:
-            self.dropped += 1
-            self.problem("raw frames come, but radar/info says that this source gives no frames (n_sample = 0)")
-            return
-        try:
-            cloud = replace(baseband.process(frame_from_msg(msg)), every=every)
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
-            return
+            raise DataError("raw frames come, but radar/info says that this source gives no frames (n_sample = 0)")
+        cloud = replace(baseband.process(frame_from_msg(msg)), every=every)
         self._points.publish(cloud_to_msg(cloud))
         self._budget.slow_down(worked)
         self.finish(cloud.stamp_ns, cloud.sequence, started)
@@ -122,8 +113,5 @@ class BasebandNode(StageNode):
 
 
 make_node = BasebandNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

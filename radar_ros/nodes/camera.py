@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections import Counter
-from functools import partial
+from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any
 
 from handwave.msg import JointTruth as JointTruthMsg
@@ -19,14 +20,58 @@ from radar_ros import qos
 from radar_ros.messages.camera import camera_from_msg, joints_to_msg
 from radar_ros.messages.convert import from_time
 from radar_ros.messages.images import colour_from_msg, depth_from_msg
-from radar_ros.nodes.worker import Worker
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageNode, run
-from radar_ros.sync import Subscriber
-from radar_ros.sync_near import ApproximateTimeSynchronizer
+from radar_ros.sync import ApproximateTimeSynchronizer, Subscriber
 
 COLOUR, DEPTH, INFO = "camera/color/image_raw", "camera/aligned_depth_to_color/image_raw", "camera/color/camera_info"
 _QUEUE = 10  # images that wait for their partner
+
+
+class Worker:
+    """Does work that takes longer than a callback may, item by item in a thread of its own; what waits is given up for what is newer.
+
+    ``work`` is called with each item, in the thread; what it raises goes to ``failed``, and the next item is taken. So many items may be
+    ``waiting``; 1: the newest wins.
+    """
+
+    def __init__(self, work: Callable[[Any], None], failed: Callable[[BaseException], None], waiting: int = 1) -> None:
+        self._work, self._failed = work, failed
+        self._items: deque[Any] = deque()
+        self._most = waiting
+        self._change = threading.Condition()
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self._thread.start()
+
+    def put(self, item: Any) -> int:
+        """Give something to do; returns how many older items were given up for it."""
+        with self._change:
+            self._items.append(item)
+            lost = max(len(self._items) - self._most, 0)
+            for _ in range(lost):
+                self._items.popleft()
+            self._change.notify()
+        return lost
+
+    def close(self) -> None:
+        """Finish what is being done, forget the rest, end the thread; may be called twice."""
+        with self._change:
+            self._ended = True
+            self._change.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._items or self._ended)
+                if self._ended:
+                    return
+                item = self._items.popleft()
+            try:
+                self._work(item)
+            except Exception as error:  # a thread that dies is a node that goes deaf in silence
+                self._failed(error)
 
 
 class CameraNode(StageNode):
@@ -35,9 +80,8 @@ class CameraNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("camera", **kwargs)
         self._config = declare_config(self, CameraTruthConfig)
-        slop = declare(
-            self, "slop", 0.01, "colour and depth whose stamps differ by less than this belong together", unit="s", low=1e-4, high=1.0
-        )
+        doc = "colour and depth whose stamps differ by less than this belong together"
+        slop = declare(self, "slop", 0.01, doc, unit="s", low=1e-4, high=1.0)
         self._estimator = make_estimator(self._config.pose)  # before anything comes: a model loads for a second, or is not there
         self._camera: CameraModel | None = None
         self._truth: CameraTruth | None = None
@@ -58,16 +102,12 @@ class CameraNode(StageNode):
     def _take_info(self, msg: Any) -> None:
         try:
             camera = camera_from_msg(msg)
+            if self._camera is None:
+                self._truth = CameraTruth(camera, self._config, self._estimator)
+                self._camera = camera
         except HandwaveError as error:
             self.problem(str(error))
             return
-        if self._camera is None:
-            try:
-                self._truth = CameraTruth(camera, self._config, self._estimator)
-            except HandwaveError as error:
-                self.problem(str(error))
-                return
-            self._camera = camera
         self._refused = camera != self._camera
         if self._refused:
             self.problem("camera_info changed while running: images are refused; start this node anew to use the new camera")
@@ -77,8 +117,7 @@ class CameraNode(StageNode):
         self._waiting.append(from_time(msg.header.stamp))
         if len(self._waiting) > _QUEUE:
             self._waiting.pop(0)
-            self.dropped += 1
-            self.problem(
+            self.refuse(
                 f"colour images come, but no depth image within slop of their stamps: is {self.resolve_topic_name(DEPTH)} published, and "
                 "aligned to colour (RealSense: align_depth.enable)?"
             )
@@ -110,8 +149,7 @@ class CameraNode(StageNode):
 
     def _failed(self, error: BaseException) -> None:
         """Count a pair of images that could not be used; runs in the worker's thread."""
-        self.dropped += 1
-        self.problem(str(error) if isinstance(error, HandwaveError) else f"fault of this program: {type(error).__name__}: {error}")
+        self.refuse(error if isinstance(error, HandwaveError) else f"fault of this program: {type(error).__name__}: {error}")
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Share of the images of the period that ends in which each joint was seen."""
@@ -130,8 +168,5 @@ class CameraNode(StageNode):
 
 
 make_node = CameraNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any, Final
 
 from handwave.msg import PointCloud as PointCloudMsg
 from sensor_msgs.msg import PointCloud2
 
-from radar_core import HandwaveError, RadarInfo
+from radar_core import RadarInfo
 from radar_driver.foreign import ForeignConfig, foreign_cloud
 from radar_ros import qos
 from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, from_time
 from radar_ros.messages.pointcloud2 import read_fields
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import StageNode, run
+from radar_ros.stage import StageNode, refusing, run
 
 _QUIET: Final = 4.0  # s without a cloud: worth a word
 
@@ -46,17 +45,11 @@ class Cloud2Node(StageNode):
         self.frame_interval = self._config.frame_interval
         self._announcer.start(self._info)
 
+    @refusing
     def _take(self, msg: Any) -> None:
-        started = time.monotonic_ns()
+        started, head = time.monotonic_ns(), msg.header
         self._heard = time.monotonic()
-        try:
-            values = read_fields(msg, self._config.names, self._topic)
-            self._send(msg.header, values, started)
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
-
-    def _send(self, head: Any, values: Any, started_ns: int) -> None:
+        values = read_fields(msg, self._config.names, self._topic)
         if self._info is None:
             self._describe(head.frame_id or "radar")
         assert self._info is not None
@@ -70,7 +63,7 @@ class Cloud2Node(StageNode):
         self._count += 1
         self._refused_points += refused
         self._points.publish(cloud_to_msg(cloud))
-        self.finish(cloud.stamp_ns, cloud.sequence, started_ns)
+        self.finish(cloud.stamp_ns, cloud.sequence, started)
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Points that were left out since the start; silence."""
@@ -81,15 +74,6 @@ class Cloud2Node(StageNode):
         return {"points_without_position": self._refused_points, "topic": self._topic}, warnings
 
 
-def make_node(**kwargs: Any) -> Cloud2Node:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return Cloud2Node(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
-
-
+make_node = Cloud2Node
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

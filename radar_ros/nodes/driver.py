@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,10 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
 from radar_driver import boards
+from radar_driver.live import Reader
 from radar_driver.sources import Context, Reading, Source
 from radar_ros import bag_source, qos
 from radar_ros.announce import Announcer, in_namespace
-from radar_ros.feed import Feed
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
@@ -33,6 +33,52 @@ _LOOK = 0.02  # s: how often readers are counted while they are waited for
 _NAP = 1e-3  # s: how long a source sleeps at once while time is simulated
 
 
+class Feed:
+    """Reads a source that is powered up in a thread, and calls ``publish`` in the node's.
+
+    ``publish`` takes a reading, and when the node began with it on CLOCK_MONOTONIC [ns].
+    """
+
+    def __init__(self, node: Any, source: Source, publish: Callable[[Reading, int], None]) -> None:
+        self._node, self._source, self._publish = node, source, publish
+        self._guard = node.create_guard_condition(self._arrived)
+        self._reader = Reader(source, self._guard.trigger)
+        self._running = False
+        self._told = ""
+
+    def start(self) -> None:
+        """Let the source send; a `DeviceError` says why it does not."""
+        self._running = True
+        self._reader.start()
+
+    def stop(self) -> None:
+        """Let it be silent; its thread has ended when this returns. May be called twice."""
+        self._running = False
+        self._reader.stop()
+
+    def close(self) -> None:
+        """Stop, for good."""
+        self.stop()
+        self._node.destroy_guard_condition(self._guard)
+
+    def _arrived(self) -> None:
+        started, problem = time.monotonic_ns(), self._reader.problem
+        if problem:
+            self._node.problem(problem)
+        elif self._told:
+            self._node.get_logger().info("the device sends again")
+        self._told = problem
+        reading = self._reader.take()
+        if reading is not None and self._running:
+            self._publish(reading, started)
+
+    def figures(self) -> tuple[dict[str, Any], list[str]]:
+        """Give the source's report and the reader's counts, for diagnostics; and what to warn of."""
+        values = {**self._source.report(), "replaced": self._reader.replaced, **self._reader.counts}
+        warnings = [str(value) for key, value in values.items() if key.endswith("advice")]
+        return values, warnings + ([self._reader.problem] if self._reader.problem else [])
+
+
 class DriverNode(StageMixin, LifecycleNode):
     """Configure = power up, activate = resume, deactivate = suspend, cleanup = power down."""
 
@@ -40,9 +86,8 @@ class DriverNode(StageMixin, LifecycleNode):
         super().__init__("driver", **kwargs)
         self.start_stage("driver")
         kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
-        self._calibration = str(
-            declare(self, "calibration", "", "file of handwave calibrate-pair with this radar's mount; empty: as the source says")
-        )
+        doc = "file of handwave calibrate-pair with this radar's mount; empty: as the source says"
+        self._calibration = str(declare(self, "calibration", "", doc))
         self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}", choices=AT_END))
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
         self._speed = float(declare(self, "rate", 1.0, "of sim and bag: pace relative to the radar's own", low=0.01, high=100.0))
@@ -60,8 +105,9 @@ class DriverNode(StageMixin, LifecycleNode):
             self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
         self._announcer = Announcer(self, pose=bool(self._calibration))
-        if autostart:
-            self._autostart()
+        for trigger in (self.trigger_configure, self.trigger_activate) if autostart else ():
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise self._failure
 
     def _known_board(self, name: str) -> tuple[boards.Board, Any]:
         """Look up the kind of source and declare its knobs as parameters."""
@@ -72,12 +118,6 @@ class DriverNode(StageMixin, LifecycleNode):
         for other in (boards.board(always) for always in _ALWAYS if always != name):
             declare_config(self, other.config, other.parameter())
         return found, declare_config(self, found.config, found.parameter())
-
-    def _autostart(self) -> None:
-        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            raise self._failure
-        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise self._failure
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
@@ -217,15 +257,6 @@ class DriverNode(StageMixin, LifecycleNode):
         return replace(info, mount=measured.mount), measured
 
 
-def make_node(**kwargs: Any) -> DriverNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return DriverNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
-
-
+make_node = DriverNode
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

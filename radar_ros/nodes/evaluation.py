@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handwave.msg import Gesture as GestureMsg
 from handwave.msg import Gospa as GospaMsg
 from handwave.msg import HandTrack as HandTrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.msg import Truth as TruthMsg
 
-from radar_core import DataError, RadarInfo
+from radar_core import RadarInfo
 from radar_lab.evaluation.run import EvaluationConfig, Evaluator
 from radar_ros import qos
 from radar_ros.messages.convert import header
@@ -23,11 +21,8 @@ from radar_ros.messages.gestures import gesture_from_msg
 from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import InfoKeeper, StageNode, run
-from radar_ros.sync import Subscriber
-from radar_ros.sync_near import ApproximateTimeSynchronizer
-from radar_tracking import Tracks
-from radar_tracking.metrics import Gospa
+from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.sync import ApproximateTimeSynchronizer, Subscriber
 
 _SLOP = 0.005  # s: stamps of tracks and truth are equal by construction; another clock's rounding may differ
 
@@ -41,33 +36,28 @@ class EvaluationNode(StageNode):
         self._config = declare_config(self, EvaluationConfig)
         self._evaluator: Evaluator | None = None
         self._info = InfoKeeper(self, self._configure)
-        profile = qos.RESULT
-        truths = Subscriber(self, TruthMsg, "truth", qos_profile=profile)
-        self._pairs = ApproximateTimeSynchronizer([Subscriber(self, TrackArrayMsg, "tracks", qos_profile=profile), truths], 50, _SLOP)
-        self._pairs.registerCallback(self._take)
-        self._hands = ApproximateTimeSynchronizer([Subscriber(self, HandTrackMsg, "hand", qos_profile=profile), truths], 50, _SLOP)
-        self._hands.registerCallback(self._take_hand)
-        self.create_subscription(GestureMsg, "gestures", self._gesture, profile)
-        self._gospa = self.create_publisher(GospaMsg, "gospa", profile)
-        self._figures = self.create_publisher(DiagnosticArray, "diagnostics", 10)
+        truths = Subscriber(self, TruthMsg, "truth", qos_profile=qos.RESULT)
+        for kind, topic, take in ((TrackArrayMsg, "tracks", self._take), (HandTrackMsg, "hand", self._take_hand)):
+            found = Subscriber(self, kind, topic, qos_profile=qos.RESULT)
+            ApproximateTimeSynchronizer([found, truths], 50, _SLOP).registerCallback(take)
+        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
+        self._gospa = self.create_publisher(GospaMsg, "gospa", qos.RESULT)
         self.create_timer(1.0, self._publish)
 
     def _configure(self, info: RadarInfo) -> None:
         self._evaluator = Evaluator(info, self._config)
 
+    @refusing
     def _take(self, tracks_msg: Any, truth_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(tracks_msg.sequence, tracks_msg.every)
         if self._evaluator is None:
             return
         tracks = tracks_from_msg(tracks_msg)
-        try:
-            gospa = self._evaluator.add(tracks, truth_from_msg(truth_msg))
-        except DataError as error:
-            self.dropped += 1
-            self.problem(str(error))
-            return
-        self._gospa.publish(_gospa_to_msg(gospa, tracks))
+        gospa = self._evaluator.add(tracks, truth_from_msg(truth_msg))
+        names = ("distance", "localisation", "missed", "false_tracks", "n_truth")
+        parts = {name: getattr(gospa, name) for name in names}
+        self._gospa.publish(GospaMsg(header=header(tracks.stamp_ns, tracks.frame_id), n_tracks=gospa.n_estimates, **parts))
         self.finish(tracks.stamp_ns, tracks.sequence, started)
 
     def _take_hand(self, hand_msg: Any, truth_msg: Any) -> None:
@@ -88,13 +78,7 @@ class EvaluationNode(StageNode):
         values |= {name: report[name] for name in ("ghost_track_frames", "ghost_track_frames_per_minute", "gate_m")}
         values |= {name: gestures[name] for name in ("false_gestures", "false_gestures_per_minute")}
         values |= {"mota": report["mota"], "gospa_mean_m": report["gospa"]["mean_m"], "nees_mean": report["nees"]["mean"]}
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.OK, name="accuracy", message="against the simulator's truth", hardware_id="evaluation"
-        )
-        status.values = [KeyValue(key=k, value=str(v)) for k, v in values.items()]
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = self.get_clock().now().to_msg()
-        self._figures.publish(array)
+        self.publish_diagnostics("accuracy", "against the simulator's truth", values)
 
     def close(self) -> None:
         """Write the report."""
@@ -104,27 +88,6 @@ class EvaluationNode(StageNode):
             path.write_text(json.dumps(self._evaluator.report(), indent=1), encoding="utf-8")
 
 
-def _gospa_to_msg(gospa: Gospa, tracks: Tracks) -> GospaMsg:
-    return GospaMsg(
-        header=header(tracks.stamp_ns, tracks.frame_id),
-        distance=gospa.distance,
-        localisation=gospa.localisation,
-        missed=gospa.missed,
-        false_tracks=gospa.false_tracks,
-        n_truth=gospa.n_truth,
-        n_tracks=gospa.n_estimates,
-    )
-
-
-def make_node(**kwargs: Any) -> EvaluationNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return EvaluationNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
-
-
+make_node = EvaluationNode
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

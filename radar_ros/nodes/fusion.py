@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -16,15 +16,15 @@ from sensor_msgs.msg import PointCloud2
 from radar_core import DataError, HandwaveError, PointCloud, Pose, RadarInfo, merge
 from radar_core.gaps import Gaps
 from radar_ros import qos
-from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, cloud_to_msg, from_time, info_from_msg, info_to_msg
+from radar_ros.announce import Announcer
+from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, cloud_to_msg, from_time, info_from_msg
 from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
-from radar_ros.sync_near import ApproximateTimeSynchronizer
+from radar_ros.sync import ApproximateTimeSynchronizer, SimpleFilter
 from radar_tracking.fusion.clocks import ClockMonitor, ClockOffset
 from radar_tracking.fusion.clouds import FusionConfig, RadarPresence, fused_info
 
 _QUEUE = 1000  # clouds of one radar that wait; `RadarPresence.hopeless` and silence end the waiting long before
-_AGAIN = 0.5  # s: the info is said again this often, as the driver does, because a late joiner may miss the latched one for 3 s
 _REASONS = {
     "late": "came later than what was sent on already",
     "unmatched": "found no partner within slop",
@@ -32,21 +32,6 @@ _REASONS = {
     "lost": "were lost on the way here",
     "broken": "made no sense",
 }
-
-
-class _Input:
-    """What a synchroniser needs of its inputs; the node hands clouds over itself, because who is waited for changes."""
-
-    def __init__(self) -> None:
-        self._callbacks: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
-
-    def registerCallback(self, cb: Callable[..., Any], *args: Any) -> int:  # noqa: N802  (message_filters' name)
-        self._callbacks.append((cb, args))
-        return len(self._callbacks) - 1
-
-    def signalMessage(self, msg: Any) -> None:  # noqa: N802  (message_filters' name)
-        for callback, args in self._callbacks:
-            callback(msg, *args)
 
 
 @dataclass
@@ -76,19 +61,18 @@ class FusionNode(StageNode):
         self._regroup(self._config.radars)
         self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
-        self._infos = self.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
+        self._announcer = Announcer(self, tf=False)
         for name in self._config.radars:
             self.create_subscription(RadarInfoMsg, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
             profile = qos.sensor(reliable=self.reliable)
             self.create_subscription(PointCloudMsg, f"{name}/radar/points", partial(self._take, name), profile)
-        self.create_timer(_AGAIN, self._announce)
 
     def _regroup(self, names: tuple[str, ...]) -> None:
         """Wait for these radars from now on; what waits for others is given up."""
         for queue in getattr(self, "_waiting", {}).values():
             self._drop("unmatched", len(queue))
         self._present = names
-        self._inputs = {name: _Input() for name in names}
+        self._inputs = {name: SimpleFilter() for name in names}  # fed here, because who is waited for changes
         self._sync = ApproximateTimeSynchronizer(list(self._inputs.values()), _QUEUE, self._config.slop)
         self._sync.registerCallback(self._merge)
         self._waiting: dict[str, dict[int, Any]] = dict(zip(names, self._sync.queues, strict=True))
@@ -109,9 +93,7 @@ class FusionNode(StageNode):
             self._presence.knows(name, info.waveform.frame_interval)
         radar.refused = info != radar.info
         if radar.refused:
-            self.problem(
-                f"{name}/radar/info changed while running: clouds of {name} are refused; start this node anew to use the new radar"
-            )
+            self.problem(f"{name}/radar/info changed while running: its clouds are refused; start this node anew to use the new radar")
         if self._info is None and all(r.info is not None for r in self._radars.values()):
             self._describe()
 
@@ -120,12 +102,8 @@ class FusionNode(StageNode):
         space = self.get_namespace().strip("/")
         self._info = fused_info([r.info for r in self._radars.values() if r.info is not None], f"{space}/fused".lstrip("/"))
         self.frame_interval = self._info.waveform.frame_interval
-        self._announce()
+        self._announcer.start(self._info)
         self.ready()
-
-    def _announce(self) -> None:
-        if self._info is not None:
-            self._infos.publish(info_to_msg(self._info, self.get_clock().now().nanoseconds))
 
     def _take(self, name: str, msg: Any) -> None:
         self._started = time.monotonic_ns()
@@ -203,8 +181,7 @@ class FusionNode(StageNode):
 
     def _understood(self, msgs: Sequence[Any]) -> tuple[list[PointCloud], list[Pose]]:
         """Clouds and mounts; what belongs to another sensor than the radar's info describes is refused with a `DataError`."""
-        clouds: list[PointCloud] = []
-        mounts: list[Pose] = []
+        clouds, mounts = [], []
         for name, msg in zip(self._present, msgs, strict=True):
             info = self._radars[name].info
             assert info is not None
@@ -226,13 +203,13 @@ class FusionNode(StageNode):
         warnings = [f"{name} {reason}" for name, reason in missing if reason]
         warnings += [f"{new[reason]} clouds {text}" for reason, text in _REASONS.items() if new[reason]]
         clocks = {offset.name: offset for offset in self._clocks.offsets()}
-        warnings += [
-            self._complain(offset) for offset in clocks.values() if abs(offset.offset) - offset.spread > self._config.max_clock_offset
-        ]
+        off = (offset for offset in clocks.values() if abs(offset.offset) - offset.spread > self._config.max_clock_offset)
+        warnings += [self._complain(offset) for offset in off]
         values: dict[str, Any] = {key: new[key] for key in keys}
         for name in self._radars:
-            values[f"{name}.clock_offset_ms"] = f"{clocks[name].offset * 1e3:.3f}" if name in clocks else "unknown"
-            values[f"{name}.clock_spread_ms"] = f"{clocks[name].spread * 1e3:.3f}" if name in clocks else "unknown"
+            for figure in ("offset", "spread"):
+                known = f"{getattr(clocks[name], figure) * 1e3:.3f}" if name in clocks else "unknown"
+                values[f"{name}.clock_{figure}_ms"] = known
         return values, warnings
 
     def _complain(self, found: ClockOffset) -> str:
@@ -256,16 +233,10 @@ class FusionNode(StageNode):
             return "is silent: no cloud has come yet"
         if quiet > max(self._config.solo_after, 2 * radar.info.waveform.frame_interval):
             return f"is silent: no cloud for {quiet:.1f} s"
-        return (
-            "is not waited for: its stamps are behind those of the others; synchronise the clocks"
-            if radar.name not in self._present
-            else ""
-        )
+        waited = radar.name in self._present
+        return "" if waited else "is not waited for: its stamps are behind those of the others; synchronise the clocks"
 
 
 make_node = FusionNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from handwave.msg import GestureMaps as GestureMapsMsg
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 
-from radar_core import HandwaveError, RadarInfo
+from radar_core import RadarInfo
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
@@ -21,7 +20,7 @@ from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
 from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.stage import InfoKeeper, StageNode, refusing, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import TrackedCloud
 
@@ -34,7 +33,6 @@ class GesturesNode(StageNode):
         self._config = declare_config(self, GestureConfig)
         self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
         self._model.probabilities(np.zeros(len(self._model.names)))  # compiled now, not at the end of the first gesture
-        self._recognizer: GestureRecognizer | None = None
         self._gestures = self.create_publisher(GestureMsg, "gestures", qos.RESULT)
         self._maps = self.create_publisher(GestureMapsMsg, "gestures/maps", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
@@ -49,23 +47,18 @@ class GesturesNode(StageNode):
     def _configure(self, info: RadarInfo) -> None:
         self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
 
+    @refusing
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(cloud_msg.sequence, tracks_msg.every)
-        info = self._info.info
-        if not self._info.usable() or info is None or self._recognizer is None:
-            self.dropped += 1
+        info = self._info.usable()
+        if info is None:
             return
-        try:
-            tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
-            if self.went_back(tracked.cloud.stamp_ns):
-                self._configure(info)
-            events = self._recognizer.find(tracked)
-            gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
-            return
+        tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
+        if self.went_back(tracked.cloud.stamp_ns):
+            self._configure(info)
+        events = self._recognizer.find(tracked)
+        gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
         for gesture in filter(self._recognizer.wanted, gestures):
             self._gestures.publish(gesture_to_msg(gesture))
         self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
@@ -75,15 +68,6 @@ class GesturesNode(StageNode):
                     self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
 
 
-def make_node(**kwargs: Any) -> GesturesNode:
-    """Make the node; ``kwargs`` go to rclpy's Node."""
-    return GesturesNode(**kwargs)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    return run(make_node, argv)
-
-
+make_node = GesturesNode
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

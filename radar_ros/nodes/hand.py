@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from functools import partial
 from typing import Any
 
 from handwave.msg import Gesture as GestureMsg
@@ -14,12 +13,11 @@ from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.srv import TrackHand
 from std_msgs.msg import Bool, Float32
 
-from radar_core import HandwaveError
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time
 from radar_ros.messages.tracks import hand_to_msg, tracks_from_msg
 from radar_ros.params import declare_config
-from radar_ros.stage import InfoKeeper, StageNode, run
+from radar_ros.stage import InfoKeeper, StageNode, refusing, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import HandConfig, HandTracker, TrackedCloud, TrackStatus
 
@@ -56,9 +54,7 @@ class HandNode(StageNode):
             self._stop()
         elif not self._wanted():
             if all(status is TrackStatus.TENTATIVE for status in self._people.values()):
-                self.caution(
-                    "hand/trigger: there is no person yet whose hand could be followed; send it again once tracks has a confirmed track"
-                )
+                self.caution("hand/trigger: there is no person yet to follow; send it again once tracks has a confirmed track")
             self._start(None)
 
     def _wanted(self) -> bool:
@@ -91,23 +87,18 @@ class HandNode(StageNode):
             response.success, response.message = True, "the hand is looked for"
         return response
 
+    @refusing
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(cloud_msg.sequence, tracks_msg.every)
-        info = self._info.info
-        if not self._info.usable() or info is None:
-            self.dropped += 1
+        info = self._info.usable()
+        if info is None:
             return
-        try:
-            tracks = tracks_from_msg(tracks_msg)
-            if self.went_back(tracks.stamp_ns):
-                self._tracker.reset()
-                self._command = (-1, False)
-            hand = self._tracker.process(TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks))
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
-            return
+        tracks = tracks_from_msg(tracks_msg)
+        if self.went_back(tracks.stamp_ns):
+            self._tracker.reset()
+            self._command = (-1, False)
+        hand = self._tracker.process(TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks))
         self._people = {track.id: track.status for track in tracks.tracks}
         if hand is not None:
             self._told[hand.velocity_rank] += hand.active
@@ -123,8 +114,5 @@ class HandNode(StageNode):
 
 
 make_node = HandNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

@@ -6,7 +6,6 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -26,7 +25,7 @@ from radar_ros.messages.camera import joints_from_msg, residual_to_msg
 from radar_ros.messages.tracks import hand_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import StageNode, run
+from radar_ros.stage import StageNode, refusing, run
 
 Reference = Literal["camera", "truth"]
 
@@ -90,21 +89,15 @@ class HandEvaluationNode(StageNode):
         nearest = 0 if self._hand is None else int(((places - self._hand) ** 2).sum(-1).argmin())
         return ReferenceSample(truth.stamp_ns, places[nearest])
 
+    @refusing
     def _add(self, make: Callable[[], ReferenceSample | TrackSample | None], stamp_ns: int | None = None, sequence: int = 0) -> None:
-        """Take in a sample; a message that cannot be used costs itself only."""
-        started = time.monotonic_ns()
-        try:
-            sample = make()
-            if sample is None:
-                return
-            if self._back(sample):
-                self._residuals.reset()
-            found = self._residuals.process(sample)
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
+        """Take in a sample."""
+        started, sample = time.monotonic_ns(), make()
+        if sample is None:
             return
-        for item in found:
+        if self._back(sample):
+            self._residuals.reset()
+        for item in self._residuals.process(sample):
             self._found.append(item)
             self._out.publish(residual_to_msg(item, self._reference))
         if stamp_ns is not None:
@@ -166,8 +159,5 @@ class HandEvaluationNode(StageNode):
 
 
 make_node = HandEvaluationNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

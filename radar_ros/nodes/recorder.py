@@ -97,8 +97,5 @@ class RecorderNode(StageNode):
 
 
 make_node = RecorderNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from handwave.msg import PointCloud as PointCloudMsg
@@ -18,8 +17,8 @@ from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_from_msg, stride
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.params import declare_config
-from radar_ros.stage import InfoKeeper, StageNode, run
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_tracking import PeopleTracker, TrackerConfig
 from radar_tracking.people.tally import Tally, TrackConsistencyConfig
 from radar_tracking.people.warm_up import warm_up
 
@@ -51,38 +50,29 @@ class TrackingNode(StageNode):
             warm_up(level)
         return lambda: None  # the level is looked up with every cloud
 
+    @refusing
     def _take(self, msg: Any) -> None:
         started, worked, every = time.monotonic_ns(), time.thread_time_ns(), stride(msg) * self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
-        info, tracker = self._info.info, self._tracker
-        if not self._info.usable() or info is None or tracker is None:
-            self.dropped += 1
+        info, tracker = self._info.usable(), self._tracker
+        if info is None or tracker is None:
             return
-        try:
-            cloud = cloud_from_msg(msg).to_room(info.mount)
-            if self.went_back(cloud.stamp_ns):
-                self._dropped_points += tracker.dropped_points
-                tracker.reset()
-            config = self._budget.configs[self._budget.number]
-            if config is not tracker.config:
-                tracker.change(config)
-            tracks = replace(tracker.process(cloud), every=every)
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
-            return
+        cloud = cloud_from_msg(msg).to_room(info.mount)
+        if self.went_back(cloud.stamp_ns):
+            self._dropped_points += tracker.dropped_points
+            tracker.reset()
+        config = self._budget.configs[self._budget.number]
+        if config is not tracker.config:
+            tracker.change(config)
+        tracks = replace(tracker.process(cloud), every=every)
         self._tracks.publish(tracks_to_msg(tracks))
         self._budget.slow_down(worked)
         self.finish(tracks.stamp_ns, tracks.sequence, started)
         self._budget.spent(tracks.stamp_ns, started)
         self._count.publish(UInt32(data=tracks.people_count))
-        self._note(tracks)
-
-    def _note(self, tracks: Tracks) -> None:
-        """Remember what the diagnostics say; what is wrong with it costs no tracks."""
-        try:
+        try:  # for the diagnostics; what is wrong with it costs no tracks
             self._tally.add(tracks)
         except HandwaveError as error:
             self.problem(f"the filter's consistency is unknown: {error}")
@@ -96,8 +86,5 @@ class TrackingNode(StageNode):
 
 
 make_node = TrackingNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

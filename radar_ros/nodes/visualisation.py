@@ -5,7 +5,6 @@ from __future__ import annotations
 import colorsys
 import math
 import time
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,11 +19,11 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from radar_core import ConfigError, DataError, HandwaveError, PointCloud
+from radar_core import ConfigError, DataError, PointCloud
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time, points_to_cloud2, unpack
 from radar_ros.params import declare
-from radar_ros.stage import StageNode, run
+from radar_ros.stage import StageNode, refusing, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 
 _HEIGHT = 1.7  # m: of the cylinder that stands for a person; the few points of a body do not tell how tall it is
@@ -44,10 +43,8 @@ class VisualisationNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("visualisation", **kwargs)
         rate = float(declare(self, "rate", 10.0, "markers per second", unit="Hz", low=0.5, high=100.0))
-        self._keep_ns = round(
-            1e9 * float(declare(self, "gesture_time", 1.5, "how long a gesture's name is shown", unit="s", low=0.1, high=60.0))
-        )
-        self._interval_ns, self._next_ns = round(1e9 / rate), 0
+        shown = float(declare(self, "gesture_time", 1.5, "how long a gesture's name is shown", unit="s", low=0.1, high=60.0))
+        self._keep_ns, self._interval_ns, self._next_ns = round(1e9 * shown), round(1e9 / rate), 0
         self._shown: set[int] = set()
         self._hand_shown = False
         self._gestures: dict[int, tuple[int, str]] = {}
@@ -79,14 +76,10 @@ class VisualisationNode(StageNode):
             result.append(marker)
         return result
 
+    @refusing
     def _label(self, cloud_msg: Any, tracks_msg: Any) -> None:
-        if not self._labelled.get_subscription_count():
-            return
-        try:
+        if self._labelled.get_subscription_count():
             self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))
-        except HandwaveError as error:
-            self.dropped += 1
-            self.problem(str(error))
 
     def _gesture(self, msg: Any) -> None:
         if msg.label != GestureMsg.RANDOM:
@@ -106,9 +99,8 @@ class VisualisationNode(StageNode):
         people = {track.id: track for track in msg.tracks if track.status != TrackMsg.TENTATIVE}
         for number, track in people.items():
             markers += [self._body(msg.header, number, track), self._text(msg.header, stamp, number, track)]
-        for number in self._shown - set(people):
-            for name in ("people", "names"):
-                markers.append(Marker(header=msg.header, ns=name, id=number, action=Marker.DELETE))
+        gone = ((name, number) for number in self._shown - set(people) for name in ("people", "names"))
+        markers += [Marker(header=msg.header, ns=name, id=number, action=Marker.DELETE) for name, number in gone]
         self._shown = set(people)
         self._gestures = {n: g for n, g in self._gestures.items() if abs(stamp - g[0]) <= self._keep_ns}
         markers += self._hand_markers(msg.header)
@@ -206,8 +198,5 @@ def _colour(number: int, alpha: float) -> ColorRGBA:
 
 
 make_node = VisualisationNode
-main = partial(run, make_node)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run(make_node))

@@ -32,8 +32,7 @@ from radar_ros.messages.convert import from_time, header, pack
 from radar_ros.messages.images import colour_from_msg, depth_from_msg, image_to_msg
 from radar_ros.messages.tracks import hand_to_msg
 from radar_ros.messages.truth import truth_to_msg
-from radar_ros.nodes.camera import COLOUR, DEPTH, INFO
-from radar_ros.nodes.worker import Worker
+from radar_ros.nodes.camera import COLOUR, DEPTH, INFO, Worker
 from radar_ros.replay import Player
 from radar_sim import Truth
 from radar_tracking import HandTrack

@@ -23,10 +23,10 @@ def load(path):
 
 @pytest.mark.parametrize("name", NODES)
 def test_every_node_has_its_entry_points(name):
-    """``make_node`` for composition, ``main`` for a process of its own."""
+    """``make_node`` for composition, and a process of its own that runs it."""
     module = importlib.import_module(NODES[name].module)
     assert callable(module.make_node)
-    assert callable(module.main)
+    assert "run(make_node)" in Path(module.__file__).read_text()
 
 
 def test_executables_of_the_build_are_the_nodes():

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from std_msgs.msg import Header, String
 
-from radar_ros.filters import SimpleFilter, TimeSynchronizer
-from radar_ros.filters_near import ApproximateTimeSynchronizer, Cache
+from radar_ros.filters import ApproximateTimeSynchronizer, SimpleFilter, TimeSynchronizer
 from radar_ros.messages.convert import to_time
 
 
@@ -21,13 +20,6 @@ class Stamped:
 
     def __repr__(self):
         return f"{self.name}{self.stamp_ns}"
-
-
-class Time:
-    """A time as rclpy's, as far as Cache asks."""
-
-    def __init__(self, nanoseconds):
-        self.nanoseconds = nanoseconds
 
 
 def connect(kind, *args):
@@ -126,36 +118,21 @@ def test_an_old_straggler_in_a_full_queue():
     assert sets == [(100_000_000, 101_000_000)]
 
 
-def test_headerless_messages_need_permission():
+@pytest.mark.parametrize("allowed", [False, True])
+def test_headerless_messages_need_permission(allowed):
     """Without a header a message is passed over unless allowed, as message_filters does."""
-    source, got = SimpleFilter(), []
-    Cache(source, 3).registerCallback(got.append)
-    source.signalMessage(String(data="no stamp"))
-    assert got == []
-    Cache(source, 3, allow_headerless=True).registerCallback(got.append)
-    source.signalMessage(String(data="no stamp"))
-    assert len(got) == 1
-
-
-def test_cache_answers_by_time():
-    """Out of order in, in order out; the oldest falls out."""
-    source = SimpleFilter()
-    cache = Cache(source, 3)
-    for stamp in (30, 10, 20, 40):
-        source.signalMessage(Stamped(stamp))
-    assert [m.stamp_ns for m in cache.getInterval(Time(0), Time(100))] == [20, 30, 40]
-    assert cache.getElemAfterTime(Time(21)).stamp_ns == 30
-    assert cache.getElemBeforeTime(Time(21)).stamp_ns == 20
-    assert cache.getElemBeforeTime(Time(5)) is None
-    assert cache.getLast().stamp_ns == 40
-    assert (cache.getOldestTime().nanoseconds, cache.getLastestTime().nanoseconds) == (20, 40)
+    inputs, sets = (SimpleFilter(), SimpleFilter()), []
+    ApproximateTimeSynchronizer(inputs, 3, 60.0, allow_headerless=allowed).registerCallback(lambda *msgs: sets.append(msgs))
+    for each in inputs:
+        each.signalMessage(String(data="no stamp"))
+    assert len(sets) == allowed
 
 
 def test_same_interface_as_the_real_package():
     """Where message_filters is installed it is used, so its names must be ours."""
     real = pytest.importorskip("message_filters", reason="message_filters is not installed; ours stands in for it")
-    from radar_ros import filters, filters_near
+    from radar_ros import filters
 
-    for name in ("SimpleFilter", "Subscriber", "Cache", "TimeSynchronizer", "ApproximateTimeSynchronizer"):
-        ours = {n for n in dir(getattr(filters, name, None) or getattr(filters_near, name)) if not n.startswith("_")}
+    for name in ("SimpleFilter", "Subscriber", "TimeSynchronizer", "ApproximateTimeSynchronizer"):
+        ours = {n for n in dir(getattr(filters, name)) if not n.startswith("_")}
         assert ours <= {n for n in dir(getattr(real, name)) if not n.startswith("_")} | {"node", "lock"}

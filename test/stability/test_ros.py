@@ -12,8 +12,7 @@ from std_msgs.msg import Header
 from radar_core import PointCloud, RadarFrame
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.gaps import Gaps
-from radar_ros.filters import SimpleFilter, TimeSynchronizer
-from radar_ros.filters_near import ApproximateTimeSynchronizer, Cache
+from radar_ros.filters import ApproximateTimeSynchronizer, SimpleFilter, TimeSynchronizer
 from radar_ros.messages import convert
 from radar_ros.stage import StageMixin
 
@@ -50,16 +49,6 @@ def test_synchronisers_stay_small_over_long_runs(kind):
         header = Header(stamp=convert.to_time(number * 20_000_000))
         inputs[number % 2].signalMessage(types.SimpleNamespace(header=header))
     assert all(len(queue) <= 10 for queue in sync.queues)
-
-
-def test_a_cache_stays_small():
-    """Only the newest are kept, in whatever order they come."""
-    source = SimpleFilter()
-    cache = Cache(source, 7)
-    order = np.random.default_rng(1).permutation(5_000)
-    for number in order:
-        source.signalMessage(types.SimpleNamespace(header=Header(stamp=convert.to_time(int(number)))))
-    assert cache.cache_times == sorted(order.tolist())[-7:]
 
 
 def test_drops_are_counted_across_jumps():

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.cloud import ARRAY_FIELDS
-from radar_ros.filters import SimpleFilter
-from radar_ros.filters_near import ApproximateTimeSynchronizer
+from radar_ros.filters import ApproximateTimeSynchronizer, SimpleFilter
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_tracking.fusion.clouds import FusionConfig, RadarPresence
 from radar_tracking.people.zones import Zones, ZonesConfig
