@@ -20,9 +20,8 @@ from radar_sim.propagation.base import Physics, Propagator, Sampling
 from radar_sim.propagation.blocks import Blocks
 from radar_sim.propagation.choose import Auto, Step, make_step
 from radar_sim.propagation.exact import Exact
-from radar_sim.propagation.nufft import Nufft
 from radar_sim.propagation.reference import Reference
-from radar_sim.propagation.separable import Separable
+from radar_sim.propagation.separable import Nufft, Separable
 from radar_sim.scatterers import THING, Echoes, Motion
 
 MANY, FEW = 5000, 100

@@ -46,8 +46,8 @@ from radar_sim import (
     load_scene,
 )
 from radar_sim.effects.chain import NAMES, switched
-from radar_sim.link import strength
 from radar_sim.probe import Probe
+from radar_sim.propagation.base import strength
 
 DEFAULT = Effects(
     occlusion=OcclusionConfig(),

@@ -12,7 +12,7 @@ import typer
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
-    from radar_sim.explain import Explanation
+    from radar_sim.audit import Explanation
 
 Name = Annotated[str, typer.Argument(help="scene file, or one of ours by name")]
 PREVIEWS = (".mp4", ".png")
@@ -50,8 +50,8 @@ def explain(
     if everywhere:
         _audit(as_json)
         return
+    from radar_sim.audit import Explainer, Explanation
     from radar_sim.effects.chain import NAMES
-    from radar_sim.explain import Explainer, Explanation
 
     explainer = Explainer(load_scene(scene), radar)
     reports = tuple(explainer.process(name) for name in track(NAMES, "measuring effects", disable=as_json, transient=True))

@@ -1,38 +1,30 @@
-"""Which effects each scene calls for: an audit over scenes, and its table."""
+"""What each effect means for a scene, measured: on or off, how large, what it changes, what it costs; and an audit over scenes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from radar_core.paths import share_dir
 from radar_sim.auto import CANDIDATES, choose_effects
-from radar_sim.effects.chain import NAMES, is_named, switched
+from radar_sim.effects.base import Setting
+from radar_sim.effects.chain import NAMES, is_named, size, switched
 from radar_sim.effects.config import Effects
 from radar_sim.probe import Change, Probe
+from radar_sim.scatterers import Echoes
 from radar_sim.scene import Scene, load_scene
 from radar_sim.simulator import Simulator
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect in one scene.
+    """One effect in one scene, as an audit has it."""
 
-    Attributes
-    ----------
-    name : str
-        As scenes name it.
-    named : bool
-        The scene's file names it.
-    on : bool
-        It acts when the file also says ``auto: true``.
-    change : Change
-        What it changes.
-    """
-
-    name: str
-    named: bool
-    on: bool
+    name: str  # as scenes name it
+    named: bool  # the scene's file names it
+    on: bool  # it acts when the file also says ``auto: true``
     change: Change
 
 
@@ -94,9 +86,8 @@ def table(audits: Sequence[Audit]) -> str:
         ["---"] * (len(audits) + 1),
         ["*is for*", *(a.scene.purpose for a in audits)],
         ["*tolerance*", *(f"{a.scene.tolerance:g}" for a in audits)],
+        *([f"`{name}`", *(_cell(a.findings[k]) for a in audits)] for k, name in enumerate(NAMES)),
     ]
-    for k, name in enumerate(NAMES):
-        lines.append([f"`{name}`", *(_cell(a.findings[k]) for a in audits)])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
@@ -118,3 +109,87 @@ def _with(effects: Effects, names: Iterable[str]) -> Effects:
     for name in names:
         effects = switched(effects, name, True)
     return replace(effects, auto=False)
+
+
+@dataclass(frozen=True)
+class EffectReport:
+    """One effect in one scene, as `Explainer` has it."""
+
+    name: str  # as scenes name it
+    on: bool  # whether it acts
+    size: str  # how large it is (or would be, with its defaults) in its own unit: bins, dB, degrees
+    change: float  # rms of what it changes in the samples over that of the echoes
+    decisive: float  # what is held against the tolerance, as of `radar_sim.probe.Change`
+    cost_ms: float  # what it adds to the time of a frame [ms]
+    warning: str  # empty, or what to do about an effect that is missing
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Every effect in one scene, from the room to the converter; ``reasons`` say why ``effects: auto`` chose as it did."""
+
+    scene: Scene
+    effects: tuple[EffectReport, ...]
+    reasons: tuple[str, ...]
+
+
+class Explainer:
+    """Measure the effects of one scene, one after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+        What happens.
+    radar : str
+        Which radar sees it.
+    repeat : int
+        How often times are measured.
+
+    Attributes
+    ----------
+    scene : Scene
+        With ``effects: auto`` settled.
+    reasons : tuple of str
+        Why ``effects: auto`` chose as it did; empty where the scene does not say so.
+
+    Raises
+    ------
+    ConfigError
+        When the scene makes no sense.
+    """
+
+    def __init__(self, scene: Scene, radar: str = "", repeat: int = 9) -> None:
+        self.reasons: tuple[str, ...] = ()
+        if scene.effects.auto:
+            choice = choose_effects(scene, Simulator, radar)
+            scene, self.reasons = choice.scene, choice.reasons
+        self.scene, self._repeat = scene, repeat
+        self._probe = Probe(scene, Simulator, radar)
+        self._echoes, setting = _strongest(self._probe)
+        self._setting = replace(setting, scene=scene)
+
+    def process(self, name: str) -> EffectReport:
+        """Measure one of `radar_sim.effects.chain.NAMES`; its size is that in the frame of most echoes."""
+        on, tolerance = is_named(self.scene.effects, name), self.scene.tolerance
+        change, large = self._probe.measure(name), size(name, self._setting, self._echoes)
+        warning = ""
+        if not on and change.decisive > tolerance:
+            warning = f"missing: {change} (tolerance {tolerance:g}); name it if yours has it"
+        return EffectReport(name, on, large, change.samples, change.decisive, self._probe.cost(name, self._repeat), warning)
+
+
+def explain(scene: Scene, radar: str = "", repeat: int = 9) -> Explanation:
+    """Measure every effect in a scene; parameters and errors as of `Explainer`."""
+    explainer = Explainer(scene, radar, repeat)
+    return Explanation(explainer.scene, tuple(explainer.process(name) for name in NAMES), explainer.reasons)
+
+
+def _strongest(probe: Probe) -> tuple[Echoes, Setting]:
+    """Echoes of the frame, among some, in which most comes back."""
+    simulator = probe.simulator(probe.bare())
+    frames = range(0, simulator.n_frames, max(simulator.n_frames // 8, 1))
+    candidates = [simulator.echoes(k) for k in frames]
+    if not candidates:
+        return Echoes.none(), simulator.setting
+    power = [float((np.abs(e.strength) ** 2 / np.maximum(e.range, 0.1) ** 4).sum()) for e in candidates]
+    return candidates[int(np.argmax(power))], simulator.setting

@@ -11,36 +11,17 @@ from radar_sim.effects.config import PHYSICS
 from radar_sim.probe import Change, MakeSimulator, Probe
 from radar_sim.scene import Scene
 
-CANDIDATES: Final[tuple[str, ...]] = (
-    "occlusion",
-    "multipath",
-    *PHYSICS,
-    "pattern",
-    "field_of_view",
-    "coupling",
-    "phase_noise",
-    "noise",
-)
+CANDIDATES: Final = ("occlusion", "multipath", *PHYSICS, "pattern", "field_of_view", "coupling", "phase_noise", "noise")
 """What every real room and radar has. The other effects bring in something of their own, and act only where they are named."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The effects that were chosen, and why.
+    """The effects that were chosen, and why."""
 
-    Attributes
-    ----------
-    scene : Scene
-        With effects named, no longer auto.
-    reasons : tuple of str
-        One line per effect that was considered.
-    changes : mapping of str to Change
-        What was measured for it, by effect; those that the scene names are not measured.
-    """
-
-    scene: Scene
-    reasons: tuple[str, ...]
-    changes: Mapping[str, Change]
+    scene: Scene  # with effects named, no longer auto
+    reasons: tuple[str, ...]  # one line per effect that was considered
+    changes: Mapping[str, Change]  # what was measured for it, by effect; those that the scene names are not measured
 
 
 def choose_effects(scene: Scene, make: MakeSimulator, radar: str = "") -> Choice:
@@ -61,8 +42,7 @@ def choose_effects(scene: Scene, make: MakeSimulator, radar: str = "") -> Choice
     """
     plain = replace(scene, effects=replace(scene.effects, auto=False))
     probe, effects, reasons = Probe(plain, make, radar), plain.effects, []
-    open_ones = [name for name in CANDIDATES if not is_named(effects, name)]
-    changes = _measure(probe, open_ones)
+    changes = _measure(probe, [name for name in CANDIDATES if not is_named(effects, name)])
     out = _left_out(scene.tolerance, changes)
     for name in CANDIDATES:
         if name not in changes:

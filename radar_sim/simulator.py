@@ -12,10 +12,8 @@ from radar_sim.auto import choose_effects
 from radar_sim.bodies.base import Pose
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.effects.chain import make_chain
-from radar_sim.effects.channel_errors import elements
-from radar_sim.effects.converter import full_scale
-from radar_sim.link import strength
-from radar_sim.propagation.base import Physics, Propagator, Sampling
+from radar_sim.effects.receiver import elements, full_scale
+from radar_sim.propagation.base import Physics, Propagator, Sampling, strength
 from radar_sim.propagation.choose import make_propagator
 from radar_sim.scatterers import Echoes, Scatterers
 from radar_sim.scene import Scene, SceneRadar
@@ -69,7 +67,8 @@ class Simulator:
             self.info = dataclasses.replace(self.info, full_scale=full_scale(effects.converter))
         self.world = World(scene, self.setting.radar) if world is None else world
         self._chain = make_chain(self.setting)
-        self.propagator: Propagator = make_propagator(scene.fidelity, Physics.of(effects), self._sampling(), scene.tolerance)
+        sampling = Sampling(self.info, *elements(effects.channel_errors, self.setting))
+        self.propagator: Propagator = make_propagator(scene.fidelity, Physics.of(effects), sampling, scene.tolerance)
         self.radar = self.setting.radar
         w = self.info.waveform
         self.interval = w.frame_interval * (1.0 + self.radar.clock_drift)
@@ -148,12 +147,6 @@ class Simulator:
             echoes = effect.process(echoes, moment)
         within = echoes.range < self._limit
         return echoes if within.all() else echoes.select(np.flatnonzero(within))
-
-    def _sampling(self) -> Sampling:
-        array, errors = self.setting.array, self.scene.effects.channel_errors
-        if errors is not None:
-            return Sampling(self.info, *elements(errors, self.setting))
-        return Sampling(self.info, np.asarray(array.tx, np.float64), np.asarray(array.rx, np.float64))
 
 
 def _find(scene: Scene, name: str) -> tuple[SceneRadar, int]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_sim.effects.config import PatternConfig
-from radar_sim.effects.pattern import two_way_gain
-from radar_sim.link import strength
+from radar_sim.effects.echo import Pattern
+from radar_sim.propagation.base import strength
 
 Axis = Literal["azimuth", "elevation"]
 AXES: Final[tuple[Axis, ...]] = get_args(Axis)
@@ -245,7 +245,7 @@ class TurntableSimulator:
         turns = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * t
         amplitude = self._amplitude() * array.response.reshape(path.shape)[..., None]
         if self.config.pattern is not None:
-            amplitude = amplitude * two_way_gain(self.config.pattern, self.info, self.config.range * u[None])[0]
+            amplitude = amplitude * Pattern(self.config.pattern, self.info).gain(self.config.range * u[None])[0]
         return np.asarray(amplitude * np.exp(2j * np.pi * (turns - np.rint(turns))))
 
     def _noise(self, snr: float, sequence: int) -> NDArray[np.complex128]:

@@ -1,4 +1,8 @@
-"""What an effect is: a small class with one of three methods, made only where a scene names it."""
+"""What effects share: the radar they are made for, the frame, the samples.
+
+An effect is a small class, made of its configuration (`radar_sim.effects.config`) and a `Setting`, only where a scene names it. It has one
+of three ``process`` methods, and ``size(echoes)``, which says how large it is in its own unit for the echoes of one frame.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import AntennaArray, RadarInfo
+from radar_core import AntennaArray, ConfigError, RadarInfo
 from radar_sim.scatterers import Echoes, Scatterers
 from radar_sim.scene import Scene, SceneRadar
 
@@ -19,21 +23,11 @@ BOLTZMANN = 1.380649e-23
 
 @dataclass(frozen=True)
 class Setting:
-    """What an effect is made for: one radar of a scene.
-
-    Attributes
-    ----------
-    scene : Scene
-        Everything that the user said.
-    radar : SceneRadar
-        The radar whose frames are simulated.
-    index : int
-        Its place in ``scene.radars``.
-    """
+    """What an effect is made for: one radar of a scene."""
 
     scene: Scene
     radar: SceneRadar
-    index: int = 0
+    index: int = 0  # place of the radar in ``scene.radars``
 
     @property
     def info(self) -> RadarInfo:
@@ -48,22 +42,12 @@ class Setting:
 
 @dataclass(frozen=True)
 class Moment:
-    """The frame that is being simulated.
-
-    Attributes
-    ----------
-    sequence : int
-        Number of the frame.
-    time : float
-        Scene time at which its acquisition begins [s].
-    seed, radar : int
-        Of the scene; place of the radar in it.
-    """
+    """The frame that is being simulated."""
 
     sequence: int
-    time: float
-    seed: int = 0
-    radar: int = 0
+    time: float  # scene time at which its acquisition begins [s]
+    seed: int = 0  # of the scene
+    radar: int = 0  # place of the radar in the scene
 
     def rng(self, name: str) -> np.random.Generator:
         """Random numbers of one effect in one frame: the same whatever else is simulated, in whatever order."""
@@ -108,3 +92,14 @@ class SignalEffect(Protocol):
     def process(self, signal: Signal, moment: Moment) -> None:
         """Change ``signal`` in place."""
         ...
+
+
+def require_fmcw(effect: str, setting: Setting, reason: str) -> None:
+    """Raise `ConfigError`, naming effect, radar and reason, when an effect of chirp sequences is named for a radar that does not sweep."""
+    modulation = setting.info.waveform.modulation
+    if modulation != "fmcw":
+        raise ConfigError(
+            f"effects.{effect} does not go with radar {setting.info.frame_id!r}, whose modulation is {modulation}: {reason}; leave it out, "
+            "or use fmcw",
+            key=("effects", effect),
+        )

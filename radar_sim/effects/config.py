@@ -78,6 +78,8 @@ class PatternConfig:
                 f"PatternConfig.gain has {len(self.gain)} rows of {sorted(sizes)} entries for {len(self.azimuth)} azimuths and "
                 f"{len(self.elevation)} elevations; give one row per azimuth with one entry per elevation"
             )
+        if self.azimuth and not self.elevation:
+            raise ConfigError("PatternConfig.elevation is empty, but azimuth and gain are given; give the elevations of gain's columns")
         for name in ("azimuth", "elevation"):
             values = getattr(self, name)
             if any(b <= a for a, b in pairwise(values)):

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform
 from radar_sim.effects import noise
-from radar_sim.effects.base import Moment, Setting, Signal
-from radar_sim.effects.channel_errors import elements
+from radar_sim.effects.base import Moment, Setting, Signal, require_fmcw
 from radar_sim.effects.config import InterferenceConfig, NoiseConfig
-from radar_sim.effects.fmcw import require_fmcw, without_sweep
-from radar_sim.effects.pattern import two_way_gain
-from radar_sim.link import IMPEDANCE
-from radar_sim.propagation.base import NEAR
+from radar_sim.effects.echo import Pattern
+from radar_sim.effects.receiver import elements
+from radar_sim.propagation.base import IMPEDANCE, NEAR
 from radar_sim.propagation.kernels import cosine, reduced, sine
 from radar_sim.scatterers import Echoes, Float64Array
 
@@ -34,13 +32,6 @@ class Interference:
     a short weak one where the filter cannot follow. Our oscillator starts each chirp with one phase. Late chirps and the trigger's drift
     within a frame are left out, and the high-pass filter is not applied.
 
-    Parameters
-    ----------
-    config : InterferenceConfig
-        The other radar.
-    setting : Setting
-        Ours.
-
     Raises
     ------
     ConfigError
@@ -49,9 +40,9 @@ class Interference:
 
     def __init__(self, config: InterferenceConfig, setting: Setting) -> None:
         require_fmcw("interference", setting, "what another radar's sweep leaves was worked out for crossing sweeps only")
-        w, errors = setting.info.waveform, setting.scene.effects.channel_errors
-        place, distance = _place(config, setting.info)
-        rx = np.asarray(setting.array.rx, np.float64) if errors is None else elements(errors, setting)[1]
+        self._config, self._setting = config, setting
+        w, (place, distance) = setting.info.waveform, _place(config, setting.info)
+        _, rx = elements(setting.scene.effects.channel_errors, setting)
         amplitude = math.sqrt(received(config, setting) * IMPEDANCE)
         steering = amplitude * np.exp(-2j * math.pi / w.wavelength * (rx @ place[1:]) / distance)
         self._steering = steering.astype(np.complex64)[:, None] if amplitude > 0.0 else None
@@ -68,6 +59,13 @@ class Interference:
         self._bursts[:] = 0
         if cross(moment.time + self._starts, self._ours, self._theirs, self._bursts):
             signal.cube += self._steering * self._bursts.reshape(self._shape).transpose(1, 0, 2, 3)
+
+    def size(self, echoes: Echoes) -> str:
+        """By how much the noise floor rises, whatever the echoes; against the usual noise where the scene names none."""
+        config, setting = self._config, self._setting
+        thermal = noise.power(setting.scene.effects.noise or NoiseConfig(), setting.info)
+        rise = 10 * math.log10(1 + mean_power(config, setting) / max(thermal, 1e-30))
+        return f"floor raised by {rise:.1f} dB, in band for {100 * share(config, setting.info.waveform):.2g} % of the time"
 
 
 @_jit
@@ -150,7 +148,7 @@ def received(config: InterferenceConfig, setting: Setting) -> float:
     if place[0] <= 0.0:
         return 0.0
     pattern = setting.scene.effects.pattern
-    gain = 1.0 if pattern is None else float(two_way_gain(pattern, setting.info, place[None, :])[0])
+    gain = 1.0 if pattern is None else float(Pattern(pattern, setting).gain(place[None, :])[0])
     spread = setting.info.waveform.wavelength / (4 * math.pi * distance)
     return 1e-3 * 10 ** ((config.power + setting.array.gain) / 10) * gain * spread**2
 
@@ -173,15 +171,6 @@ def mean_power(config: InterferenceConfig, setting: Setting) -> float:
     return received(config, setting) * share(config, setting.info.waveform)
 
 
-def size(config: InterferenceConfig, setting: Setting, echoes: Echoes) -> str:
-    """Say by how much the noise floor rises, whatever the echoes; against the usual noise where the scene names none."""
-    if without_sweep(setting):
-        return without_sweep(setting)
-    thermal = noise.power(setting.scene.effects.noise or NoiseConfig(), setting.info)
-    rise = 10 * math.log10(1 + mean_power(config, setting) / max(thermal, 1e-30))
-    return f"floor raised by {rise:.1f} dB, in band for {100 * share(config, setting.info.waveform):.2g} % of the time"
-
-
 def _ours(w: Waveform) -> tuple[float, float, float, float]:
     return w.carrier - w.bandwidth / 2, w.slope, w.chirp_duration, w.n_sample / w.chirp_duration
 
@@ -190,14 +179,8 @@ def _theirs(config: InterferenceConfig) -> tuple[float, float, float, float, flo
     """First frequency, slope, duration, interval, turns from sweep to sweep: as our clock sees them."""
     fast = 1.0 + config.drift
     interval = config.duration + config.pause
-    turns = math.fmod(config.carrier * interval, 1.0)
-    return (
-        fast * (config.carrier - config.bandwidth / 2),
-        fast**2 * config.bandwidth / config.duration,
-        config.duration / fast,
-        interval / fast,
-        turns,
-    )
+    first, slope = fast * (config.carrier - config.bandwidth / 2), fast**2 * config.bandwidth / config.duration
+    return first, slope, config.duration / fast, interval / fast, math.fmod(config.carrier * interval, 1.0)
 
 
 def _place(config: InterferenceConfig, info: RadarInfo) -> tuple[Float64Array, float]:

@@ -24,29 +24,15 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """A mirroring rectangle in the sensor frame, or a plane without end.
+    """A mirroring rectangle in the sensor frame, or a plane without end; vectors have shape (3,)."""
 
-    Attributes
-    ----------
-    start : ndarray, shape (3,)
-        A point of the plane; of a rectangle, its lower corner at the wall's start [m].
-    normal : ndarray, shape (3,)
-        Unit vector towards the radar's side.
-    along, up : ndarray, shape (3,)
-        Unit vectors along the sides.
-    length, height : float
-        Of the sides [m]; infinite: no end.
-    share : float
-        Of the power that it mirrors.
-    """
-
-    start: Float64Array
-    normal: Float64Array
-    along: Float64Array
+    start: Float64Array  # a point of the plane; of a rectangle, its lower corner at the wall's start [m]
+    normal: Float64Array  # unit vector towards the radar's side
+    along: Float64Array  # unit vectors along the sides
     up: Float64Array
-    length: float
+    length: float  # of the sides [m]; infinite: no end
     height: float
-    share: float
+    share: float  # of the power that it mirrors
 
     @property
     def distance(self) -> float:
@@ -84,13 +70,6 @@ class Multipath:
     is behind, or on, does not mirror. Left out are images of images, images behind the array's plane, paths weaker than ``level`` against
     the straight one, what stands between (effect occlusion looks along the straight path), and that a surface turns another side to the
     mirror: its cross-section is that of the straight path. Takes echoes whose legs do not differ yet; ``source`` stays.
-
-    Parameters
-    ----------
-    config : MultipathConfig
-        The floor's share, whether walls mirror, and the level.
-    setting : Setting
-        The scene with its walls, and the radar's mount.
     """
 
     def __init__(self, config: MultipathConfig, setting: Setting) -> None:
@@ -114,6 +93,22 @@ class Multipath:
         envelope = None if echoes.envelope is None else np.ascontiguousarray(echoes.envelope[:, :, every])
         strength = echoes.strength[every] * np.concatenate(factor)
         return Echoes(*legs, strength, echoes.owner[every], echoes.source[every], envelope)
+
+    def size(self, echoes: Echoes) -> str:
+        """Level and place of the ghost that comes back strongest, against its echo."""
+        straight = np.flatnonzero((echoes.out.position == echoes.back.position).all(-1))
+        if not len(straight):
+            return "no echoes"
+        # An echo and its ghosts are known by their number here.
+        echoes = replace(echoes.select(straight), source=np.arange(len(straight), dtype=np.int32), envelope=None)
+        both = self.process(replace(echoes, back=echoes.out), Moment(0, 0.0))
+        n, strong = len(echoes), amplitudes(both)
+        if len(both) == n:
+            return "no floor or wall mirrors"
+        ghost = n + int(np.argmax(strong[n:]))
+        own = int(both.source[ghost])
+        level = 20 * math.log10(max(strong[ghost] / max(strong[own], 1e-300), 1e-10))
+        return f"strongest ghost {level:.1f} dB, {both.range[ghost] - both.range[own]:.2f} m behind its echo"
 
     def _paths(self, mirror: Mirror, straight: Motion) -> Iterator[tuple[Indices, Float64Array, Motion, Motion]]:
         """Echoes by way of one mirror: which, by what factor stronger (or weaker, and turned), and both legs."""
@@ -153,21 +148,3 @@ def _surface(wall: Wall, mount: Pose) -> Mirror:
     corner = mount.from_room(start + normal * (wall.thickness / 2))
     along, normal, up = np.stack([along, normal, [0.0, 0.0, 1.0]]) @ mount.rotation
     return Mirror(corner, normal, along, up, length, wall.height, wall.mirror)
-
-
-def size(config: MultipathConfig, setting: Setting, echoes: Echoes) -> str:
-    """Say how large the effect is for these echoes: level and place of the ghost that comes back strongest, against its echo."""
-    straight = np.flatnonzero((echoes.out.position == echoes.back.position).all(-1))
-    if not len(straight):
-        return "no echoes"
-    # An echo and its ghosts are known by their number here.
-    echoes = replace(echoes.select(straight), source=np.arange(len(straight), dtype=np.int32), envelope=None)
-    echoes = replace(echoes, back=echoes.out)
-    both = Multipath(config, setting).process(echoes, Moment(0, 0.0))
-    n, strong = len(echoes), amplitudes(both)
-    if len(both) == n:
-        return "no floor or wall mirrors"
-    ghost = n + int(np.argmax(strong[n:]))
-    own = int(both.source[ghost])
-    level = 20 * math.log10(max(strong[ghost] / max(strong[own], 1e-300), 1e-10))
-    return f"strongest ghost {level:.1f} dB, {both.range[ghost] - both.range[own]:.2f} m behind its echo"

@@ -13,7 +13,7 @@ from radar_core import RadarInfo
 from radar_sim.effects.base import BOLTZMANN, Moment, Setting, Signal
 from radar_sim.effects.config import NoiseConfig
 from radar_sim.effects.physics import amplitudes
-from radar_sim.link import IMPEDANCE
+from radar_sim.propagation.base import IMPEDANCE
 from radar_sim.propagation.kernels import cosine, sine
 from radar_sim.scatterers import Echoes
 
@@ -35,17 +35,11 @@ class Noise:
     """Add k T F B in every channel, white and circular, then amplify everything.
 
     B is the rate of the complex samples. Noise of two channels, chirps or samples is independent.
-
-    Parameters
-    ----------
-    config : NoiseConfig
-        Noise figure, temperature and gain.
-    setting : Setting
-        The radar.
     """
 
     def __init__(self, config: NoiseConfig, setting: Setting) -> None:
-        self._volts = np.float32(math.sqrt(power(config, setting.info) * IMPEDANCE))
+        self._waveform, self._power = setting.info.waveform, power(config, setting.info)
+        self._volts = np.float32(math.sqrt(self._power * IMPEDANCE))
         self._gain = np.float32(10 ** (config.gain / 20))
 
     def process(self, signal: Signal, moment: Moment) -> None:
@@ -53,6 +47,15 @@ class Noise:
         signal.cube = np.ascontiguousarray(signal.cube)
         raw = np.asarray(moment.rng("noise").bit_generator.random_raw(signal.cube.size), np.uint64)
         add_noise(raw.view(np.int32), self._volts, self._gain, signal.cube.reshape(-1).view(np.float32))
+
+    def size(self, echoes: Echoes) -> str:
+        """Level of the noise, and the SNR of the strongest echo."""
+        w, noise = self._waveform, self._power
+        level = f"noise {10 * math.log10(max(noise, 1e-30) * 1e3):.1f} dBm"
+        if not len(echoes) or noise == 0.0:
+            return level
+        ratio = float(amplitudes(echoes).max()) ** 2 / IMPEDANCE / noise * w.n_sample * w.n_chirp
+        return f"{level}, SNR of the strongest echo {10 * math.log10(max(ratio, 1e-30)):.0f} dB after integration over samples and chirps"
 
 
 def power(config: NoiseConfig, info: RadarInfo) -> float:
@@ -95,13 +98,3 @@ def add_noise(raw: Any, volts: Any, gain: Any, parts: Any) -> None:
         turns = np.float32(raw[2 * i + 1]) * np.float32(2.0**-32)
         parts[2 * i] = gain * (parts[2 * i] + radius * cosine(turns))
         parts[2 * i + 1] = gain * (parts[2 * i + 1] + radius * sine(turns))
-
-
-def size(config: NoiseConfig, setting: Setting, echoes: Echoes) -> str:
-    """Say how large the effect is for these echoes."""
-    w, noise = setting.info.waveform, power(config, setting.info)
-    level = f"noise {10 * math.log10(max(noise, 1e-30) * 1e3):.1f} dBm"
-    if not len(echoes) or noise == 0.0:
-        return level
-    ratio = float(amplitudes(echoes).max()) ** 2 / IMPEDANCE / noise * w.n_sample * w.n_chirp
-    return f"{level}, SNR of the strongest echo {10 * math.log10(max(ratio, 1e-30)):.0f} dB after integration over samples and chirps"

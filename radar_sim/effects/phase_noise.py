@@ -18,9 +18,8 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from radar_core import SPEED_OF_LIGHT, ConfigError, Waveform
-from radar_sim.effects.base import Moment, Setting, Signal
+from radar_sim.effects.base import Moment, Setting, Signal, require_fmcw
 from radar_sim.effects.config import PhaseNoiseConfig
-from radar_sim.effects.fmcw import require_fmcw, without_sweep
 from radar_sim.scatterers import Echoes, Float64Array
 
 _BLOCK = 64
@@ -36,13 +35,6 @@ class PhaseNoise:
     sample rate are left out; a skirt that ends beyond the band comes back in at its other end. What the high-pass filter took from
     coupling it takes from its skirt too, though the skirt lies at frequencies that the filter lets pass.
 
-    Parameters
-    ----------
-    config : PhaseNoiseConfig
-        Level over offset.
-    setting : Setting
-        The radar.
-
     Raises
     ------
     ConfigError
@@ -53,8 +45,9 @@ class PhaseNoise:
         require_fmcw(
             "phase_noise", setting, "without a sweep samples do not tell delays apart, and what noise is left depends on the delay"
         )
-        w = setting.info.waveform
-        residual = 2 * w.max_range / SPEED_OF_LIGHT * _rate_rms(config, w)
+        self._waveform = w = setting.info.waveform
+        self._rate = _rate_rms(config, w)
+        residual = 2 * w.max_range / SPEED_OF_LIGHT * self._rate
         if residual > 1.0:
             raise ConfigError(
                 f"effects.phase_noise leaves {residual:.2g} rad rms on an echo at the largest range, {w.max_range:.3g} m; the model is for "
@@ -75,6 +68,15 @@ class PhaseNoise:
         skirt *= 1j * rate[self._index][:, :, None, :]
         signal.cube += skirt
 
+    def size(self, echoes: Echoes) -> str:
+        """Level of skirts as they stand in one cell of range and Doppler."""
+        if not len(echoes):
+            return "no echoes"
+        w, far = self._waveform, float(echoes.range.max())
+        residual = 2 * far / SPEED_OF_LIGHT * self._rate / math.sqrt(w.n_sample * w.n_chirp)
+        below = -20 * math.log10(max(residual, 1e-30))
+        return f"skirt {below:.0f} dB below the farthest echo ({far:.2f} m) after integration over samples and chirps"
+
     def _draw(self, rng: np.random.Generator) -> NDArray[np.float32]:
         """Rate of the phase over the frame, at the rate of the samples, shape (n,) [rad/s]."""
         spectrum = rng.standard_normal((len(self._weight), 2), np.float32).view(np.complex64)[:, 0]
@@ -89,11 +91,6 @@ class DelayWeight:
     into far bins would count for more than the echo. This is the linear map with the least mean square error for echoes anywhere in
     range whose power falls as R^-4. With 64 samples or more the skirt is right to 0.1 dB over the nearer 70 % of the range and 0.5 dB at
     90 %; in the last 3 % it is lost, because there samples cannot tell far from near.
-
-    Parameters
-    ----------
-    waveform : Waveform
-        Chirps.
     """
 
     def __init__(self, waveform: Waveform) -> None:
@@ -121,17 +118,8 @@ class DelayWeight:
 def frequency_map(n: int) -> NDArray[np.complex128]:
     """Linear map of n samples that multiplies tones by their frequency, in least mean squares.
 
-    For tones of frequency f and power p(f) = (|f| + near)^-4, that is G R^-1 with R = sum p e e^H, G = sum f p e e^H.
-
-    Parameters
-    ----------
-    n : int
-        Samples.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n, n)
-        Frequencies count as shares of the sample rate, from 0 to 1.
+    For tones of frequency f and power p(f) = (|f| + near)^-4, that is G R^-1 with R = sum p e e^H, G = sum f p e e^H; shape (n, n).
+    Frequencies count as shares of the sample rate, from 0 to 1.
     """
     per_bin = 16
     low = np.linspace(-0.8 * _NEAR, 0.1, 2000, endpoint=False)  # a little below 0, where approaching echoes near the radar may beat
@@ -154,16 +142,6 @@ def level(config: PhaseNoiseConfig, offset: Float64Array) -> Float64Array:
 def rate_spectrum(config: PhaseNoiseConfig, offset: Float64Array) -> Float64Array:
     """Two-sided power spectral density of the phase's rate, (2 pi f)^2 L(f), shape (...) [rad^2/s^2/Hz]."""
     return np.asarray((2 * math.pi * offset) ** 2 * level(config, offset), np.float64)
-
-
-def size(config: PhaseNoiseConfig, setting: Setting, echoes: Echoes) -> str:
-    """Say how large the effect is for these echoes: skirts as they stand in one cell of range and Doppler."""
-    if not len(echoes) or without_sweep(setting):
-        return without_sweep(setting) or "no echoes"
-    w, far = setting.info.waveform, float(echoes.range.max())
-    residual = 2 * far / SPEED_OF_LIGHT * _rate_rms(config, w) / math.sqrt(w.n_sample * w.n_chirp)
-    below = -20 * math.log10(max(residual, 1e-30))
-    return f"skirt {below:.0f} dB below the farthest echo ({far:.2f} m) after integration over samples and chirps"
 
 
 def _rate_rms(config: PhaseNoiseConfig, w: Waveform) -> float:

@@ -1,11 +1,13 @@
 """Sizes of the effects that are part of how echoes travel: what a scene that does not name them gets wrong.
 
-The formulas of both sides are those of `radar_sim.propagation.base`. Each function takes the radar and its echoes and names the largest.
+The formulas of both sides are those of `radar_sim.propagation.base`. Each size is that of the echo with the largest.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
@@ -14,38 +16,39 @@ from radar_sim.effects.base import Setting
 from radar_sim.propagation.base import NEAR
 from radar_sim.scatterers import Echoes, Float64Array, Motion
 
-_NONE = "no echoes"
-
 
 def amplitudes(echoes: Echoes) -> Float64Array:
     """Amplitudes at the receiver's input in the middle of the frame, shape (n,) [V]."""
     lengths = leg_length(echoes.out) ** 2 if echoes.back is echoes.out else leg_length(echoes.out) * leg_length(echoes.back)
-    amplitude: Float64Array = np.abs(echoes.strength) / lengths
-    return amplitude
+    return np.asarray(np.abs(echoes.strength) / lengths)
 
 
-def migration_size(setting: Setting, echoes: Echoes) -> str:
-    """Say through how many range bins the fastest echo moves within a frame."""
-    if not len(echoes):
-        return _NONE
+def leg_length(leg: Motion) -> Float64Array:
+    """Lengths in the middle of the frame, at least `NEAR`, shape (n,) [m]."""
+    return np.asarray(np.maximum(np.sqrt((leg.position**2).sum(-1)), NEAR))
+
+
+def size(name: str, setting: Setting, echoes: Echoes) -> str:
+    """Say how large one of `radar_sim.effects.config.PHYSICS` is for the echoes of one frame."""
+    return _SIZES[name](setting, echoes) if len(echoes) else "no echoes"
+
+
+def _migration(setting: Setting, echoes: Echoes) -> str:
+    """Range bins through which the fastest echo moves within a frame."""
     w = setting.info.waveform
     bins = float(np.abs(echoes.range_rate).max()) * w.acquisition_time / w.range_resolution
     return f"{_number(bins)} bins over a frame"
 
 
-def doppler_in_chirp_size(setting: Setting, echoes: Echoes) -> str:
-    """Say by how many range bins motion within a chirp, 2 v f_c / c, shifts the beat frequency of the fastest echo."""
-    if not len(echoes):
-        return _NONE
+def _doppler_in_chirp(setting: Setting, echoes: Echoes) -> str:
+    """Range bins by which motion within a chirp, 2 v f_c / c, shifts the beat frequency of the fastest echo."""
     w = setting.info.waveform
     bins = 2 * float(np.abs(echoes.range_rate).max()) / w.wavelength * w.chirp_duration
     return f"{_number(bins)} bins"
 
 
-def squint_size(setting: Setting, echoes: Echoes) -> str:
-    """Say how far phases are off at the sweep's ends, p.u (bandwidth / 2) / c, for the element and the echo with the largest."""
-    if not len(echoes):
-        return _NONE
+def _squint(setting: Setting, echoes: Echoes) -> str:
+    """How far phases are off at the sweep's ends, p.u (bandwidth / 2) / c."""
     w, array = setting.info.waveform, setting.array
     ways = [leg.position / leg_length(leg)[:, None] for leg in (echoes.out, echoes.back)]
     path = [way[:, 1:] @ np.asarray(elements, np.float64).T for way, elements in zip(ways, (array.tx, array.rx), strict=True)]
@@ -55,36 +58,34 @@ def squint_size(setting: Setting, echoes: Echoes) -> str:
     return f"{_degrees(max(most, 0.0) * half_sweep / SPEED_OF_LIGHT)} at the array's and sweep's ends"
 
 
-def curvature_size(setting: Setting, echoes: Echoes) -> str:
-    """Say how far phases are off at the frame's ends, f_c (d2R/dt2) (T/2)^2 / c, for the echo with the largest."""
-    if not len(echoes):
-        return _NONE
+def _curvature(setting: Setting, echoes: Echoes) -> str:
+    """How far phases are off at the frame's ends, f_c (d2R/dt2) (T/2)^2 / c."""
     w = setting.info.waveform
     bend = 0.5 * (_bend(echoes.out) + _bend(echoes.back))
     return f"{_degrees(float(np.abs(bend).max()) * (w.acquisition_time / 2) ** 2 / w.wavelength)} at the frame's ends"
 
 
-def near_field_size(setting: Setting, echoes: Echoes) -> str:
-    """Say by how much path differences of spheres and planes differ, for the pair of elements and the echo with the largest."""
-    if not len(echoes):
-        return _NONE
+def _near_field(setting: Setting, echoes: Echoes) -> str:
+    """By how much path differences of spheres and planes differ over the array."""
     bends = [_sphere(leg, np.asarray(e, np.float64)) for leg, e in ((echoes.out, setting.array.tx), (echoes.back, setting.array.rx))]
     most = float(sum(bend.max(1) for bend in bends).max())
     return f"{_degrees(most / setting.info.waveform.wavelength)} at the array's ends"
 
 
-def leg_length(leg: Motion) -> Float64Array:
-    """Lengths in the middle of the frame, at least `NEAR`, shape (n,) [m]."""
-    length: Float64Array = np.maximum(np.sqrt((leg.position**2).sum(-1)), NEAR)
-    return length
+_SIZES: Final[dict[str, Callable[[Setting, Echoes], str]]] = {
+    "range_migration": _migration,
+    "doppler_in_chirp": _doppler_in_chirp,
+    "squint": _squint,
+    "curvature": _curvature,
+    "near_field": _near_field,
+}
 
 
 def _bend(leg: Motion) -> Float64Array:
     """Second derivative of the distance, shape (n,) [m/s^2]."""
     length = leg_length(leg)
     rate = (leg.position * leg.velocity).sum(-1) / length
-    bend: Float64Array = ((leg.velocity**2).sum(-1) - rate**2 + (leg.position * leg.acceleration).sum(-1)) / length
-    return bend
+    return np.asarray(((leg.velocity**2).sum(-1) - rate**2 + (leg.position * leg.acceleration).sum(-1)) / length)
 
 
 def _sphere(leg: Motion, elements: Float64Array) -> Float64Array:
@@ -94,8 +95,7 @@ def _sphere(leg: Motion, elements: Float64Array) -> Float64Array:
     away = (elements**2).sum(-1)
     # |P - p| - (R - p.u) without the difference of large numbers.
     squared = np.maximum(length**2 - 2 * length * along + away, 0.0)
-    sphere: Float64Array = np.maximum(away - along**2, 0.0) / np.maximum(np.sqrt(squared) + length - along, NEAR)
-    return sphere
+    return np.asarray(np.maximum(away - along**2, 0.0) / np.maximum(np.sqrt(squared) + length - along, NEAR))
 
 
 def _degrees(turns: float) -> str:

@@ -17,45 +17,50 @@ one range, one range rate, one direction, plane waves, narrow band. The effects 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import RadarInfo
+from radar_core import SPEED_OF_LIGHT, RadarInfo
 from radar_sim.effects.config import PHYSICS, Effects
 from radar_sim.scatterers import Echoes
 
 Float64Array = NDArray[np.float64]
 NEAR = 0.05
 """The radar equation has no meaning nearer than this [m]: amplitudes stop rising."""
+IMPEDANCE = 50.0
+"""Ohm: what turns watts into volts. A sample z carries the power abs(z)^2 / IMPEDANCE at the receiver's input."""
+
+
+def strength(info: RadarInfo, rcs: Float64Array) -> Float64Array:
+    """Amplitude of echoes times the square of their range [V m^2], shape (n,), by the radar equation (2.4) on the boresight.
+
+    Parameters
+    ----------
+    info : RadarInfo
+        Transmit power and gain.
+    rcs : ndarray, shape (n,)
+        Radar cross-sections [m^2].
+    """
+    array, wavelength = info.array, info.waveform.wavelength
+    power = 1e-3 * 10 ** ((array.tx_power + 2 * array.gain) / 10) * wavelength**2 / (4 * math.pi) ** 3
+    return np.asarray(np.sqrt(power * IMPEDANCE * rcs))
 
 
 @dataclass(frozen=True)
 class Physics:
-    """Which simplifications are put right.
+    """Which simplifications are put right."""
 
-    Attributes
-    ----------
-    range_migration : bool
-        Beat frequency, the square term and amplitude follow the range of the chirp's middle, not of the frame's.
-    doppler_in_chirp : bool
-        The path's change within a chirp is followed: the beat frequency is shifted by 2 v f_c / c.
-    squint : bool
-        Path differences over the array count with the swept frequency f_c + slope t', not with f_c.
-    curvature : bool
-        The carrier's phase follows the range of each chirp's middle, not R0 + v0 T; range_migration and doppler_in_chirp then follow that
-        range and its rate too. So does the direction.
-    near_field : bool
-        Path differences are those of spheres about the echo, not of planes.
-    """
-
-    range_migration: bool = False
-    doppler_in_chirp: bool = False
-    squint: bool = False
+    range_migration: bool = False  # beat frequency, square term and amplitude follow the range of the chirp's middle, not the frame's
+    doppler_in_chirp: bool = False  # the path's change within a chirp is followed: the beat frequency is shifted by 2 v f_c / c
+    squint: bool = False  # path differences over the array count with the swept frequency f_c + slope t', not with f_c
+    # The carrier's phase follows the range of each chirp's middle, not R0 + v0 T; range_migration and doppler_in_chirp then follow that
+    # range and its rate too. So does the direction.
     curvature: bool = False
-    near_field: bool = False
+    near_field: bool = False  # path differences are those of spheres about the echo, not of planes
 
     @classmethod
     def of(cls, effects: Effects) -> Physics:
@@ -75,19 +80,17 @@ class Physics:
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """When and where samples are taken.
+    """When and where samples are taken."""
 
-    Attributes
-    ----------
-    info : RadarInfo
-        Waveform and array as drawn.
-    tx, rx : ndarray of float64, shape (n, 2)
-        True places (y, z) of the elements [m].
-    """
+    info: RadarInfo  # waveform and array as drawn
+    tx: Float64Array  # true places (y, z) of the transmitters [m], shape (n, 2)
+    rx: Float64Array  # of the receivers
 
-    info: RadarInfo
-    tx: Float64Array
-    rx: Float64Array
+    @property
+    def wave(self) -> tuple[float, float, float, float]:
+        """As kernels take it: carrier / c, slope / c, 1 / c, and the time from sample to sample."""
+        w = self.info.waveform
+        return (w.carrier / SPEED_OF_LIGHT, w.slope / SPEED_OF_LIGHT, 1 / SPEED_OF_LIGHT, w.chirp_duration / w.n_sample)
 
     @property
     def since(self) -> Float64Array:
@@ -104,7 +107,7 @@ class Sampling:
 
 
 class Propagator(Protocol):
-    """A model of propagation."""
+    """A model of propagation, made of the `Physics` that it shows and of a `Sampling`."""
 
     def process(self, echoes: Echoes, late: Float64Array | None = None) -> NDArray[np.complex64]:
         """Superpose echoes.

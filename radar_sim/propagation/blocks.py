@@ -1,23 +1,36 @@
-"""Parts of a frame, each with its own range, range rate and direction: nearly exact, and nearly as fast as the separable models."""
+"""Parts of a frame, each with its own range, range rate and direction: nearly exact, and nearly as fast as the separable models.
+
+Fast time is a non-uniform Fourier transform whose points may move a little from lane to lane. A tone of x cells, sampled at
+m = -N/2 ... N/2 - 1, is the transform of a window about x on a grid of M = 2 N cells, over the window's own transform. If the tone moves by
+d cells, the window moves: w(x + d) = w + d w' + d^2 w'' / 2, with d small. So one set of window values serves many lanes (chirps, channels)
+that have nearly the same frequency. The window is Kaiser and Bessel's (J. I. Jackson et al., IEEE Trans. Medical Imaging 10, 1991), as
+polynomials.
+"""
 
 from __future__ import annotations
 
+from dataclasses import astuple
+from functools import cache, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import scipy.fft
+from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
+from scipy import special
 
-from radar_core import SPEED_OF_LIGHT, ConfigError
+from radar_core import ConfigError
 from radar_sim.propagation.base import NEAR, Float64Array, Physics, Sampling
-from radar_sim.propagation.gridding import WIDTH, grid_cells, polynomials, undo
-from radar_sim.propagation.kernels import chunks, cosine, empty_envelope, flags, jit, reduced, sine, times
-from radar_sim.propagation.legs import N_STATE, aside, packed, stop
+from radar_sim.propagation.kernels import N_STATE, aside, chunks, cosine, envelope_of, jit, packed, reduced, sine, stop, times
 from radar_sim.scatterers import Echoes
 
 _LANES = 512
 """Chirps times channels whose spectra are built at once."""
+WIDTH: Final = 6
+"""Cells of the grid that a tone is spread over; what folds back is then 1e-5 of it."""
+_BETA = np.pi * WIDTH * 0.75
+_DEGREE = 10
 
 
 class Blocks:
@@ -25,15 +38,12 @@ class Blocks:
 
     From them follow, for every chirp and channel, the carrier's phase and the beat frequency. The phase is followed exactly; the frequency
     is that of the block's middle and the array's mean, departures from it (migration within the block, array squint) are followed to an
-    order of Taylor's series. Fast time is one non-uniform transform per block, whose window values all chirps and channels share
-    (`radar_sim.propagation.gridding`).
+    order of Taylor's series. Fast time is one non-uniform transform per block, whose window values all chirps and channels share.
 
     Parameters
     ----------
-    physics : Physics
-        Which simplifications are put right.
-    sampling : Sampling
-        When and where samples are taken.
+    physics, sampling
+        As for every model.
     blocks : int
         Parts of the frame; no more than it has chirps per transmitter.
     order : int
@@ -53,12 +63,11 @@ class Blocks:
                 "model exact, which follows every chirp",
                 key=("fidelity", "blocks"),
             )
-        self._since, self._tx, self._rx, self._flags, self._order = sampling.since, sampling.tx, sampling.rx, flags(physics), order
+        self._since, self._tx, self._rx, self._flags = sampling.since, sampling.tx, sampling.rx, astuple(physics)
         edges = np.rint(np.linspace(0, w.n_chirp, blocks + 1)).astype(int)
         self._parts = [slice(int(a), int(b)) for a, b in pairwise(edges)]
         self._shape = (w.n_tx, w.n_chirp, len(sampling.rx), w.n_sample)
-        self._wave = (w.carrier / SPEED_OF_LIGHT, w.slope / SPEED_OF_LIGHT, 1 / SPEED_OF_LIGHT, w.chirp_duration / w.n_sample)
-        self._offset = w.n_sample // 2 - w.n_sample / 2
+        self._radar = (sampling.wave, self._flags, order, w.n_sample // 2 - w.n_sample / 2)
         self._window = polynomials()
         self._pick, self._undo = undo(w.n_sample)
 
@@ -84,24 +93,14 @@ class Blocks:
             for piece in chunks(part.stop - part.start, max(_LANES // (len(self._tx) * len(self._rx)), 1)):
                 chirps = slice(part.start + piece.start, part.start + piece.stop)
                 since = np.ascontiguousarray(when[:, chirps] - middle)
-                cube[:, chirps] = self._chirps(echoes, legs, sides, (out[9], back[9]), chirps, since)
+                cube[:, chirps] = self._chirps(echoes, (legs, sides, (out[9], back[9])), chirps, since)
         return cube
 
-    def _chirps(
-        self,
-        echoes: Echoes,
-        legs: Float64Array,
-        sides: Float64Array,
-        lengths: tuple[Float64Array, Float64Array],
-        chirps: slice,
-        since: Float64Array,
-    ) -> NDArray[np.complex64]:
-        """Compute some chirps of a block, shape (tx, chirp, rx, sample); arguments are those of `spread`."""
+    def _chirps(self, echoes: Echoes, geometry: tuple[Any, Any, Any], chirps: slice, since: Float64Array) -> NDArray[np.complex64]:
+        """Compute some chirps of a block, shape (tx, chirp, rx, sample); ``geometry``: legs, sides and lengths as of `spread`."""
         cells, (n_tx, n_chirp) = grid_cells(self._shape[3]), since.shape
         grid = np.zeros((cells + WIDTH, 2, n_tx, len(self._rx), n_chirp), np.float32)
-        envelope = empty_envelope() if echoes.envelope is None else echoes.envelope[chirps]
-        radar = (self._wave, self._flags, self._order, self._offset)
-        spread(legs, sides, lengths, echoes.strength, envelope, radar, since, self._window, grid)
+        spread(*geometry, echoes.strength, envelope_of(echoes)[chirps], self._radar, since, self._window, grid)
         return self._samples(grid)
 
     def _samples(self, grid: NDArray[np.float32]) -> NDArray[np.complex64]:
@@ -112,6 +111,42 @@ class Blocks:
         samples = scipy.fft.ifft(spectra, axis=0, norm="forward", overwrite_x=True)[self._pick]
         samples *= self._undo[:, None, None, None]
         return np.asarray(samples.transpose(1, 3, 2, 0))
+
+
+def window(y: Float64Array) -> Float64Array:
+    """Value of the window ``y`` cells from its middle, at most half its width."""
+    inside = np.sqrt(np.maximum(1 - (2 * y / WIDTH) ** 2, 0.0))
+    return np.asarray(special.i0(_BETA * inside) / special.i0(_BETA))
+
+
+def _cell(i: int, u: Float64Array) -> Float64Array:
+    return window(u + (i - WIDTH / 2))
+
+
+@cache
+def polynomials() -> NDArray[np.float32]:
+    """Window and its first two derivatives over the cells that it covers, shape (3, WIDTH, degree + 1), for Horner: highest power first.
+
+    The argument is the distance of the first cell from the window's left end, 0 to 1; derivatives are with respect to the tone.
+    """
+    result = np.zeros((3, WIDTH, _DEGREE + 1), np.float32)
+    for i in range(WIDTH):
+        fit = Chebyshev.interpolate(partial(_cell, i), _DEGREE, domain=[0, 1]).convert(kind=Polynomial)
+        for k, (sign, part) in enumerate(((1, fit), (-1, fit.deriv()), (1, fit.deriv(2)))):
+            result[k, i, k:] = sign * part.coef[::-1]
+    return result
+
+
+def grid_cells(n_sample: int) -> int:
+    """Cells of the grid: twice the samples, and no fewer than the window's two ends need."""
+    return max(2 * n_sample, 2 * WIDTH)
+
+
+def undo(n_sample: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Where samples -n_sample // 2 ... are in the transform of the grid, and what takes the window off them."""
+    m, cells = np.arange(n_sample) - n_sample // 2, grid_cells(n_sample)
+    root = np.sqrt(_BETA**2 - (np.pi * WIDTH * m / cells) ** 2)
+    return m % cells, (root * special.i0(_BETA) / (WIDTH * np.sinh(root))).astype(np.float32)
 
 
 @jit
@@ -178,17 +213,7 @@ def launch(plans: Any, volts: Any, bend: Any, order: Any, lanes: Any) -> None:
 
 
 @jit
-def spread(
-    legs: Any,
-    sides: Any,
-    lengths: Any,
-    strength: Any,
-    envelope: Any,
-    radar: Any,
-    since: Any,
-    polynomials: Any,
-    grid: Any,
-) -> None:
+def spread(legs: Any, sides: Any, lengths: Any, strength: Any, envelope: Any, radar: Any, since: Any, polynomials: Any, grid: Any) -> None:
     """Add echoes to the spectra of some chirps of a block.
 
     Parameters
@@ -207,7 +232,7 @@ def spread(
     since : ndarray, shape (n_tx, n_chirp)
         Times of the chirps from the block's middle [s].
     polynomials : ndarray of float32, shape (3, WIDTH, degree + 1)
-        Of `radar_sim.propagation.gridding`.
+        Of `polynomials`.
     grid : ndarray of float32, shape (cells + WIDTH, 2, tx, rx, chirp)
         Spectra, real and imaginary, to be added to.
     """

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import SPEED_OF_LIGHT
 from radar_sim.propagation.base import NEAR, Float64Array, Physics, Sampling
-from radar_sim.propagation.kernels import cosine, empty_envelope, flags, jit, reduced, sine, times
-from radar_sim.propagation.legs import aside, follow, packed
+from radar_sim.propagation.kernels import aside, cosine, envelope_of, follow, jit, packed, reduced, sine, times
 from radar_sim.scatterers import Echoes
 
 _LANES = 128
@@ -24,30 +23,21 @@ class Exact:
 
     Within a chirp the phase is a parabola in time: the linear part is a recurrence in float32, the quadratic part is taken as that of the
     middle one of some neighbouring chirps. What is left is below 1e-4 rad for anything that a person does.
-
-    Parameters
-    ----------
-    physics : Physics
-        Which simplifications are put right.
-    sampling : Sampling
-        When and where samples are taken.
     """
 
     def __init__(self, physics: Physics, sampling: Sampling) -> None:
         w = sampling.info.waveform
         self._since, self._tx, self._rx = sampling.since, sampling.tx, sampling.rx
-        self._flags = flags(physics)
+        self._flags, self._wave = astuple(physics), sampling.wave
         self._shape = (w.n_tx, w.n_chirp, len(sampling.rx), w.n_sample)
-        self._wave = (w.carrier / SPEED_OF_LIGHT, w.slope / SPEED_OF_LIGHT, 1 / SPEED_OF_LIGHT, w.chirp_duration / w.n_sample)
 
     def process(self, echoes: Echoes, late: Float64Array | None = None) -> NDArray[np.complex64]:
         """Superpose echoes, as `Propagator.process`."""
         cube = np.zeros(self._shape, np.complex64)
         if len(echoes):
             when = np.ascontiguousarray(times(self._since, late).T)
-            envelope = empty_envelope() if echoes.envelope is None else echoes.envelope
             legs = packed(echoes.out), packed(echoes.back)
-            superpose(*legs, echoes.strength, envelope, self._wave, self._flags, when, self._tx, self._rx, cube)
+            superpose(*legs, echoes.strength, envelope_of(echoes), self._wave, self._flags, when, self._tx, self._rx, cube)
         return cube
 
 
@@ -58,7 +48,7 @@ def superpose(out: Any, back: Any, strength: Any, envelope: Any, wave: Any, flag
     Parameters
     ----------
     out, back : ndarray, shape (11, n)
-        Legs as `radar_sim.propagation.legs.packed` lays them out.
+        Legs as `radar_sim.propagation.kernels.packed` lays them out.
     strength : ndarray of complex128, shape (n,)
         As in `Echoes`.
     envelope : ndarray of float32, shape (n_chirp, n_tx, n) or (0, 0, 0)

@@ -17,8 +17,8 @@ from radar_driver.probing import probe
 from radar_driver.sources import Reading
 from radar_sim import Simulator, load_scene
 from radar_sim.effects import config as effects
-from radar_sim.effects import coupling, noise
-from radar_sim.link import IMPEDANCE
+from radar_sim.effects import noise, transmitter
+from radar_sim.propagation.base import IMPEDANCE
 
 INFO = RadarInfo(full_scale=1000.0)
 STEP = round(INFO.waveform.frame_interval * 1e9)
@@ -69,7 +69,7 @@ def test_noise_floor_of_a_simulated_room():
     expected = 10 * math.log10(noise.power(config.noise, simulator.info) * IMPEDANCE)
     # Two bodies fill some of the 64 ranges with Doppler: a bias upwards.
     assert -0.1 < found["noise floor"].value - expected < 0.6
-    leak = 20 * math.log10(coupling.amplitude(config.coupling, simulator.info))
+    leak = 20 * math.log10(transmitter.leaked(config.coupling, simulator.info))
     # Between two bins a Hann window takes up to 1.4 dB; the leakage appears at 0.03 m, 0.3 bins of 0.1 m.
     assert found["coupling"].value == pytest.approx(leak, abs=1.4)
     assert found["coupling"].verdict is Verdict.UNKNOWN  # no full scale to compare with
@@ -95,7 +95,7 @@ def test_coupling_of_the_simulator_in_counts():
     )
     simulator = Simulator(replace(scene, effects=given))
     found = judge((simulator.process(k).frame for k in range(3)), simulator.info)
-    expected = 20 * math.log10(coupling.amplitude(given.coupling, simulator.info) / 0.05)
+    expected = 20 * math.log10(transmitter.leaked(given.coupling, simulator.info) / 0.05)
     assert found["coupling"].value == pytest.approx(expected, abs=0.1)
     assert found["saturation"].value == 0.0
 

@@ -18,7 +18,7 @@ from radar_sim.audit import audit, called_for, everything, ours, real, table
 from radar_sim.auto import CANDIDATES, choose_effects
 from radar_sim.effects.chain import NAMES, is_named
 from radar_sim.effects.config import PHYSICS
-from radar_sim.places import displacement, places
+from radar_sim.probe import displacement, places
 
 DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
 NUMBER = re.compile(r"[0-9][0-9.e+-]*|inf")

@@ -13,10 +13,10 @@ from scipy import optimize, stats
 from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
 from radar_core.pose import Pose
-from radar_sim.effects import clutter, config, field_of_view, losses, multipath, pattern, physics, swerling
+from radar_sim.effects import config, echo, multipath, physics, sight
 from radar_sim.effects.base import Moment, Setting
-from radar_sim.link import IMPEDANCE, strength
 from radar_sim.people import Person
+from radar_sim.propagation.base import IMPEDANCE, strength
 from radar_sim.room import Things
 from radar_sim.scatterers import THING, Echoes, Motion, Scatterers
 from radar_sim.scene import Scene, SceneRadar
@@ -76,7 +76,7 @@ def test_amplitudes_are_the_radar_equation(distance):
 @pytest.mark.parametrize("edge", [-3.0, -10.0])
 def test_pattern_at_the_rim(azimuth, elevation, edge):
     """One-way gain `edge` at half the field of view, in each plane: both ways together it weakens amplitudes by `edge` in dB."""
-    effect = pattern.Pattern(config.PatternConfig(edge=edge), SETTING)
+    effect = echo.Pattern(config.PatternConfig(edge=edge), SETTING)
     before = echoes_at(polar(azimuth, elevation))
     ratio = physics.amplitudes(effect.process(before, MOMENT)) / physics.amplitudes(before)
     np.testing.assert_allclose(20 * np.log10(ratio), 2 * edge, atol=1e-9)
@@ -84,7 +84,7 @@ def test_pattern_at_the_rim(azimuth, elevation, edge):
 
 def test_pattern_multiplies_both_ways():
     """A ghost that goes out on the boresight and comes back from the rim loses the rim's gain once; what comes from behind loses all."""
-    effect = pattern.Pattern(config.PatternConfig(edge=-3.0), SETTING)
+    effect = echo.Pattern(config.PatternConfig(edge=-3.0), SETTING)
     straight, rim, behind = (Motion.still(polar(a, 0.0)[None]) for a in (0.0, 60.0, 180.0))
     one = echoes_at(polar(0.0, 0.0))
     level = [
@@ -98,7 +98,7 @@ def test_measured_pattern():
     """At the matrix's directions its entries, linear in dB between, and the rim's beyond the rim."""
     azimuth, elevation = (-40.0, 0.0, 50.0), (-20.0, 30.0)
     gain = ((-6.0, -9.0), (0.0, -1.0), (-4.0, -8.0))
-    effect = pattern.Pattern(config.PatternConfig(azimuth=azimuth, elevation=elevation, gain=gain), SETTING)
+    effect = echo.Pattern(config.PatternConfig(azimuth=azimuth, elevation=elevation, gain=gain), SETTING)
 
     def level(a, e):
         before = echoes_at(polar(a, e))
@@ -116,10 +116,10 @@ def test_measured_pattern():
 def test_a_pattern_may_have_one_row():
     """Measured along one cut only: the other angle does not matter."""
     cut = config.PatternConfig(azimuth=(0.0,), elevation=(-30.0, 0.0, 30.0), gain=((-5.0, 0.0, -5.0),))
-    factor = pattern.two_way_gain(cut, SETTING.info, np.stack([polar(a, 15.0) for a in (-50.0, 0.0, 20.0)]))
+    factor = echo.Pattern(cut, SETTING).gain(np.stack([polar(a, 15.0) for a in (-50.0, 0.0, 20.0)]))
     np.testing.assert_allclose(10 * np.log10(factor), -2.5, atol=1e-9)
     with pytest.raises(ConfigError, match="elevation is empty"):
-        pattern.Pattern(config.PatternConfig(azimuth=(0.0,), gain=((),)), SETTING)
+        config.PatternConfig(azimuth=(0.0,), gain=((),))
 
 
 # Field of view, losses.
@@ -129,20 +129,20 @@ def test_field_of_view():
     """120 by 60 degrees, and a margin; either way beyond it is enough; nothing else changes."""
     angles = [(59, 0), (61, 0), (-61, 0), (0, 29), (0, -31), (180, 0)]
     echoes = echoes_at(np.stack([polar(*a) for a in angles]))
-    kept = field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(echoes, MOMENT)
+    kept = echo.FieldOfView(config.FieldOfViewConfig(), SETTING).process(echoes, MOMENT)
     np.testing.assert_array_equal(kept.source, [0, 3])
-    wider = field_of_view.FieldOfView(config.FieldOfViewConfig(margin=math.radians(2)), SETTING).process(echoes, MOMENT)
+    wider = echo.FieldOfView(config.FieldOfViewConfig(margin=math.radians(2)), SETTING).process(echoes, MOMENT)
     np.testing.assert_array_equal(wider.source, [0, 1, 2, 3, 4])
     ghost = dataclasses.replace(echoes.select(np.array([0])), back=Motion.still(polar(70, 0)[None]))
-    assert len(field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(ghost, MOMENT)) == 0
+    assert len(echo.FieldOfView(config.FieldOfViewConfig(), SETTING).process(ghost, MOMENT)) == 0
     inside = echoes.select(np.array([0, 3]))
-    assert field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING).process(inside, MOMENT) is inside
+    assert echo.FieldOfView(config.FieldOfViewConfig(), SETTING).process(inside, MOMENT) is inside
 
 
 def test_losses():
     """20 dB of power are a tenth of the amplitude."""
     echoes = echoes_at([polar(0, 0), polar(20, 5)])
-    lossy = losses.Losses(config.LossesConfig(level=20.0), SETTING).process(echoes, MOMENT)
+    lossy = echo.Losses(config.LossesConfig(level=20.0), SETTING).process(echoes, MOMENT)
     np.testing.assert_allclose(lossy.strength, 0.1 * echoes.strength, rtol=1e-12)
     assert lossy.out is echoes.out
 
@@ -156,7 +156,7 @@ CHI_SQUARE = {1: 2, 2: 2, 3: 4, 4: 4}
 
 def fluctuation(setting: Setting, case: int, of: str = "points", frames: int = 3) -> np.ndarray:
     """Factors on the power, shape (frame, n) or (frame, n_chirp, n_tx, n)."""
-    effect = swerling.Swerling(config.SwerlingConfig(case=case, of=of), setting)
+    effect = echo.Swerling(config.SwerlingConfig(case=case, of=of), setting)
     w, factors = setting.info.waveform, []
     for k in range(frames):
         before = seen(setting, 0.02 * k + w.acquisition_time / 2)
@@ -205,7 +205,7 @@ def test_swerling_of_people_is_one_factor_each():
     )
 
     def factors(of, case=1):
-        return swerling.Swerling(config.SwerlingConfig(case=case, of=of), setting).process(echoes, MOMENT).strength / echoes.strength
+        return echo.Swerling(config.SwerlingConfig(case=case, of=of), setting).process(echoes, MOMENT).strength / echoes.strength
 
     people, both, things = factors("people"), factors("all"), factors("points")
     assert len(set(people[[2, 3, 4, 11]])) == len(set(people[5:9])) == 1
@@ -224,7 +224,7 @@ def test_swerling_knows_points_whatever_else_is_seen():
     every = seen(setting, setting.info.waveform.acquisition_time / 2)
     some = every.select(np.r_[2, 4, 5 : len(every)])
     for case in (1, 2):
-        effect = swerling.Swerling(config.SwerlingConfig(case=case), setting)
+        effect = echo.Swerling(config.SwerlingConfig(case=case), setting)
         whole, part = effect.process(every, MOMENT), effect.process(some, MOMENT)
         again = effect.process(dataclasses.replace(some, envelope=np.full((64, 2, len(some)), 2.0, np.float32)), MOMENT)
         np.testing.assert_array_equal(whole.strength[[2, 4]], part.strength[:2])
@@ -394,7 +394,7 @@ def test_clutter_is_the_same_for_all():
     radars = (SceneRadar(frame_id="a/radar"), SceneRadar(frame_id="b/radar", mount=Pose(y=1.0, z=1.0, yaw=-0.2)))
     scene = Scene(radars=radars, points=(Point(position=(2.0, 0.0, 1.0)),), seed=3)
     own = Things(scene).scatterers(0.0)
-    first, second = (clutter.Clutter(config.ClutterConfig(low=(1.0, -3.0, 0.0)), Setting(scene, r, i)) for i, r in enumerate(radars))
+    first, second = (sight.Clutter(config.ClutterConfig(low=(1.0, -3.0, 0.0)), Setting(scene, r, i)) for i, r in enumerate(radars))
     one, other = first.process(own, Moment(0, 0.0)), second.process(own, Moment(7, 3.0, 3, 1))
     np.testing.assert_array_equal(one.motion.position, other.motion.position)
     np.testing.assert_array_equal(one.rcs, other.rcs)
@@ -402,14 +402,14 @@ def test_clutter_is_the_same_for_all():
     assert one.rcs[0] == own.rcs[0]
     assert (one.owner[1:] == THING).all()
     assert not one.motion.velocity.any()
-    reseeded = clutter.Clutter(config.ClutterConfig(), Setting(dataclasses.replace(scene, seed=4), radars[0]))
+    reseeded = sight.Clutter(config.ClutterConfig(), Setting(dataclasses.replace(scene, seed=4), radars[0]))
     assert not np.array_equal(reseeded.scatterers.motion.position[0], first.scatterers.motion.position[0])
 
 
 def test_clutter_distribution():
     """Places even over the volume, cross-sections exponential with the mean asked for (Kolmogorov-Smirnov, 5000 draws)."""
     chosen = config.ClutterConfig(count=5000, rcs=0.002, low=(0.5, -1.0, 0.2), high=(6.0, 2.0, 2.2))
-    drawn = clutter.Clutter(chosen, SETTING).scatterers
+    drawn = sight.Clutter(chosen, SETTING).scatterers
     assert stats.kstest(drawn.rcs, stats.expon(scale=0.002).cdf).pvalue > 0.01
     for axis in range(3):
         low, high = chosen.low[axis], chosen.high[axis]
@@ -419,7 +419,7 @@ def test_clutter_distribution():
 def test_clutter_behind_the_array_is_shielded():
     """Half of a volume around the radar is behind its plane."""
     chosen = config.ClutterConfig(count=2000, low=(-3.0, -3.0, 0.0), high=(3.0, 3.0, 2.4))
-    drawn = clutter.Clutter(chosen, SETTING).scatterers
+    drawn = sight.Clutter(chosen, SETTING).scatterers
     assert 900 < len(drawn) < 1100  # 4.5 standard deviations
     assert (drawn.motion.position[:, 0] > 0).all()
 
@@ -436,20 +436,21 @@ def test_sizes_of_effects():
     """One line each, in the unit that is natural to it."""
     echoes = echoes_at([polar(0, 0), polar(60, 0), polar(70, 0, 6.0)])
     assert (
-        pattern.size(config.PatternConfig(), SETTING, echoes.select(np.array([0, 1])))
+        echo.Pattern(config.PatternConfig(), SETTING).size(echoes.select(np.array([0, 1])))
         == "-6.0 dB two-way at the echo farthest from boresight"
     )
     # Of three echoes of equal strength, the one beyond has (1/2)^4 of the power of each of the others: 1/33, -15.2 dB.
-    assert field_of_view.size(config.FieldOfViewConfig(), SETTING, echoes) == "1 of 3 echoes are beyond, with -15.2 dB of the power"
-    assert field_of_view.size(config.FieldOfViewConfig(), SETTING, echoes.select(np.array([0]))) == "none of 1 echoes is beyond"
-    assert losses.size(config.LossesConfig(level=25.0), SETTING, echoes) == "-25.0 dB on every echo"
-    assert losses.size(config.LossesConfig(level=0.0), SETTING, echoes) == "0.0 dB on every echo"
+    assert echo.FieldOfView(config.FieldOfViewConfig(), SETTING).size(echoes) == "1 of 3 echoes are beyond, with -15.2 dB of the power"
+    assert echo.FieldOfView(config.FieldOfViewConfig(), SETTING).size(echoes.select(np.array([0]))) == "none of 1 echoes is beyond"
+    assert echo.Losses(config.LossesConfig(level=25.0), SETTING).size(echoes) == "-25.0 dB on every echo"
+    assert echo.Losses(config.LossesConfig(level=0.0), SETTING).size(echoes) == "0.0 dB on every echo"
     setting = setting_of(points=POINTS[:7])
-    assert swerling.size(config.SwerlingConfig(case=1), setting, echoes) == "5.6 dB rms from frame to frame: 7 points"
+    assert echo.Swerling(config.SwerlingConfig(case=1), setting).size(echoes) == "5.6 dB rms from frame to frame: 7 points"
     people = dataclasses.replace(setting, scene=dataclasses.replace(setting.scene, people=(Person(),)))
-    assert swerling.size(config.SwerlingConfig(case=4, of="all"), people, echoes) == "3.5 dB rms from chirp to chirp: 7 points and 1 person"
-    assert swerling.size(config.SwerlingConfig(case=4), SETTING, echoes) == "nothing in the scene fluctuates"
-    assert swerling.size(config.SwerlingConfig(case=0), SETTING, echoes) == "steady (case 0)"
+    everybody = echo.Swerling(config.SwerlingConfig(case=4, of="all"), people)
+    assert everybody.size(echoes) == "3.5 dB rms from chirp to chirp: 7 points and 1 person"
+    assert echo.Swerling(config.SwerlingConfig(case=4), SETTING).size(echoes) == "nothing in the scene fluctuates"
+    assert echo.Swerling(config.SwerlingConfig(case=0), SETTING).size(echoes) == "steady (case 0)"
 
 
 def test_size_of_swerling_is_the_spread():
@@ -462,18 +463,18 @@ def test_size_of_swerling_is_the_spread():
 def test_size_of_multipath():
     """Floor at 1.2 m, target at 3 m and the radar's height: image at 3.84 m, -8.24 - 2.15 dB, half of 0.84 m behind its echo."""
     echoes = echoes_at([3.0, 0.0, 0.0])
-    assert multipath.size(config.MultipathConfig(), SETTING, echoes) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
+    assert multipath.Multipath(config.MultipathConfig(), SETTING).size(echoes) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
     with_ghosts = multipath.Multipath(config.MultipathConfig(), SETTING).process(echoes, MOMENT)
-    assert multipath.size(config.MultipathConfig(), SETTING, with_ghosts) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
-    assert multipath.size(config.MultipathConfig(floor=0.0), SETTING, echoes) == "no floor or wall mirrors"
+    assert multipath.Multipath(config.MultipathConfig(), SETTING).size(with_ghosts) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
+    assert multipath.Multipath(config.MultipathConfig(floor=0.0), SETTING).size(echoes) == "no floor or wall mirrors"
 
 
 def test_size_of_clutter():
     """Its power against that of the echoes; ten times the cross-section are 10 dB."""
     echoes = echoes_at([3.0, 0.0, 0.0], rcs=1.0)
-    levels = [number(clutter.size(config.ClutterConfig(rcs=r), SETTING, echoes).split(", ")[1]) for r in (1e-3, 1e-2)]
+    levels = [number(sight.Clutter(config.ClutterConfig(rcs=r), SETTING).size(echoes).split(", ")[1]) for r in (1e-3, 1e-2)]
     assert levels[1] - levels[0] == pytest.approx(10.0, abs=0.11)
-    drawn = clutter.Clutter(config.ClutterConfig(rcs=1e-3), SETTING).scatterers
+    drawn = sight.Clutter(config.ClutterConfig(rcs=1e-3), SETTING).scatterers
     distance = np.linalg.norm(drawn.motion.position - [0.0, 0.0, 1.2], axis=-1)
     assert levels[0] == pytest.approx(10 * math.log10((drawn.rcs / distance**4).sum() * 81), abs=0.06)
 
@@ -484,33 +485,34 @@ def test_sizes_of_physics():
     place, velocity, acceleration = polar(40, 10, 1.5), np.array([1.0, -2.0, 0.5]), np.array([5.0, 0.0, 3.0])
     echoes = echoes_at(place, velocity, acceleration)
     rate = abs(float(place @ velocity)) / 1.5
-    assert number(physics.migration_size(SETTING, echoes)) == pytest.approx(rate * w.acquisition_time / w.range_resolution, rel=0.05)
-    assert number(physics.doppler_in_chirp_size(SETTING, echoes)) == pytest.approx(2 * rate * w.carrier / SPEED_OF_LIGHT * 66e-6, rel=0.05)
+    migrates, shifts = (number(physics.size(name, SETTING, echoes)) for name in ("range_migration", "doppler_in_chirp"))
+    assert migrates == pytest.approx(rate * w.acquisition_time / w.range_resolution, rel=0.05)
+    assert shifts == pytest.approx(2 * rate * w.carrier / SPEED_OF_LIGHT * 66e-6, rel=0.05)
 
     half = w.acquisition_time / 2
     distance = [np.linalg.norm(echoes.out.at(t)[0]) for t in (-half, 0.0, half)]
     off = 2 / w.wavelength * 360 * (distance[0] - 2 * distance[1] + distance[2]) / 2  # the even part: no third derivative
-    assert number(physics.curvature_size(SETTING, echoes)) == pytest.approx(abs(off), rel=0.05)
+    assert number(physics.size("curvature", SETTING, echoes)) == pytest.approx(abs(off), rel=0.05)
 
     tx, rx = (np.array([[0.0, *e] for e in elements]) for elements in (AntennaArray().tx, AntennaArray().rx))
     u = place / 1.5
     squint = max(abs((t + r) @ u) for t in tx for r in rx) * w.bandwidth / 2 / SPEED_OF_LIGHT * 360
-    assert number(physics.squint_size(SETTING, echoes)) == pytest.approx(squint, rel=0.05)
+    assert number(physics.size("squint", SETTING, echoes)) == pytest.approx(squint, rel=0.05)
     near = [np.linalg.norm(place - t) + t @ u + np.linalg.norm(place - r) + r @ u - 3.0 for t in tx for r in rx]
-    assert number(physics.near_field_size(SETTING, echoes)) == pytest.approx(max(near) / w.wavelength * 360, rel=0.05)
+    assert number(physics.size("near_field", SETTING, echoes)) == pytest.approx(max(near) / w.wavelength * 360, rel=0.05)
 
 
 def test_sizes_of_physics_read_well():
     """Units, and digits that count."""
     echoes = echoes_at([2.0, 1.0, 0.0], (0.05, 0.0, 0.0))
-    assert re.fullmatch(r"0\.00\d+ bins over a frame", physics.migration_size(SETTING, echoes))
-    assert re.fullmatch(r"0\.00\d+ bins", physics.doppler_in_chirp_size(SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the array's and sweep's ends", physics.squint_size(SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the frame's ends", physics.curvature_size(SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the array's ends", physics.near_field_size(SETTING, echoes))
+    assert re.fullmatch(r"0\.00\d+ bins over a frame", physics.size("range_migration", SETTING, echoes))
+    assert re.fullmatch(r"0\.00\d+ bins", physics.size("doppler_in_chirp", SETTING, echoes))
+    assert re.fullmatch(r"[\d.]+ deg at the array's and sweep's ends", physics.size("squint", SETTING, echoes))
+    assert re.fullmatch(r"[\d.]+ deg at the frame's ends", physics.size("curvature", SETTING, echoes))
+    assert re.fullmatch(r"[\d.]+ deg at the array's ends", physics.size("near_field", SETTING, echoes))
     still = echoes_at([2.0, 0.0, 0.0])
-    assert physics.migration_size(SETTING, still) == "0 bins over a frame"
-    assert physics.squint_size(SETTING, still) == "0 deg at the array's and sweep's ends"
+    assert physics.size("range_migration", SETTING, still) == "0 bins over a frame"
+    assert physics.size("squint", SETTING, still) == "0 deg at the array's and sweep's ends"
 
 
 def test_a_tone_has_no_range_bins_and_no_sweep():
@@ -519,8 +521,8 @@ def test_a_tone_has_no_range_bins_and_no_sweep():
     radar = SceneRadar.of(RadarInfo(waveform=wave))
     setting = Setting(Scene(radars=(radar,)), radar)
     echoes = echoes_at([2.0, 1.0, 0.0], (3.0, 0.0, 0.0))
-    assert physics.migration_size(setting, echoes) == "0 bins over a frame"
-    assert physics.squint_size(setting, echoes) == "0 deg at the array's and sweep's ends"
+    assert physics.size("range_migration", setting, echoes) == "0 bins over a frame"
+    assert physics.size("squint", setting, echoes) == "0 deg at the array's and sweep's ends"
 
 
 def test_effects_do_not_change_what_they_are_given():
@@ -529,11 +531,11 @@ def test_effects_do_not_change_what_they_are_given():
     echoes = dataclasses.replace(seen(setting), envelope=None)
     copies = [a.copy() for a in (echoes.out.position, echoes.strength, echoes.owner, echoes.source)]
     effects = [
-        swerling.Swerling(config.SwerlingConfig(case=2), setting),
+        echo.Swerling(config.SwerlingConfig(case=2), setting),
         multipath.Multipath(config.MultipathConfig(), setting),
-        pattern.Pattern(config.PatternConfig(), setting),
-        field_of_view.FieldOfView(config.FieldOfViewConfig(), setting),
-        losses.Losses(config.LossesConfig(), setting),
+        echo.Pattern(config.PatternConfig(), setting),
+        echo.FieldOfView(config.FieldOfViewConfig(), setting),
+        echo.Losses(config.LossesConfig(), setting),
     ]
     now = echoes
     for effect in effects:
@@ -546,5 +548,5 @@ def test_effects_do_not_change_what_they_are_given():
         np.testing.assert_array_equal(copy, array)
     scatterers = Scatterers.join([Things(setting.scene).scatterers(0.0)])
     n = len(scatterers)
-    clutter.Clutter(config.ClutterConfig(), setting).process(scatterers, MOMENT)
+    sight.Clutter(config.ClutterConfig(), setting).process(scatterers, MOMENT)
     assert len(scatterers) == n

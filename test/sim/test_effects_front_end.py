@@ -10,7 +10,7 @@ from receivers import a_setting, decibel, echoes_at, empty, samples, tone
 from scipy import signal as scipy_signal
 
 from radar_core import SPEED_OF_LIGHT, Waveform, known_symbols
-from radar_sim.effects import config, converter, coupling, high_pass, iq_imbalance
+from radar_sim.effects import config, echo, receiver, transmitter
 from radar_sim.effects.base import Moment, Signal
 
 # Coupling and the high-pass filter
@@ -20,7 +20,7 @@ def test_coupling_level_and_phase():
     """Leaked power is the transmitted 12 dBm less the level; its phase is 2 pi (f_min tau + slope tau t - slope tau^2 / 2)."""
     setting = a_setting()
     signal = empty(setting)
-    coupling.Coupling(config.CouplingConfig(level=-55.0, distance=0.3), setting).process(signal, Moment(0, 0.0))
+    transmitter.Coupling(config.CouplingConfig(level=-55.0, distance=0.3), setting).process(signal, Moment(0, 0.0))
     np.testing.assert_allclose(np.abs(signal.cube) ** 2 / 50, 1e-3 * 10 ** (1.2 - 5.5), rtol=1e-5)
     w, tau = setting.info.waveform, 2 * 0.3 / SPEED_OF_LIGHT
     turns = (w.carrier - w.bandwidth / 2) * tau + w.slope * tau * np.arange(64) / 64 * 66e-6 - w.slope * tau**2 / 2
@@ -32,7 +32,7 @@ def test_coupling_adds_to_what_is_there():
     """Echoes go through it as they were."""
     setting = a_setting()
     alone, both = empty(setting), samples(setting)
-    effect = coupling.Coupling(config.CouplingConfig(), setting)
+    effect = transmitter.Coupling(config.CouplingConfig(), setting)
     effect.process(alone, Moment(0, 0.0))
     effect.process(both, Moment(0, 0.0))
     np.testing.assert_array_equal(both.cube, samples(setting).cube + alone.cube)
@@ -41,7 +41,7 @@ def test_coupling_adds_to_what_is_there():
 def test_coupling_of_a_tone_has_the_carrier_phase():
     """A tone leaks with its carrier's phase, constant over time."""
     setting, signal = a_setting(Waveform(modulation="cw")), empty(a_setting())
-    coupling.Coupling(config.CouplingConfig(distance=0.03), setting).process(signal, Moment(0, 0.0))
+    transmitter.Coupling(config.CouplingConfig(distance=0.03), setting).process(signal, Moment(0, 0.0))
     expected = np.exp(2j * np.pi * 76.75e9 * 0.06 / SPEED_OF_LIGHT)
     np.testing.assert_allclose(signal.cube / np.abs(signal.cube), expected, atol=1e-5)
 
@@ -51,7 +51,7 @@ def test_coupling_of_ofdm_symbols():
     n, duration = 64, 64 / 1.5e9
     setting = a_setting(Waveform(modulation="ofdm", chirp_duration=duration, bandwidth=1.5e9))
     signal = empty(setting)
-    coupling.Coupling(config.CouplingConfig(level=-60.0, distance=0.5), setting).process(signal, Moment(0, 0.0))
+    transmitter.Coupling(config.CouplingConfig(level=-60.0, distance=0.5), setting).process(signal, Moment(0, 0.0))
     assert (np.abs(signal.cube) ** 2).mean() / 50 == pytest.approx(1e-3 * 10 ** (1.2 - 6.0), rel=1e-5)
     carriers = np.fft.ifft(signal.cube, norm="ortho") * known_symbols(setting.info.waveform)[:, :, None, :]
     frequency = 76.75e9 - 0.75e9 + np.arange(n) / duration
@@ -66,11 +66,11 @@ def test_high_pass_is_the_butterworth_filter(order):
     frequency = np.geomspace(1e3, 1e7, 50)
     zeros, poles, gain = scipy_signal.butter(order, 2 * math.pi * 150e3, "highpass", analog=True, output="zpk")
     expected = scipy_signal.freqs_zpk(zeros, poles, gain, 2 * math.pi * frequency)[1]
-    np.testing.assert_allclose(high_pass.response(cfg, frequency), expected, rtol=1e-9)
-    corner, low, lower = np.abs(high_pass.response(cfg, np.array([150e3, 1500.0, 150.0])))
+    np.testing.assert_allclose(echo.response(cfg, frequency), expected, rtol=1e-9)
+    corner, low, lower = np.abs(echo.response(cfg, np.array([150e3, 1500.0, 150.0])))
     assert decibel(corner**2) == pytest.approx(-3.01, abs=0.01)
     assert decibel(low**2 / lower**2) == pytest.approx(20 * order, abs=0.01)
-    assert high_pass.response(cfg, 0.0) == 0
+    assert echo.response(cfg, 0.0) == 0
 
 
 def test_high_pass_on_echoes():
@@ -78,7 +78,7 @@ def test_high_pass_on_echoes():
     setting = a_setting()
     at_corner = 100e3 * SPEED_OF_LIGHT / (2 * setting.info.waveform.slope)
     before = echoes_at((at_corner, 0, 0), (6.0, 0, 0))
-    after = high_pass.HighPass(config.HighPassConfig(corner=100e3), setting).process(before, Moment(0, 0.0))
+    after = echo.HighPass(config.HighPassConfig(corner=100e3), setting).process(before, Moment(0, 0.0))
     near, far = after.strength / before.strength
     assert near == pytest.approx((1 + 1j) / 2, abs=1e-9)
     assert abs(far) == pytest.approx(1.0, abs=0.01)
@@ -91,7 +91,7 @@ def test_high_pass_holds_coupling_down():
     cubes = []
     for effects in (config.Effects(), config.Effects(high_pass=config.HighPassConfig(corner=100e3))):
         signal = empty(a_setting())
-        coupling.Coupling(cfg, a_setting(effects=effects)).process(signal, Moment(0, 0.0))
+        transmitter.Coupling(cfg, a_setting(effects=effects)).process(signal, Moment(0, 0.0))
         cubes.append(signal.cube)
     ratio = cubes[1] / cubes[0]
     np.testing.assert_allclose(ratio, 1 / (1 + 100e3 / (1j * frequency)), rtol=1e-4)
@@ -104,20 +104,20 @@ def test_high_pass_holds_coupling_down():
 def test_iq_image(gain, phase):
     """An echo at +f gets an image at -f, of the level that gain and phase predict: |1 - g e^-jp|^2 / |1 + g e^jp|^2."""
     setting, signal = a_setting(), tone(a_setting(), 10.0)
-    iq_imbalance.IqImbalance(config.IqImbalanceConfig(gain=gain, phase=phase), setting).process(signal, Moment(0, 0.0))
+    receiver.IqImbalance(config.IqImbalanceConfig(gain=gain, phase=phase), setting).process(signal, Moment(0, 0.0))
     bins = np.abs(np.fft.fft(signal.cube)[0, 0, 0] / 64)
     g = 10 ** (gain / 20)
     image = (1 + g**2 - 2 * g * math.cos(phase)) / (1 + g**2 + 2 * g * math.cos(phase))
     assert bins[54] ** 2 / bins[10] ** 2 == pytest.approx(image, rel=1e-4)
     assert np.delete(bins, [10, 54]).max() < 1e-6
-    assert iq_imbalance.image(config.IqImbalanceConfig(gain=gain, phase=phase)) ** 2 == pytest.approx(image)
+    assert receiver.image(config.IqImbalanceConfig(gain=gain, phase=phase)) ** 2 == pytest.approx(image)
 
 
 def test_iq_arms():
     """I stays; Q is g (Q cos p + I sin p); the offset comes on both."""
     setting, signal = a_setting(), samples(a_setting(), rms=1.0)
     before = signal.cube.astype(np.complex128)
-    iq_imbalance.IqImbalance(config.IqImbalanceConfig(gain=2.0, phase=0.3, offset=0.25), setting).process(signal, Moment(0, 0.0))
+    receiver.IqImbalance(config.IqImbalanceConfig(gain=2.0, phase=0.3, offset=0.25), setting).process(signal, Moment(0, 0.0))
     g = 10**0.1
     np.testing.assert_allclose(signal.cube.real, before.real + 0.25, atol=1e-6)
     np.testing.assert_allclose(signal.cube.imag, g * (before.imag * math.cos(0.3) + before.real * math.sin(0.3)) + 0.25, atol=2e-6)
@@ -126,13 +126,13 @@ def test_iq_arms():
 def test_balanced_mixer_changes_nothing():
     """No gain, no phase, no offset: bit for bit."""
     signal = samples(a_setting())
-    iq_imbalance.IqImbalance(config.IqImbalanceConfig(gain=0.0, phase=0.0, offset=0.0), a_setting()).process(signal, Moment(0, 0.0))
+    receiver.IqImbalance(config.IqImbalanceConfig(gain=0.0, phase=0.0, offset=0.0), a_setting()).process(signal, Moment(0, 0.0))
     np.testing.assert_array_equal(signal.cube, samples(a_setting()).cube)
 
 
 def counts(bits, volts, limit=1.0):
     signal = Signal(np.asarray(volts, np.complex64).reshape(1, 1, 1, -1).copy(), np.empty(0, np.uint32))
-    converter.Converter(config.ConverterConfig(bits=bits, full_scale=limit), a_setting()).process(signal, Moment(0, 0.0))
+    receiver.Converter(config.ConverterConfig(bits=bits, full_scale=limit), a_setting()).process(signal, Moment(0, 0.0))
     return signal.cube.reshape(-1)
 
 
@@ -140,7 +140,7 @@ def test_quantisation_noise():
     """Rounding adds q^2 / 12 to each component when the signal covers many counts: 65,536 errors give it to 0.35 %."""
     signal = samples(a_setting(), rms=0.2)
     before = signal.cube.astype(np.complex128)
-    converter.Converter(config.ConverterConfig(bits=10, full_scale=1.0), a_setting()).process(signal, Moment(0, 0.0))
+    receiver.Converter(config.ConverterConfig(bits=10, full_scale=1.0), a_setting()).process(signal, Moment(0, 0.0))
     inside = (np.abs(before.real) < 0.99) & (np.abs(before.imag) < 0.99)
     error = (signal.cube.astype(np.complex128) / 512 - before)[inside]
     for part in (error.real, error.imag):
@@ -153,8 +153,8 @@ def test_rounding_and_clipping():
     lsb = 1 / 8
     given_volts = [0.5 * lsb, 1.5 * lsb, 2.5 * lsb, -0.5 * lsb, -1.5 * lsb, 5.0, -5.0, 0.99, 1j * 7.4 * lsb, -1j]
     np.testing.assert_array_equal(counts(4, given_volts), [0, 2, 2, 0, -2, 7, -8, 7, 7j, -8j])
-    assert converter.full_scale(config.ConverterConfig(bits=4)) == 7
-    assert converter.full_scale(config.ConverterConfig(bits=12)) == 2047
+    assert receiver.full_scale(config.ConverterConfig(bits=4)) == 7
+    assert receiver.full_scale(config.ConverterConfig(bits=12)) == 2047
 
 
 def test_one_bit():

@@ -144,7 +144,7 @@ def test_interference_out_of_band(carrier):
         effect.process(signal, Moment(k, 0.02 * k))
         np.testing.assert_array_equal(signal.cube, samples(setting).cube)
     assert interference.share(cfg, Waveform()) == 0.0
-    assert interference.size(cfg, setting, Echoes.none()).startswith("floor raised by 0.0 dB")
+    assert interference.Interference(cfg, setting).size(Echoes.none()).startswith("floor raised by 0.0 dB")
 
 
 def test_interference_comes_as_a_plane_wave():

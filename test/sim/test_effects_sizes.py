@@ -5,36 +5,14 @@ import pytest
 from receivers import BOLTZMANN, a_setting, decibel, echoes_at, samples, skirt
 
 from radar_core import SPEED_OF_LIGHT, ConfigError, Waveform
-from radar_sim.effects import (
-    channel_errors,
-    chirp_faults,
-    config,
-    converter,
-    coupling,
-    high_pass,
-    interference,
-    iq_imbalance,
-    noise,
-    phase_noise,
-    transmitter,
-)
+from radar_sim.effects import chain, config, echo, interference, noise, phase_noise, receiver, transmitter
 from radar_sim.effects.base import Moment
 from radar_sim.scatterers import Echoes
 from radar_sim.scene import Transmitter
 
 
 def sizes(echoes, setting):
-    return {
-        "noise": noise.size(config.NoiseConfig(), setting, echoes),
-        "coupling": coupling.size(config.CouplingConfig(), setting, echoes),
-        "high_pass": high_pass.size(config.HighPassConfig(), setting, echoes),
-        "phase_noise": phase_noise.size(config.PhaseNoiseConfig(), setting, echoes),
-        "iq_imbalance": iq_imbalance.size(config.IqImbalanceConfig(), setting, echoes),
-        "converter": converter.size(config.ConverterConfig(), setting, echoes),
-        "channel_errors": channel_errors.size(config.ChannelErrorsConfig(), setting, echoes),
-        "chirp_faults": chirp_faults.size(config.ChirpFaultsConfig(), setting, echoes),
-        "interference": interference.size(config.InterferenceConfig(), setting, echoes),
-    }
+    return {name: chain.size(name, setting, echoes) for name in (*chain.SIGNAL, "high_pass")}
 
 
 def test_sizes_are_right():
@@ -59,7 +37,7 @@ def test_sizes_of_phase_noise():
     w, distance = setting.info.waveform, 2.5 * setting.info.waveform.range_resolution * 10
     added = skirt(setting, cfg, 25.0, 8)
     measured = -decibel((np.abs(added) ** 2).mean() / (w.n_sample * w.n_chirp))
-    said = phase_noise.size(cfg, setting, echoes_at((distance, 0, 0)))
+    said = phase_noise.PhaseNoise(cfg, setting).size(echoes_at((distance, 0, 0)))
     assert float(said.split()[1]) == pytest.approx(measured, abs=0.8)  # rounded to 1 dB
 
 
@@ -78,9 +56,9 @@ def test_sizes_without_echoes(waveform, echoes):
     "make",
     [
         lambda s: noise.Noise(config.NoiseConfig(temperature=0.0), s),
-        lambda s: channel_errors.ChannelErrors(config.ChannelErrorsConfig(gain=0.0, phase=0.0), s),
-        lambda s: chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=0.0, late=0.5), s),
-        lambda s: coupling.Coupling(config.CouplingConfig(level=-300.0), s),
+        lambda s: receiver.ChannelErrors(config.ChannelErrorsConfig(gain=0.0, phase=0.0), s),
+        lambda s: receiver.ChirpFaults(config.ChirpFaultsConfig(dropped=0.0, late=0.5), s),
+        lambda s: transmitter.Coupling(config.CouplingConfig(level=-300.0), s),
         lambda s: transmitter.AmplitudeModulation(Transmitter(amplitude="intra", taper="boxcar"), s),
     ],
 )
@@ -95,7 +73,7 @@ def test_effects_of_no_size_change_nothing(make):
 @pytest.mark.parametrize(
     ("make", "name"),
     [
-        (lambda s: high_pass.HighPass(config.HighPassConfig(), s), "high_pass"),
+        (lambda s: echo.HighPass(config.HighPassConfig(), s), "high_pass"),
         (lambda s: phase_noise.PhaseNoise(config.PhaseNoiseConfig(), s), "phase_noise"),
         (lambda s: interference.Interference(config.InterferenceConfig(), s), "interference"),
     ],

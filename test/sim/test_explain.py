@@ -10,9 +10,9 @@ from truths import a_scene, first_cube, point_scene
 from radar_core import ConfigError, RadarInfo, Waveform
 from radar_core.pose import Pose
 from radar_sim import Effects, InterferenceConfig, NoiseConfig, Person, PhaseNoiseConfig, Scene, SceneRadar, Simulator, Wall
+from radar_sim.audit import explain
 from radar_sim.auto import CANDIDATES, choose_effects
 from radar_sim.effects.chain import NAMES
-from radar_sim.explain import explain
 from radar_sim.probe import Probe
 
 INFO = RadarInfo(mount=Pose(z=0.0))

@@ -9,9 +9,10 @@ from radar_core import SPEED_OF_LIGHT, RadarInfo, Waveform, known_symbols
 from radar_core.geometry import spherical_to_cartesian
 from radar_dsp import spectrum
 from radar_dsp.config import SpectrumConfig
-from radar_sim.modulation import Ofdm, Tone
 from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.choose import make_propagator
+from radar_sim.propagation.exact import Exact
+from radar_sim.propagation.reference import Ofdm
 from radar_sim.scatterers import THING, Echoes, Motion
 from radar_sim.scene import Fidelity
 
@@ -143,5 +144,5 @@ def test_envelope_late_chirps_and_legs(info):
 def test_waveforms_choose_their_own_models():
     """Fidelity is FMCW's: a tone and OFDM always follow the true path."""
     for model in ("auto", "separable", "reference"):
-        assert isinstance(make_propagator(Fidelity(model=model), Physics.all(), sampling(CW), 0.02), Tone)
+        assert isinstance(make_propagator(Fidelity(model=model), Physics.all(), sampling(CW), 0.02), Exact)
         assert isinstance(make_propagator(Fidelity(model=model), Physics.all(), sampling(OFDM), 0.02), Ofdm)

@@ -16,7 +16,7 @@ from radar_sim.bodies.shadow_kernels import angle
 from radar_sim.bodies.shadows import MARGIN, View
 from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
-from radar_sim.effects.occlusion import Occlusion, size
+from radar_sim.effects.sight import Occlusion
 from radar_sim.people import Person
 from radar_sim.scatterers import THING, Echoes, Ellipsoids, Motion, Scatterers, Triangles
 from radar_sim.scene import Scene, SceneRadar
@@ -203,7 +203,7 @@ def test_size_says_how_wide_people_are():
     strength = np.abs(np.array([1.0, 1.0, 4.0, 4.0])).astype(complex)  # after the two-way loss: all the same
     echoes = Echoes(still, still, strength, np.array([0, 0, 1, 1], np.int32), np.arange(4, dtype=np.int32))
     radar = SceneRadar()
-    text = size(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar), echoes)
+    text = Occlusion(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar)).size(echoes)
     assert "11 deg at 2.0 m" in text
     assert "2" in text.split("%")[0].split()[-1]
-    assert "nobody" in size(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar), Echoes.none())
+    assert "nobody" in Occlusion(config.OcclusionConfig(), Setting(Scene(radars=(radar,)), radar)).size(Echoes.none())

@@ -11,15 +11,12 @@ from hypothesis import strategies as st
 
 from radar_core import SPEED_OF_LIGHT, ConfigError, RadarInfo, Waveform
 from radar_sim.propagation.base import NEAR, PHYSICS, Physics, Sampling
-from radar_sim.propagation.blocks import Blocks
-from radar_sim.propagation.choose import DIAL, Auto, Step, make_propagator, make_step, predicted
+from radar_sim.propagation.blocks import WIDTH, Blocks, polynomials, window
+from radar_sim.propagation.choose import DIAL, Auto, Sizes, Step, make_propagator, make_step, predicted
 from radar_sim.propagation.exact import Exact
-from radar_sim.propagation.gridding import WIDTH, polynomials, window
 from radar_sim.propagation.kernels import cosine, jit, sine
-from radar_sim.propagation.nufft import Nufft
-from radar_sim.propagation.predict import Sizes
 from radar_sim.propagation.reference import Reference
-from radar_sim.propagation.separable import Separable
+from radar_sim.propagation.separable import Nufft, Separable
 from radar_sim.scatterers import THING, Echoes, Motion
 from radar_sim.scene import Fidelity
 

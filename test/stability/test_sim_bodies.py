@@ -17,7 +17,7 @@ from radar_sim.bodies.skin import facets
 from radar_sim.bodies.subject import Subject
 from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
-from radar_sim.effects.occlusion import Occlusion
+from radar_sim.effects.sight import Occlusion
 from radar_sim.people import Person
 from radar_sim.scatterers import Ellipsoids, Motion, Scatterers, Triangles
 from radar_sim.scene import Scene, SceneRadar

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from radar_core import AntennaArray, RadarInfo
 from radar_core.pose import Pose
-from radar_sim.effects import clutter, config, field_of_view, losses, multipath, pattern, physics, swerling
+from radar_sim.effects import config, echo, multipath, physics, sight
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.people import Person
 from radar_sim.room import Things
@@ -25,26 +25,26 @@ SCENE = Scene(
 )
 SETTING = Setting(SCENE, SCENE.radars[0])
 EFFECTS = [
-    *(swerling.Swerling(config.SwerlingConfig(case=case, of="all"), SETTING) for case in range(5)),
+    *(echo.Swerling(config.SwerlingConfig(case=case, of="all"), SETTING) for case in range(5)),
     multipath.Multipath(config.MultipathConfig(level=-200.0), SETTING),
-    pattern.Pattern(config.PatternConfig(), SETTING),
-    pattern.Pattern(config.PatternConfig(azimuth=(-60.0, 60.0), elevation=(0.0,), gain=((-3.0,), (-200.0,))), SETTING),
-    field_of_view.FieldOfView(config.FieldOfViewConfig(), SETTING),
-    losses.Losses(config.LossesConfig(level=100.0), SETTING),
+    echo.Pattern(config.PatternConfig(), SETTING),
+    echo.Pattern(config.PatternConfig(azimuth=(-60.0, 60.0), elevation=(0.0,), gain=((-3.0,), (-200.0,))), SETTING),
+    echo.FieldOfView(config.FieldOfViewConfig(), SETTING),
+    echo.Losses(config.LossesConfig(level=100.0), SETTING),
 ]
 SIZES = [
-    *(lambda e, c=case: swerling.size(config.SwerlingConfig(case=c, of="all"), SETTING, e) for case in range(5)),
-    lambda e: multipath.size(config.MultipathConfig(), SETTING, e),
-    lambda e: multipath.size(config.MultipathConfig(floor=1.0, level=0.0), SETTING, e),
-    lambda e: pattern.size(config.PatternConfig(edge=-60.0), SETTING, e),
-    lambda e: field_of_view.size(config.FieldOfViewConfig(), SETTING, e),
-    lambda e: losses.size(config.LossesConfig(), SETTING, e),
-    lambda e: clutter.size(config.ClutterConfig(), SETTING, e),
-    lambda e: physics.migration_size(SETTING, e),
-    lambda e: physics.doppler_in_chirp_size(SETTING, e),
-    lambda e: physics.squint_size(SETTING, e),
-    lambda e: physics.curvature_size(SETTING, e),
-    lambda e: physics.near_field_size(SETTING, e),
+    *(lambda e, c=case: echo.Swerling(config.SwerlingConfig(case=c, of="all"), SETTING).size(e) for case in range(5)),
+    lambda e: multipath.Multipath(config.MultipathConfig(), SETTING).size(e),
+    lambda e: multipath.Multipath(config.MultipathConfig(floor=1.0, level=0.0), SETTING).size(e),
+    lambda e: echo.Pattern(config.PatternConfig(edge=-60.0), SETTING).size(e),
+    lambda e: echo.FieldOfView(config.FieldOfViewConfig(), SETTING).size(e),
+    lambda e: echo.Losses(config.LossesConfig(), SETTING).size(e),
+    lambda e: sight.Clutter(config.ClutterConfig(), SETTING).size(e),
+    lambda e: physics.size("range_migration", SETTING, e),
+    lambda e: physics.size("doppler_in_chirp", SETTING, e),
+    lambda e: physics.size("squint", SETTING, e),
+    lambda e: physics.size("curvature", SETTING, e),
+    lambda e: physics.size("near_field", SETTING, e),
 ]
 
 
@@ -158,7 +158,7 @@ def test_an_empty_room():
     assert len(things) == 0
     assert things.motion.position.shape == things.normal.shape == (0, 3)
     assert things.hulls == ()
-    assert len(clutter.Clutter(config.ClutterConfig(count=1), Setting(empty, empty.radars[0])).process(things, MOMENT)) == 1
+    assert len(sight.Clutter(config.ClutterConfig(count=1), Setting(empty, empty.radars[0])).process(things, MOMENT)) == 1
 
 
 def test_extreme_things():
@@ -190,8 +190,8 @@ def test_one_element_at_the_phase_centre():
     radar = SceneRadar.of(RadarInfo(array=array, waveform=type(base.waveform)(n_tx=1)))
     setting = Setting(Scene(radars=(radar,)), radar)
     echoes = echoes_of([1.0, 0.7, 0.2])
-    assert physics.squint_size(setting, echoes).startswith("0 deg")
-    assert physics.near_field_size(setting, echoes).startswith("0 deg")
+    assert physics.size("squint", setting, echoes).startswith("0 deg")
+    assert physics.size("near_field", setting, echoes).startswith("0 deg")
 
 
 def test_all_round_field_of_view():
@@ -200,14 +200,14 @@ def test_all_round_field_of_view():
     radar = SceneRadar.of(RadarInfo(array=array))
     setting = Setting(Scene(radars=(radar,)), radar)
     for margin in (0.0, 1.0):
-        assert len(field_of_view.FieldOfView(config.FieldOfViewConfig(margin=margin), setting).process(CASES["behind"], MOMENT)) == 2
+        assert len(echo.FieldOfView(config.FieldOfViewConfig(margin=margin), setting).process(CASES["behind"], MOMENT)) == 2
     for edge in (0.0, -60.0):
-        assert finite(pattern.Pattern(config.PatternConfig(edge=edge), setting).process(CASES["behind"], MOMENT))
+        assert finite(echo.Pattern(config.PatternConfig(edge=edge), setting).process(CASES["behind"], MOMENT))
 
 
 def test_no_field_of_view():
     """A margin that leaves nothing of the field of view leaves nothing of the echoes."""
-    effect = field_of_view.FieldOfView(config.FieldOfViewConfig(margin=-1.0), SETTING)
+    effect = echo.FieldOfView(config.FieldOfViewConfig(margin=-1.0), SETTING)
     assert len(effect.process(CASES["one"], MOMENT)) == 0
 
 
@@ -215,6 +215,6 @@ def test_clutter_all_behind():
     """Nothing of it is left, and it says so."""
     chosen = config.ClutterConfig(low=(-3.0, -1.0, 0.0), high=(-1.0, 1.0, 2.0))
     empty = Scatterers.join([])
-    assert len(clutter.Clutter(chosen, SETTING).process(empty, MOMENT)) == 0
-    assert clutter.size(chosen, SETTING, CASES["one"]) == "all of it is behind the array"
-    assert "no echoes" in clutter.size(config.ClutterConfig(rcs=0.0), SETTING, CASES["one"])
+    assert len(sight.Clutter(chosen, SETTING).process(empty, MOMENT)) == 0
+    assert sight.Clutter(chosen, SETTING).size(CASES["one"]) == "all of it is behind the array"
+    assert "no echoes" in sight.Clutter(config.ClutterConfig(rcs=0.0), SETTING).size(CASES["one"])

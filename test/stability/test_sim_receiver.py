@@ -7,7 +7,7 @@ import pytest
 
 from radar_core import AntennaArray, Waveform
 from radar_core.pose import Pose
-from radar_sim.effects import channel_errors, chirp_faults, config, converter, coupling, high_pass, interference, iq_imbalance, noise
+from radar_sim.effects import config, echo, interference, noise, receiver, transmitter
 from radar_sim.effects import phase_noise as phase
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.effects.transmitter import AmplitudeModulation, Together
@@ -33,12 +33,12 @@ def echoes_at(*places) -> Echoes:
 
 ALL = [
     lambda s: noise.Noise(config.NoiseConfig(gain=150.0, noise_figure=60.0, temperature=1e4), s),
-    lambda s: coupling.Coupling(config.CouplingConfig(level=0.0, distance=0.0), s),
+    lambda s: transmitter.Coupling(config.CouplingConfig(level=0.0, distance=0.0), s),
     lambda s: phase.PhaseNoise(config.PhaseNoiseConfig(corner=0.0), s),
-    lambda s: iq_imbalance.IqImbalance(config.IqImbalanceConfig(gain=20.0, phase=1.5, offset=10.0), s),
-    lambda s: converter.Converter(config.ConverterConfig(bits=24, full_scale=1e-12), s),
-    lambda s: channel_errors.ChannelErrors(config.ChannelErrorsConfig(gain=30.0, phase=math.pi), s),
-    lambda s: chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), s),
+    lambda s: receiver.IqImbalance(config.IqImbalanceConfig(gain=20.0, phase=1.5, offset=10.0), s),
+    lambda s: receiver.Converter(config.ConverterConfig(bits=24, full_scale=1e-12), s),
+    lambda s: receiver.ChannelErrors(config.ChannelErrorsConfig(gain=30.0, phase=math.pi), s),
+    lambda s: receiver.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), s),
     lambda s: interference.Interference(config.InterferenceConfig(), s),
     lambda s: AmplitudeModulation(Transmitter(amplitude="intra"), s),
     lambda s: AmplitudeModulation(Transmitter(amplitude="inter"), s),
@@ -79,7 +79,7 @@ def test_far_in_time(make):
 def test_filters_of_echoes(echoes):
     """No echo, echoes at the radar itself, behind it and far away keep finite strengths."""
     together = Together(Transmitter(together=((0.0, 0.0), (0.01, 0.0))), a_setting(Waveform(n_tx=1), ONE))
-    for effect in (high_pass.HighPass(config.HighPassConfig(order=8, corner=1e9), a_setting()), together):
+    for effect in (echo.HighPass(config.HighPassConfig(order=8, corner=1e9), a_setting()), together):
         after = effect.process(echoes, Moment(0, 0.0))
         assert len(after) == len(echoes)
         assert np.isfinite(after.strength).all()
@@ -90,7 +90,7 @@ def test_filters_of_echoes(echoes):
 def test_converter_at_the_limits_of_numbers(bits, volts):
     """Nothing overflows; what is beyond the range becomes its ends."""
     signal = filled(a_setting(), volts)
-    converter.Converter(config.ConverterConfig(bits=bits, full_scale=1e-12), a_setting()).process(signal, Moment(0, 0.0))
+    receiver.Converter(config.ConverterConfig(bits=bits, full_scale=1e-12), a_setting()).process(signal, Moment(0, 0.0))
     parts = signal.cube.view(np.float32)
     assert parts.min() >= -(2 ** (bits - 1))
     assert parts.max() <= 2 ** (bits - 1) - 1
@@ -113,7 +113,7 @@ def test_interference_from_strange_places(place):
     effect = interference.Interference(config.InterferenceConfig(position=place, power=100.0), setting)
     effect.process(signal, Moment(0, 0.0))
     assert np.isfinite(signal.cube).all()
-    assert interference.size(config.InterferenceConfig(position=place), setting, Echoes.none())
+    assert interference.Interference(config.InterferenceConfig(position=place), setting).size(Echoes.none())
 
 
 @pytest.mark.parametrize("offset", [0.3e6, -0.3e6])
@@ -161,7 +161,7 @@ def test_strange_sweeps(cfg):
 def test_all_chirps_lost():
     """Every chirp may be lost: all zeros, all listed."""
     signal = filled(a_setting(), 1.0)
-    chirp_faults.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), a_setting()).process(signal, Moment(0, 0.0))
+    receiver.ChirpFaults(config.ChirpFaultsConfig(dropped=1.0), a_setting()).process(signal, Moment(0, 0.0))
     np.testing.assert_array_equal(signal.missing, np.arange(128))
     assert not signal.cube.any()
 
