@@ -27,10 +27,9 @@ from benchmarks.report import checkout, choices
 from radar_app.graph import NodeSpec
 from radar_app.supervisor import Supervisor, environment
 from radar_core import HandwaveError
-from radar_driver.dca1000.board import Dca1000Source
+from radar_driver.dca1000.board import Dca1000Config, Dca1000Source
 from radar_driver.dca1000.decode import decode_frame, frame_bytes
 from radar_driver.dca1000.receiver import Receiver
-from radar_driver.dca1000.settings import Dca1000Config
 from radar_driver.live import Reader
 from radar_ros import qos
 from radar_ros.interrupts import ros

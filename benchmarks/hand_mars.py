@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
 from benchmarks.report import AbsentError, choice, timed
 from radar_core import PointCloud, RadarInfo
-from radar_driver.ti_demo.points import to_our_axes
+from radar_driver.clouds import to_our_axes
 from radar_lab.importers import open_original
 from radar_lab.posture.features import PostureFeatureConfig
 from radar_lab.posture.model import PostureModel

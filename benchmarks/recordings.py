@@ -18,7 +18,7 @@ from benchmarks.report import AbsentError, choice, timed
 from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_driver.ti_demo.points import to_our_axes
+from radar_driver.clouds import to_our_axes
 from radar_lab.importers import open_original
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
 

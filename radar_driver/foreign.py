@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, PointCloud, Pose, RadarInfo
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
-from radar_driver.clouds import cloud_source_info, make_cloud
+from radar_driver.clouds import cloud_source_info, make_cloud, to_our_axes
 from radar_driver.ti_demo.items import decibel
-from radar_driver.ti_demo.points import to_our_axes
 
 Float64Array = NDArray[np.float64]
 

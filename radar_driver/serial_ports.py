@@ -6,8 +6,9 @@ import errno
 import os
 import termios
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import serial
 from serial.tools import list_ports
@@ -94,3 +95,21 @@ def _explain(port: str, error: Exception) -> str:
     if number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK) or "exclusively lock" in str(error):
         return f"another program holds {port}: close it (fuser -v {port} names it)"
     return f"{port} cannot be used as a serial port: {error}"
+
+
+def only_port(kind: Literal["data", "command"], knob: str) -> str:
+    """Path of the only data or command port of TI boards that is plugged in; a `DeviceError` says that there is none, or another one."""
+    ports = [path for board in ti_ports() if (path := board.data if kind == "data" else board.command)]
+    if len(ports) == 1:
+        return ports[0]
+    found = (
+        f"there are several: {', '.join(ports)}; set {knob} to one of them" if ports else f"plug the sensor's USB cable in, or set {knob}"
+    )
+    raise DeviceError(f"no {kind} port of a TI board can be chosen: {found}", gone=True)
+
+
+def close_port(link: serial.Serial | None) -> None:
+    """Close a serial port, if it is open."""
+    if link is not None:
+        with suppress(*GONE):  # it was unplugged; its descriptor is closed all the same
+            link.close()

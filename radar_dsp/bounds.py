@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from radar_core import SPEED_OF_LIGHT, ConfigError, DataError, RadarInfo, Waveform
 from radar_core.linalg import solve_spd
+from radar_dsp.steering import apertures
 
 FloatArray = NDArray[np.float64]
 MODES = ("auto", "azimuth_elevation", "azimuth", "elevation", "void")
-_APERTURE = 1e-4
-"""Least spread of the elements that counts as an aperture [wavelength^2]; a hundredth of a wavelength is mounting tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +22,8 @@ class Bounds:
 
     Attributes
     ----------
-    distance : ndarray
-        Range at the middle of the acquisition [m].
-    speed : ndarray
-        Range rate [m/s].
+    distance, speed : ndarray
+        Range at the middle of the acquisition [m], range rate [m/s].
     azimuth, elevation : ndarray
         Direction in the sensor frame [rad].
     """
@@ -41,15 +38,13 @@ class Bounds:
 class PhaseModel:
     """Gradient of an echo's phase over (range, range rate, u_y, u_z), averaged over the samples of a frame.
 
-    The phase of sample k of chirp l of transmitter t in channel c is ``wave_k (d + v (start_tl + fast_k)) + steer_c . u``, with
-    u = (cos(elevation) sin(azimuth), sin(elevation)). It is linear in u, so none of the averages depends on where the echo is.
+    The phase of sample k of chirp l of transmitter t in channel c is ``wave_k (d + v (start_tl + fast_k)) + steer_c . u``, with u =
+    (cos(elevation) sin(azimuth), sin(elevation)). It is linear in u, so none of the averages depends on where the echo is.
 
     Attributes
     ----------
-    wave : ndarray, shape (n_sample,)
-        4 pi / c times the frequency on the air at each sample [rad/m].
-    fast : ndarray, shape (n_sample,)
-        Time since the start of the chirp [s].
+    wave, fast : ndarray, shape (n_sample,)
+        4 pi / c times the frequency on the air at each sample [rad/m]; time since the start of the chirp [s].
     middle : float
         Half the acquisition [s]; chirps start at ``(l n_tx + t) chirp_interval - middle``.
     steer : ndarray, shape (n_channel, 2) = (y, z)
@@ -75,18 +70,7 @@ class PhaseModel:
 
 
 def phase_model(info: RadarInfo) -> PhaseModel:
-    """Average the phase gradient of an echo by sums over one axis of the cube at a time.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        Waveform and calibrated array.
-
-    Returns
-    -------
-    PhaseModel
-        The averages.
-    """
+    """Average the phase gradient of an echo, of a waveform and a calibrated array, by sums over one axis of the cube at a time."""
     w, array = info.waveform, info.array
     frequency, fast = _frequency(w)
     wave = 4 * math.pi / SPEED_OF_LIGHT * frequency
@@ -135,29 +119,13 @@ def _frequency(w: Waveform) -> tuple[FloatArray, FloatArray]:
 def measurable(info: RadarInfo, mode: str) -> tuple[bool, bool, bool, bool]:
     """Say which of (range, range rate, u_y, u_z) a radar can measure.
 
-    Parameters
-    ----------
-    info : RadarInfo
-        The radar.
-    mode : str
-        A mode of `DoaConfig`; what it leaves out counts as known. What the array has no aperture for is left out in every mode.
-
-    Returns
-    -------
-    tuple of bool
-        One entry per quantity.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown mode.
+    ``mode`` is one of `DoaConfig` (`ConfigError`: it is not); what it leaves out counts as known. What the array has no aperture for is
+    left out in every mode.
     """
     if mode not in MODES:
         raise ConfigError(f"mode is {mode!r}; choose one of {', '.join(map(repr, MODES))}")
     w = info.waveform
-    scatter = np.atleast_2d(np.cov(info.array.virtual.T / w.wavelength, bias=True))
-    horizontal, vertical = bool(scatter[0, 0] > _APERTURE), bool(scatter[1, 1] > _APERTURE)
-    both = bool(np.linalg.eigvalsh(scatter)[0] > _APERTURE) and len(info.array.virtual) >= 3
+    both, horizontal, vertical = apertures(info.array.virtual, w.wavelength)
     wants_y, wants_z = mode in ("auto", "azimuth_elevation", "azimuth"), mode in ("auto", "azimuth_elevation", "elevation")
     uy = wants_y and horizontal
     # A tilted line gives one angle only: then the elevation is taken for known.
@@ -166,24 +134,13 @@ def measurable(info: RadarInfo, mode: str) -> tuple[bool, bool, bool, bool]:
 
 
 def phase_information(info: RadarInfo, mode: str) -> tuple[FloatArray, tuple[bool, bool, bool, bool]]:
-    """Invert the covariance of the phase gradient over what can be measured.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        The radar.
-    mode : str
-        As for `measurable`; ``void`` leaves the phase of every channel free.
+    """Invert the covariance of the phase gradient over what is `measurable`; mode ``void`` leaves the phase of every channel free.
 
     Returns
     -------
     tuple of (ndarray, tuple of bool)
-        Shape (4, 4) over (range, range rate, u_y, u_z), zero where not measurable, and which are.
-
-    Raises
-    ------
-    SingularError
-        When the measurable ones cannot be told apart.
+        Shape (4, 4) over (range, range rate, u_y, u_z), zero where not measurable, and which are. A `SingularError` says that those cannot
+        be told apart.
     """
     model, which = phase_model(info), measurable(info, mode)
     covariance = model.covariance.copy()
@@ -200,8 +157,8 @@ class Bound:
     """Joint Cramér-Rao bound over range, range rate, direction and complex amplitude of one point echo in white noise.
 
     The samples are those of `RadarFrame` with the exact phase ``2 pi (f_min tau + slope tau t_fast)``, tau = 2 (d + v (t - t_mid)) / c:
-    range migration, Doppler within a chirp and the transmitters' turns are in. The information over (d, v, u_y, u_z) is the same for
-    every echo (see `PhaseModel`), so it is inverted once; only the step from u to the angles depends on the direction.
+    range migration, Doppler within a chirp and the transmitters' turns are in. The information over (d, v, u_y, u_z) is the same for every
+    echo (see `PhaseModel`), so it is inverted once; only the step from u to the angles depends on the direction.
 
     Parameters
     ----------
@@ -218,10 +175,8 @@ class Bound:
 
     Raises
     ------
-    ConfigError
-        For an unknown mode, or a source without samples.
-    SingularError
-        When the radar cannot tell the quantities apart.
+    ConfigError, SingularError
+        For an unknown mode, or a source without samples; when the radar cannot tell the quantities apart.
     """
 
     def __init__(self, info: RadarInfo, mode: str = "auto") -> None:
@@ -234,20 +189,15 @@ class Bound:
         Parameters
         ----------
         snr : array_like, shape (n_points,)
-            Signal-to-noise power ratio of the peak cell behind untapered transforms, mean of the virtual channels:
-            |A|^2 n_chirp n_sample / sigma^2. Windows lower what a chain measures by their losses.
+            Signal-to-noise power ratio of the peak cell behind untapered transforms, mean of the virtual channels: |A|^2 n_chirp n_sample /
+            sigma^2. Windows lower what a chain measures by their losses.
         azimuth, elevation : array_like, shape (n_points,)
-            Direction [rad]; NaN counts as 0.
+            Direction [rad]; NaN counts as 0, an infinite one is a `DataError`.
 
         Returns
         -------
         Bounds
             Standard deviations; infinite at a ratio of 0.
-
-        Raises
-        ------
-        DataError
-            When an angle is infinite.
         """
         ratio, az, el = np.broadcast_arrays(*(np.asarray(a, np.float64) for a in (snr, azimuth, elevation)))
         if np.isinf(az).any() or np.isinf(el).any():

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_dsp.doa_kernels import first_maximum, newton_step, sine_cosine, store_direction
+from radar_dsp.kernels import cholesky, solve
+from radar_dsp.steering import Steering
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -22,21 +24,10 @@ CANDIDATES = 4
 
 @numba.njit(cache=True)
 def loaded_covariance(snapshot: NDArray[np.complex64], loading: float, matrix: Complexes) -> float:
-    """Conjugate of the sample covariance plus loading, with a mean power of 1 per channel.
+    """Conjugate of the sample covariance plus loading, with a mean power of 1 per channel, into ``matrix`` (n_channel, n_channel).
 
-    Parameters
-    ----------
-    snapshot : ndarray of complex64, shape (n_snapshot, n_channel)
-        Snapshots.
-    loading : float
-        Diagonal loading, relative to the mean power of a channel.
-    matrix : ndarray of complex128, shape (n_channel, n_channel)
-        Result.
-
-    Returns
-    -------
-    float
-        The largest real or imaginary part of the snapshots; 0: no result.
+    ``snapshot`` has the shape (n_snapshot, n_channel); ``loading`` is relative to the mean power of a channel. Returns the largest real or
+    imaginary part of the snapshots; 0: no result.
     """
     n_snapshot, n = snapshot.shape
     peak = 0.0
@@ -60,41 +51,6 @@ def loaded_covariance(snapshot: NDArray[np.complex64], loading: float, matrix: C
             matrix[d, c] = np.conj(matrix[c, d])
         matrix[c, c] = matrix[c, c] * scale + loading
     return peak
-
-
-@numba.njit(cache=True)
-def cholesky(matrix: Complexes) -> None:
-    """Lower Cholesky factor in place (the upper part is left alone); the loading keeps every pivot positive."""
-    n = matrix.shape[0]
-    for j in range(n):
-        pivot = matrix[j, j].real
-        for k in range(j):
-            pivot -= matrix[j, k].real ** 2 + matrix[j, k].imag ** 2
-        # Rounding can only bring the pivot below the loading, 1e-6 of the mean power at least, when it is lost anyway.
-        root = math.sqrt(max(pivot, 1e-9))
-        matrix[j, j] = root
-        for i in range(j + 1, n):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * np.conj(matrix[j, k])
-            matrix[i, j] = total / root
-
-
-@numba.njit(cache=True)
-def solve(factor: Complexes, x: Complexes) -> None:
-    """Solve L L^H x = b in place, by substitution; ``x`` has shape (n_channel, n_right)."""
-    n = factor.shape[0]
-    for r in range(x.shape[1]):
-        for i in range(n):
-            total = x[i, r]
-            for j in range(i):
-                total -= factor[i, j] * x[j, r]
-            x[i, r] = total / factor[i, i]
-        for i in range(n - 1, -1, -1):
-            total = x[i, r]
-            for j in range(i + 1, n):
-                total -= np.conj(factor[j, i]) * x[j, r]
-            x[i, r] = total / factor[i, i]
 
 
 @numba.njit(cache=True, fastmath={"contract"})
@@ -169,15 +125,7 @@ def _refine(
 
 @numba.njit(cache=True)
 def _highest_peak(
-    factor: Complexes,
-    fold: Complexes,
-    phase: Floats,
-    grid: Floats,
-    cost: Floats,
-    spacing: Floats,
-    loading: float,
-    steps: int,
-    x: Complexes,
+    factor: Complexes, fold: Complexes, phase: Floats, grid: Floats, cost: Floats, spacing: Floats, loading: float, steps: int, x: Complexes
 ) -> tuple[float, float]:
     """Refine the highest grid points that are not neighbours and keep the highest peak; ``cost`` (-q on the grid) is used up.
 
@@ -202,14 +150,7 @@ def _highest_peak(
 def locate_capon(
     snapshot: NDArray[np.complex64],
     snr: Floats32,
-    fold: Complexes,
-    phase: Floats,
-    table: Floats32,
-    grid: Floats,
-    spacing: Floats,
-    bound: Floats,
-    limit: Floats,
-    axes: int,
+    steering: Steering,
     steps: int,
     loading: float,
     angles: Floats,
@@ -219,6 +160,7 @@ def locate_capon(
 
     ``loading`` is relative to the mean power of a channel. The bounds are those of a single snapshot.
     """
+    fold, phase, table, grid, spacing, bound, limit, axes = steering
     n_points, _, n = snapshot.shape
     n_grid = grid.shape[1]
     factor, x = np.empty((n, n), np.complex128), np.empty((n, 6), np.complex128)
@@ -229,7 +171,7 @@ def locate_capon(
                 angles[k, i] = math.nan
             inside[i] = False
             continue
-        cholesky(factor)
+        cholesky(factor, 0.0, 1e-9)  # rounding brings a pivot below the loading, 1e-6 at least, only when it is lost anyway
         for first in range(0, n_grid, _BLOCK):
             _whiten(factor, fold, table, first, min(_BLOCK, n_grid - first), y, cost)
         uy, uz = _highest_peak(factor, fold, phase, grid, cost, spacing, loading, steps, x)

@@ -90,7 +90,7 @@ class DirectionFinder:
         if config.method == "dml2" and self.steering is not None:
             from radar_dsp.two_sources import TwoSources  # as the others below, loaded only where it is chosen
 
-            self._pairs = TwoSources(config, info, self.steering)
+            self._pairs = TwoSources(config, info, self.mode, self.steering)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.floating]) -> Directions:
         """Estimate directions.
@@ -145,7 +145,7 @@ class DirectionFinder:
         if self._method == "capon":
             from radar_dsp.capon_kernels import locate_capon
 
-            locate_capon(snapshot, snr, *self.steering.arguments, self.steps, self._loading, angles, inside)
+            locate_capon(snapshot, snr, self.steering, self.steps, self._loading, angles, inside)
         else:
-            locate(snapshot, snr, *self.steering.arguments, self.steps, angles, inside)
+            locate(snapshot, snr, self.steering, self.steps, angles, inside)
         return angles, inside, np.arange(n)

@@ -18,6 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_dsp.steering import Steering
+
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
@@ -77,10 +79,7 @@ def first_maximum(values: NDArray[Any]) -> int:
 def load_weights(snapshot: NDArray[np.complex64], fold: NDArray[np.complex128], real: Floats, imag: Floats) -> float:
     """Snapshots (n_snapshot, n_channel) times conj(response), scaled by their largest part so that no square can overflow.
 
-    Returns
-    -------
-    float
-        The largest real or imaginary part; 0: nothing was loaded.
+    Returns that part, real or imaginary; 0: nothing was loaded.
     """
     n_snapshot, n_channel = snapshot.shape
     peak = 0.0
@@ -102,18 +101,10 @@ def load_weights(snapshot: NDArray[np.complex64], fold: NDArray[np.complex128], 
 
 @numba.njit(forceinline=True, cache=True, fastmath={"contract"})
 def beam_power(real: Floats, imag: Floats, table: Floats32, beam: Floats32, power: Floats32) -> None:
-    """Sum over the snapshots of |sum_c w_c exp(+j phase_c . u)|^2 on the grid.
+    """Sum over the snapshots of |sum_c w_c exp(+j phase_c . u)|^2 on the grid, into ``power`` (n_grid,).
 
-    Parameters
-    ----------
-    real, imag : ndarray, shape (n_snapshot, n_channel)
-        Weights.
-    table : ndarray of float32, shape (2, n_channel, n_grid)
-        Cosines and sines of the phases.
-    beam : ndarray of float32, shape (2, n_grid)
-        Left with the beam of the last snapshot.
-    power : ndarray of float32, shape (n_grid,)
-        Result.
+    ``real`` and ``imag`` are the weights, shape (n_snapshot, n_channel); ``table`` is that of `Steering`; ``beam`` (2, n_grid) is left with
+    the beam of the last snapshot.
     """
     n_snapshot, n_channel = real.shape
     n_grid = power.shape[0]
@@ -210,24 +201,10 @@ def refine(
 def store_direction(
     uy: float, uz: float, bound: Floats, axes: int, limit: Floats, angles: Floats, inside: NDArray[np.bool_], i: int
 ) -> None:
-    """Turn direction cosines and their covariance into angles and standard deviations.
+    """Turn direction cosines and their covariance into angles and standard deviations; of one measured axis ``uy`` holds it.
 
-    Parameters
-    ----------
-    uy, uz : float
-        Direction cosines; of one measured axis, the first.
-    bound : ndarray, shape (3,)
-        Variances of uy, covariance, variance of uz.
-    axes : int
-        0: both angles; 1: azimuth only; 2: elevation only.
-    limit : ndarray, shape (2,)
-        Half the field of view in azimuth and elevation [rad].
-    angles : ndarray, shape (4, n)
-        Azimuth, elevation, their standard deviations [rad]; column ``i`` is written.
-    inside : ndarray of bool, shape (n,)
-        Entry ``i`` is written.
-    i : int
-        Where.
+    ``bound`` (3,) has the variance of uy, the covariance, the variance of uz; ``limit`` and ``axes`` are those of `Steering`. Column i of
+    ``angles`` (4, n), azimuth, elevation and their standard deviations [rad], and entry i of ``inside`` (n,) are written.
     """
     if axes == 1:
         sin_az = min(max(uy, -1.0), 1.0)
@@ -260,19 +237,7 @@ def store_direction(
 
 @numba.njit(cache=True)
 def locate(
-    snapshot: NDArray[np.complex64],
-    snr: Floats32,
-    fold: NDArray[np.complex128],
-    phase: Floats,
-    table: Floats32,
-    grid: Floats,
-    spacing: Floats,
-    bound: Floats,
-    limit: Floats,
-    axes: int,
-    steps: int,
-    angles: Floats,
-    inside: NDArray[np.bool_],
+    snapshot: NDArray[np.complex64], snr: Floats32, steering: Steering, steps: int, angles: Floats, inside: NDArray[np.bool_]
 ) -> None:
     """Maximum-likelihood direction of one echo per detection (2.16): grid, Newton's method, angles, bounds.
 
@@ -282,8 +247,8 @@ def locate(
         Snapshots; their likelihoods are summed.
     snr : ndarray of float32, shape (n_points,)
         Signal-to-noise power ratio per channel.
-    fold, phase, table, grid, spacing, bound, limit, axes
-        Of `radar_dsp.steering.Steering`.
+    steering : Steering
+        The array and the grid.
     steps : int
         Newton steps.
     angles : ndarray, shape (4, n_points)
@@ -291,6 +256,7 @@ def locate(
     inside : ndarray of bool, shape (n_points,)
         Result: within the field of view; a snapshot of zeros has no direction: NaN, not inside.
     """
+    fold, phase, table, grid, spacing, bound, limit, axes = steering
     n_points, n_snapshot, n_channel = snapshot.shape
     real, imag = np.empty((n_snapshot, n_channel)), np.empty((n_snapshot, n_channel))
     beam, power = np.empty((2, grid.shape[1]), np.float32), np.empty(grid.shape[1], np.float32)

@@ -7,6 +7,7 @@ range) and is **valid until the next call**: the memory is used again for the ne
 from __future__ import annotations
 
 import importlib
+from functools import partial
 from typing import Any, Protocol
 
 import numba
@@ -28,7 +29,7 @@ class Fft(Protocol):
     """One back end."""
 
     def process(self, cube: Cube) -> Cube:
-        """Window and transform a frame.
+        """Window and transform a frame; a `DataError` says that it has another shape than the back end was made for.
 
         Parameters
         ----------
@@ -39,98 +40,49 @@ class Fft(Protocol):
         -------
         ndarray of complex64, shape (n_tx, n_speed, n_rx, n_range)
             Transform over chirps and samples (2.12, 2.13), C-contiguous, valid until the next call.
-
-        Raises
-        ------
-        DataError
-            When the cube has another shape than the back end was made for.
         """
         ...
 
 
-class ScipyFft:
-    """`scipy.fft` in place, one thread: the default.
+class FloatFft:
+    """A library's transform in single precision, one thread.
+
+    ``scipy`` works in place. ``numpy`` is several times slower; before version 2 it computes in double precision. ``fftw`` (pyfftw) is the
+    fastest: planned once by measuring, so that two runs of a program may differ in the last bits.
 
     Parameters
     ----------
+    name : str
+        ``scipy``, ``numpy`` or ``fftw``; a `ConfigError` says that pyfftw is not installed.
     shape : tuple of int
         Of the frames, (n_tx, n_chirp, n_rx, n_sample).
     speed_window, range_window : ndarray, shape (n_chirp,) and (n_sample,)
         Windows.
     """
 
-    def __init__(self, shape: Shape, speed_window: Window, range_window: Window) -> None:
-        self._windowing = Windowing(np.empty(shape, np.complex64), speed_window, range_window)
-
-    def process(self, cube: Cube) -> Cube:
-        """Window and transform a frame; see `Fft.process`."""
-        spectrum: Cube = scipy.fft.fft2(self._windowing.process(cube), axes=_AXES, overwrite_x=True, workers=1)
-        return spectrum
-
-
-class NumpyFft:
-    """`numpy.fft`, several times slower; numpy before 2 computes it in double precision. Parameters as for `ScipyFft`."""
-
-    def __init__(self, shape: Shape, speed_window: Window, range_window: Window) -> None:
-        self._windowing = Windowing(np.empty(shape, np.complex64), speed_window, range_window)
-
-    def process(self, cube: Cube) -> Cube:
-        """Window and transform a frame; see `Fft.process`."""
-        return np.ascontiguousarray(np.fft.fft2(self._windowing.process(cube), axes=_AXES), np.complex64)
-
-
-class FftwFft:
-    """FFTW by way of pyfftw, planned once by measuring (FFTW_MEASURE), one thread; the fastest. Parameters as for `ScipyFft`.
-
-    The plan depends on what was measured, so two runs of a program may differ in the last bits; scipy's results do not.
-
-    Raises
-    ------
-    ConfigError
-        When pyfftw is not installed.
-    """
-
-    def __init__(self, shape: Shape, speed_window: Window, range_window: Window) -> None:
-        try:
-            pyfftw: Any = importlib.import_module("pyfftw")
-        except ImportError:
-            raise ConfigError(
-                "SpectrumConfig.fft is 'fftw', which needs pyfftw: pip install handwave[fftw], or choose 'scipy', which is always there"
-            ) from None
-        buffer = pyfftw.empty_aligned(shape, np.complex64)
-        # In place: the frame then stays in the cache between the passes, which is a quarter faster than into a second buffer.
-        self._plan = pyfftw.FFTW(buffer, buffer, axes=_AXES, flags=("FFTW_MEASURE",), threads=1)
-        self._windowing = Windowing(buffer, speed_window, range_window)
-
-    def process(self, cube: Cube) -> Cube:
-        """Window and transform a frame; see `Fft.process`."""
-        spectrum = self._windowing.process(cube)
-        self._plan.execute()
-        return spectrum
-
-
-class Windowing:
-    """Multiply a frame with its two windows into a buffer that is used again and again.
-
-    Parameters
-    ----------
-    buffer : ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
-        Where the products go; C-contiguous.
-    speed_window, range_window : ndarray, shape (n_chirp,) and (n_sample,)
-        Windows.
-    """
-
-    def __init__(self, buffer: Cube, speed_window: Window, range_window: Window) -> None:
-        self._buffer, self._floats = buffer, buffer.view(np.float32)
+    def __init__(self, name: str, shape: Shape, speed_window: Window, range_window: Window) -> None:
+        self._buffer = np.empty(shape, np.complex64)
+        self._transform: Any = np.fft.fft2 if name == "numpy" else partial(scipy.fft.fft2, overwrite_x=True, workers=1)
+        if name == "fftw":
+            try:
+                pyfftw: Any = importlib.import_module("pyfftw")
+            except ImportError:
+                raise ConfigError(
+                    "SpectrumConfig.fft is 'fftw', which needs pyfftw: pip install handwave[fftw], or choose 'scipy', which is always there"
+                ) from None
+            self._buffer = pyfftw.empty_aligned(shape, np.complex64)
+            # In place: the frame then stays in the cache between the passes, which is a quarter faster than into a second buffer.
+            plan = pyfftw.FFTW(self._buffer, self._buffer, axes=_AXES, flags=("FFTW_MEASURE",), threads=1)
+            self._transform = lambda buffer, axes: plan()
         # Real and imaginary part as two floats of the same weight: the loop is then a plain product that the compiler turns into vectors.
         self._window = np.repeat(np.outer(speed_window, range_window), 2, axis=1).astype(np.float32)
 
     def process(self, cube: Cube) -> Cube:
-        """Fill the buffer with ``cube`` times the windows and return it; `DataError` for a cube of another shape."""
+        """Window and transform a frame; see `Fft.process`."""
         if cube.shape != self._buffer.shape:
             raise wrong_shape(cube.shape, self._buffer.shape)
-        weigh(np.ascontiguousarray(cube, np.complex64).view(np.float32), self._window, self._floats)
-        return self._buffer
+        weigh(np.ascontiguousarray(cube, np.complex64).view(np.float32), self._window, self._buffer.view(np.float32))
+        return np.ascontiguousarray(self._transform(self._buffer, axes=_AXES), np.complex64)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -145,30 +97,12 @@ def weigh(cube: Any, window: Any, out: Any) -> None:
 
 
 def make_fft(config: SpectrumConfig, shape: Shape, speed_window: Window, range_window: Window) -> Fft:
-    """Make the back end that ``config.fft`` names.
+    """Make the back end that ``config.fft`` names, planned and ready; parameters as for `FloatFft`, windows of unit energy.
 
-    Parameters
-    ----------
-    config : SpectrumConfig
-        ``fft``, and for the fixed-point one ``word_length``.
-    shape : tuple of int
-        Of the frames, (n_tx, n_chirp, n_rx, n_sample).
-    speed_window, range_window : ndarray, shape (n_chirp,) and (n_sample,)
-        Windows of unit energy.
-
-    Returns
-    -------
-    Fft
-        The back end, planned and ready.
-
-    Raises
-    ------
-    ConfigError
-        When pyfftw is missing, or the fixed-point transform is asked for a length that is not a power of two.
+    A `ConfigError` says that pyfftw is missing, or that the fixed-point transform is asked for a length that is not a power of two.
     """
-    if config.fft == "fixed":
-        from radar_dsp.fixed_point import FixedFft  # loaded only where it is chosen
+    if config.fft != "fixed":
+        return FloatFft(config.fft, shape, speed_window, range_window)
+    from radar_dsp.fixed_point import FixedFft  # loaded only where it is chosen
 
-        return FixedFft(config.word_length, shape, speed_window, range_window)
-    backends: dict[str, type[ScipyFft] | type[NumpyFft] | type[FftwFft]] = {"scipy": ScipyFft, "numpy": NumpyFft, "fftw": FftwFft}
-    return backends[config.fft](shape, speed_window, range_window)
+    return FixedFft(config.word_length, shape, speed_window, range_window)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from radar_core import RadarInfo, known_symbols
 from radar_dsp.config import Missing
+from radar_dsp.kernels import cholesky, solve
 from radar_dsp.spectrum import normalise
 
 Cube = NDArray[np.complex64]
@@ -38,6 +39,8 @@ MOST_LOST = 0.5
 """Largest share of a transmitter's chirps that is filled in: beyond it there is more guessed than measured."""
 LONGEST = 0.25
 """Longest gap, as a share of a transmitter's chirps, over which a person's movement can be predicted to about the noise."""
+_PIVOTS = (1e-14, 1e-300)
+"""Least pivots, see `kernels.cholesky`."""
 LOADING = 1e-9
 """Diagonal loading of the equations, relative to the power of the cell: far below the noise beside the strongest coupling."""
 
@@ -205,35 +208,6 @@ def covariance(real: Any, imag: Any, lost: Any, order: int) -> Any:
 
 
 @numba.njit(cache=True, nogil=True)
-def solve(matrix: Any, right: Any) -> None:
-    """Solve a Hermitian positive system by Cholesky in place, shapes (n, n) and (n, m); pivots are kept off zero."""
-    n, m = right.shape
-    for j in range(n):
-        own = matrix[j, j].real
-        pivot = own
-        for k in range(j):
-            pivot -= matrix[j, k].real ** 2 + matrix[j, k].imag ** 2
-        root = np.sqrt(max(pivot, 1e-14 * own, 1e-300))
-        matrix[j, j] = root
-        for i in range(j + 1, n):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * np.conj(matrix[j, k])
-            matrix[i, j] = total / root
-    for column in range(m):
-        for i in range(n):
-            total = right[i, column]
-            for k in range(i):
-                total -= matrix[i, k] * right[k, column]
-            right[i, column] = total / matrix[i, i]
-        for i in range(n - 1, -1, -1):
-            total = right[i, column]
-            for k in range(i + 1, n):
-                total -= np.conj(matrix[k, i]) * right[k, column]
-            right[i, column] = total / matrix[i, i]
-
-
-@numba.njit(cache=True, nogil=True)
 def coefficients(moments: Any, loading: float) -> Any:
     """Prediction-error filter of one range cell, h[0] = 1, shape (order + 1,); ``moments`` of shape (order + 1, order + 1)."""
     order = moments.shape[0] - 1
@@ -246,6 +220,7 @@ def coefficients(moments: Any, loading: float) -> Any:
             matrix[i, j] = moments[i + 1, j + 1]
         matrix[i, i] += loading * power
         right[i, 0] = -moments[i + 1, 0]
+    cholesky(matrix, *_PIVOTS)
     solve(matrix, right)
     h = np.ones(order + 1, np.complex128)
     h[1:] = right[:, 0]
@@ -305,6 +280,7 @@ def fill_in(real: Any, imag: Any, moments: Any, tx: Any, chirp: Any, loading: fl
                     factor = weight(h, n_chirp, own[i], k)
                     for rx in range(n_rx):  # lost chirps are zero and add nothing
                         right[i, rx] -= factor * complex(real[tx[start], k, rx, r], imag[tx[start], k, rx, r])
+            cholesky(matrix, *_PIVOTS)
             solve(matrix, right)
             found[start:stop, :, r] = right
             start = stop

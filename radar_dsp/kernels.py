@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -28,17 +27,12 @@ _jit = numba.njit(cache=True, nogil=True)
 _GROUPING = {"none": 0, "range": 1, "peak": 2}
 
 
+@_jit
 def integrate(spectrum: Any) -> FloatMap:
     """Non-coherent integration: mean power over the virtual channels, shape (n_speed, n_range).
 
     The thesis sums; the mean differs by a constant and keeps the noise floor in the unit of the samples' power.
     """
-    result: FloatMap = _integrate(spectrum)
-    return result
-
-
-@_jit
-def _integrate(spectrum: Any) -> Any:
     n_tx, n_speed, n_rx, n_range = spectrum.shape
     power = np.zeros((n_speed, n_range), np.float32)
     scale = np.float32(1.0 / (n_tx * n_rx))
@@ -54,14 +48,10 @@ def _integrate(spectrum: Any) -> Any:
     return power
 
 
-def pad(values: FloatMap, usable: Any, half: tuple[int, int], fill: float) -> FloatMap:
-    """Wrap along speed, put ``fill`` where a training cell does not exist; shape (n_speed + 2 half[0], n_range + 2 half[1])."""
-    result: FloatMap = _pad(values, usable, half[0], half[1], np.float32(fill))
-    return result
-
-
 @_jit
-def _pad(values: Any, usable: Any, hs: int, hr: int, fill: Any) -> Any:
+def pad(values: FloatMap, usable: Mask, half: tuple[int, int], fill: float) -> FloatMap:
+    """Wrap along speed, put ``fill`` where a training cell does not exist; shape (n_speed + 2 half[0], n_range + 2 half[1])."""
+    hs, hr = half
     n_speed, n_range = values.shape
     padded = np.full((n_speed + 2 * hs, n_range + 2 * hr), fill, np.float32)
     for i in range(n_speed + 2 * hs):
@@ -72,14 +62,10 @@ def _pad(values: Any, usable: Any, hs: int, hr: int, fill: Any) -> Any:
     return padded
 
 
+@_jit
 def rank_test(padded: FloatMap, threshold: FloatMap, rank: Any, offsets: Offsets, half: tuple[int, int]) -> Mask:
     """Cells with at least ``rank`` training cells below their threshold, shape (n_speed, n_range)."""
-    result: Mask = _rank_test(padded, threshold, rank, offsets, half[0], half[1])
-    return result
-
-
-@_jit
-def _rank_test(padded: Any, threshold: Any, rank: Any, offsets: Any, hs: int, hr: int) -> Any:
+    hs, hr = half
     n_speed, n_range = threshold.shape
     mask = np.empty((n_speed, n_range), np.bool_)
     count = np.empty(n_range, np.int32)
@@ -96,14 +82,10 @@ def _rank_test(padded: Any, threshold: Any, rank: Any, offsets: Any, hs: int, hr
     return mask
 
 
+@_jit
 def sums(padded: FloatMap, offsets: Offsets, half: tuple[int, int]) -> FloatMap:
     """Sum of the training cells of each cell, shape (n_speed, n_range)."""
-    result: FloatMap = _sums(padded, offsets, half[0], half[1])
-    return result
-
-
-@_jit
-def _sums(padded: Any, offsets: Any, hs: int, hr: int) -> Any:
+    hs, hr = half
     n_speed, n_range = padded.shape[0] - 2 * hs, padded.shape[1] - 2 * hr
     total = np.zeros((n_speed, n_range), np.float32)
     for s in range(n_speed):
@@ -116,14 +98,10 @@ def _sums(padded: Any, offsets: Any, hs: int, hr: int) -> Any:
     return total
 
 
+@_jit
 def ordered(padded: FloatMap, cells: Cells, offsets: Offsets, half: tuple[int, int], rank: Any) -> FloatMap:
     """Order statistic of the training cells at single cells, shape (n_cells,)."""
-    result: FloatMap = _ordered(padded, cells[0], cells[1], offsets, half[0], half[1], rank)
-    return result
-
-
-@_jit
-def _ordered(padded: Any, speed: Any, distance: Any, offsets: Any, hs: int, hr: int, rank: Any) -> Any:
+    (speed, distance), (hs, hr) = cells, half
     flat, stride = padded.ravel(), padded.shape[1]
     shift = np.empty(len(offsets), np.uint64)  # unsigned: no test for a negative index in the loop
     for k in range(len(offsets)):
@@ -198,8 +176,7 @@ def _find(mask: Any, power: Any, grouping: int) -> Any:
     return speed[:n].copy(), distance[:n].copy()
 
 
-@dataclass(frozen=True, eq=False)
-class Scales:
+class Scales(NamedTuple):
     """What turns offsets in cells into estimates.
 
     Attributes
@@ -226,6 +203,7 @@ class Scales:
     n_channel: int
 
 
+@_jit
 def estimate(power: FloatMap, cells: Cells, noise: FloatMap, scales: Scales) -> Any:
     """Estimates between the cells: parabolas through three log powers, corrected for the window.
 
@@ -245,14 +223,9 @@ def estimate(power: FloatMap, cells: Cells, noise: FloatMap, scales: Scales) -> 
     ndarray of float64, shape (5, n_points) = (distance, distance_std, speed, speed_std, snr)
         Range [m], range rate [m/s], with standard deviations, and signal-to-noise power ratio per channel; NaN where not measured.
     """
-    unit = (scales.range_resolution, scales.speed_resolution, scales.max_speed, scales.coupling, float(scales.n_channel))
-    return _estimate(power, cells[0], cells[1], noise, scales.tables, scales.edges, unit)
-
-
-@_jit
-def _estimate(power: Any, speed_bin: Any, range_bin: Any, noise: Any, tables: Any, edges: Any, unit: Any) -> Any:
+    speed_bin, range_bin = cells
     n_speed, n_range = power.shape
-    range_resolution, speed_resolution, max_speed, coupling, n_channel = unit
+    range_resolution, coupling, n_channel = scales.range_resolution, scales.coupling, scales.n_channel
     result = np.empty((5, len(speed_bin)))
     for p in range(len(speed_bin)):
         s, r = speed_bin[p], range_bin[p]
@@ -263,17 +236,17 @@ def _estimate(power: Any, speed_bin: Any, range_bin: Any, noise: Any, tables: An
             ratio = np.float64(at) / np.float64(below)
         snr = max(ratio - 1, LEAST_SNR)
         offset, std = _interpolate(
-            power[s - 1, r], at, power[s + 1 if s + 1 < n_speed else 0, r], snr * n_channel, snr, tables[0], edges[0]
+            power[s - 1, r], at, power[s + 1 if s + 1 < n_speed else 0, r], snr * n_channel, snr, scales.tables[0], scales.edges[0]
         )
         signed = s - n_speed if s >= (n_speed + 1) // 2 else s
-        speed = (signed + offset) * speed_resolution
-        speed = (speed + max_speed) % (2 * max_speed) - max_speed
-        result[2, p], result[3, p], result[4, p] = speed, std * speed_resolution, snr
+        speed = (signed + offset) * scales.speed_resolution
+        speed = (speed + scales.max_speed) % (2 * scales.max_speed) - scales.max_speed
+        result[2, p], result[3, p], result[4, p] = speed, std * scales.speed_resolution, snr
         if n_speed == 1:
             result[2, p] = result[3, p] = math.nan
             speed = 0.0
         offset, std = _interpolate(
-            power[s, r - 1], at, power[s, r + 1 if r + 1 < n_range else 0], snr * n_channel, snr, tables[1], edges[1]
+            power[s, r - 1], at, power[s, r + 1 if r + 1 < n_range else 0], snr * n_channel, snr, scales.tables[1], scales.edges[1]
         )
         if math.isinf(range_resolution):
             result[0, p] = result[1, p] = math.nan
@@ -301,13 +274,10 @@ def _look_up(table: Any, place: float) -> Any:
     return table[i] + (place - i) * (table[i + 1] - table[i])
 
 
+@_jit
 def snapshots(spectrum: Any, cells: Cells, turn: Any) -> Any:
     """Virtual channels at single cells, turned back by ``turn`` [rad] per transmitter, shape (n_points, n_tx * n_rx)."""
-    return _snapshots(spectrum, cells[0], cells[1], turn)
-
-
-@_jit
-def _snapshots(spectrum: Any, speed: Any, distance: Any, turn: Any) -> Any:
+    speed, distance = cells
     n_tx, _, n_rx, _ = spectrum.shape
     result = np.empty((len(speed), n_tx * n_rx), np.complex64)
     for p in range(len(speed)):
@@ -320,8 +290,9 @@ def _snapshots(spectrum: Any, speed: Any, distance: Any, turn: Any) -> Any:
     return result
 
 
+@_jit
 def pack(estimates: Any, noise: FloatMap, angles: Any, keep: Any, flat: bool, shift: float) -> FloatMap:
-    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`.
+    """Arrays of a point cloud, one row for each name in `CLOUD_ROWS`, shape (13, n_kept).
 
     Parameters
     ----------
@@ -337,17 +308,7 @@ def pack(estimates: Any, noise: FloatMap, angles: Any, keep: Any, flat: bool, sh
         Without elevation points lie at the sensor's height: the best guess there is.
     shift : float
         Added to the noise floor [dB].
-
-    Returns
-    -------
-    ndarray of float32, shape (13, n_kept)
     """
-    result: FloatMap = _pack(estimates, noise, angles, keep, flat, shift)
-    return result
-
-
-@_jit
-def _pack(estimates: Any, noise: Any, angles: Any, keep: Any, flat: bool, shift: float) -> Any:
     result = np.empty((13, len(keep)), np.float32)
     for i in range(len(keep)):
         p = keep[i]
@@ -360,3 +321,38 @@ def _pack(estimates: Any, noise: Any, angles: Any, keep: Any, flat: bool, shift:
         result[8, i] = 10 * math.log10(max(float(noise[p]), TINY)) + shift
         result[9, i], result[10, i], result[11, i], result[12, i] = estimates[1, p], angles[2, p], angles[3, p], estimates[3, p]
     return result
+
+
+@_jit
+def cholesky(matrix: Any, relative: float, least: float) -> None:
+    """Lower factor of a Hermitian matrix in place, the upper part left alone; no pivot below ``relative`` of its own or ``least``."""
+    n = matrix.shape[0]
+    for j in range(n):
+        own = matrix[j, j].real
+        pivot = own
+        for k in range(j):
+            pivot -= matrix[j, k].real ** 2 + matrix[j, k].imag ** 2
+        root = math.sqrt(max(pivot, relative * own, least))
+        matrix[j, j] = root
+        for i in range(j + 1, n):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * np.conj(matrix[j, k])
+            matrix[i, j] = total / root
+
+
+@_jit
+def solve(factor: Any, x: Any) -> None:
+    """Solve L L^H x = b in place, by substitution; ``x`` has shape (n, n_right)."""
+    n = factor.shape[0]
+    for r in range(x.shape[1]):
+        for i in range(n):
+            total = x[i, r]
+            for j in range(i):
+                total -= factor[i, j] * x[j, r]
+            x[i, r] = total / factor[i, i]
+        for i in range(n - 1, -1, -1):
+            total = x[i, r]
+            for j in range(i + 1, n):
+                total -= np.conj(factor[j, i]) * x[j, r]
+            x[i, r] = total / factor[i, i]

@@ -47,7 +47,7 @@ def _pair_row(
 
 @numba.njit(forceinline=True, cache=True, fastmath={"contract"})
 def best_pair(beam: Floats32, power: Floats32, gain: Floats32, cross: Floats32, row: Floats32) -> tuple[int, int]:
-    """Pair of grid points with the largest likelihood.
+    """Pair of grid points with the largest likelihood; (0, 0): there is none.
 
     Parameters
     ----------
@@ -61,11 +61,6 @@ def best_pair(beam: Floats32, power: Floats32, gain: Floats32, cross: Floats32, 
         2 g / (n^2 - |g|^2), real and imaginary; 0 where the two are alike.
     row : ndarray of float32, shape (n_grid,)
         Scratch.
-
-    Returns
-    -------
-    tuple of int
-        The pair; (0, 0): there is none.
     """
     n = power.shape[0]
     best: Any = np.float32(0.0)

@@ -59,13 +59,7 @@ def _parabola(before: AnyArray, at: AnyArray, after: AnyArray) -> AnyArray:
     return vertex
 
 
-def _variance(
-    h: NDArray[np.complex128],
-    power: NDArray[np.float64],
-    correlation: NDArray[np.complex128],
-    raw: NDArray[np.float64],
-    true: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _variance(h: AnyArray, power: AnyArray, correlation: AnyArray, raw: AnyArray, true: AnyArray) -> NDArray[np.float64]:
     """Variance of the offset times the cell's total signal-to-noise ratio, to first order in the noise, shape (n_offsets,)."""
     log_power = np.log(power)
     gradient = np.empty_like(log_power)

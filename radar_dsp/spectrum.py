@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numba
@@ -30,17 +31,16 @@ class SpectrumGenerator(Protocol):
 
     Attributes
     ----------
-    range_window : ndarray of float64, shape (n_range,)
-        What weighs the samples, carriers, or the one value of a tone: it decides how the noise of neighbouring range cells correlates.
-    speed_window : ndarray of float64, shape (n_chirp,)
-        The same over the chirps.
+    range_window, speed_window : ndarray of float64, shape (n_range,), (n_chirp,)
+        What weighs the samples, carriers, or the one value of a tone, and the chirps: they decide how the noise of neighbouring cells
+        correlates.
     """
 
     range_window: Window
     speed_window: Window
 
     def process(self, cube: Cube) -> Cube:
-        """Transform the samples of a frame.
+        """Transform the samples of a frame; a `DataError` says that the cube is not of the radar's shape.
 
         Parameters
         ----------
@@ -51,11 +51,6 @@ class SpectrumGenerator(Protocol):
         -------
         ndarray of complex64, shape (n_tx, n_speed, n_rx, n_range)
             Complex spectrum per virtual channel, C-contiguous. **It is valid until the next call**, which uses the memory again.
-
-        Raises
-        ------
-        DataError
-            When the cube is not of the radar's shape.
         """
         ...
 
@@ -74,14 +69,9 @@ class FmcwSpectrum:
     Parameters
     ----------
     config : SpectrumConfig
-        Windows, back end, static clutter.
+        Windows, back end, static clutter; a `ConfigError` says that the back end is not installed or cannot transform this frame.
     info : RadarInfo
         The radar.
-
-    Raises
-    ------
-    ConfigError
-        When the back end is not installed or cannot transform this frame.
     """
 
     def __init__(self, config: SpectrumConfig, info: RadarInfo) -> None:
@@ -96,16 +86,12 @@ class FmcwSpectrum:
         return self._fft.process(remove_static(cube) if self._remove else cube)
 
 
-Spectrum = FmcwSpectrum
-
-
 class CwSpectrum:
-    """A tone: speed, no range.
+    """A tone: speed, no range. Parameters and errors as for `FmcwSpectrum`; the range window is not used.
 
     The samples of a stretch are added coherently into one value that keeps the variance of white noise, so there is one range cell and a
-    stretch gains ``n_sample`` in signal-to-noise ratio. An echo that turns within a stretch loses amplitude by
-    sinc(2 v chirp_duration / wavelength): 10 % at half the unambiguous speed of one transmitter without pauses.
-    Parameters and errors as for `FmcwSpectrum`; the range window is not used.
+    stretch gains ``n_sample`` in signal-to-noise ratio. An echo that turns within a stretch loses amplitude by sinc(2 v chirp_duration /
+    wavelength): 10 % at half the unambiguous speed of one transmitter without pauses.
     """
 
     def __init__(self, config: SpectrumConfig, info: RadarInfo) -> None:
@@ -125,10 +111,10 @@ class OfdmSpectrum:
     """OFDM: known symbols on many carriers; what the channel did to each carrier is its response, whose transform is range.
 
     Samples of one symbol, cyclic prefix taken off, are transformed into carriers and divided by the known symbols (Sturm and Wiesbeck,
-    "Waveform design and signal processing aspects for fusion of wireless communications and radar sensing", 2011). What is left turns
-    by +2 pi (f_min + k / chirp_duration) tau over the carriers k, as the samples of a chirp do in FMCW, so both transforms, the windows
-    and the directions are FMCW's. `RadarFrame` has the conjugate of the physical delay phase, hence the conjugate of the symbols, and
-    carrier k is found at the frequency -k. All steps keep the variance of white noise.
+    "Waveform design and signal processing aspects for fusion of wireless communications and radar sensing", 2011). What is left turns by +2
+    pi (f_min + k / chirp_duration) tau over the carriers k, as the samples of a chirp do in FMCW, so both transforms, the windows and the
+    directions are FMCW's. `RadarFrame` has the conjugate of the physical delay phase, hence the conjugate of the symbols, and carrier k is
+    found at the frequency -k. All steps keep the variance of white noise.
 
     Echoes that move turn within a symbol too, and what they turn spills onto the other carriers: beside an echo of range rate v there is a
     floor about (2 v chirp_duration / wavelength)^2 pi^2 / 3 below it in the carriers, -76 dB at 4 m/s for symbols of 43 ns. Unlike in FMCW,
@@ -180,31 +166,9 @@ def _subtract_mean(cube: Any, moving: Any) -> None:
 
 
 def make_spectrum(config: SpectrumConfig, info: RadarInfo) -> SpectrumGenerator:
-    """Make the generator for the modulation of ``info``.
-
-    Parameters
-    ----------
-    config : SpectrumConfig
-        Windows, back end, static clutter.
-    info : RadarInfo
-        The radar.
-
-    Returns
-    -------
-    SpectrumGenerator
-        Of FMCW, CW or OFDM.
-
-    Raises
-    ------
-    ConfigError
-        When the back end is not installed or cannot transform this frame.
-    """
-    generators: dict[str, type[FmcwSpectrum] | type[CwSpectrum] | type[OfdmSpectrum]] = {
-        "fmcw": FmcwSpectrum,
-        "cw": CwSpectrum,
-        "ofdm": OfdmSpectrum,
-    }
-    return generators[info.waveform.modulation](config, info)
+    """Make the generator for the modulation of ``info``: FMCW, CW or OFDM; parameters and errors as for `FmcwSpectrum`."""
+    kinds: dict[str, Callable[..., SpectrumGenerator]] = {"fmcw": FmcwSpectrum, "cw": CwSpectrum, "ofdm": OfdmSpectrum}
+    return kinds[info.waveform.modulation](config, info)
 
 
 def normalise(cube: NDArray[np.complex64], peak: float) -> tuple[NDArray[np.complex64], int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,42 +12,28 @@ from radar_core import ConfigError, RadarInfo
 from radar_dsp.config import DoaConfig
 
 FloatArray = NDArray[np.float64]
-AXES = {"azimuth_elevation": 0, "azimuth": 1, "elevation": 2}
+_AXES = {"azimuth_elevation": 0, "azimuth": 1, "elevation": 2}
+_APERTURE = 1e-4
+"""Least spread of the elements that counts as an aperture [wavelength^2]; a hundredth of a wavelength is mounting tolerance."""
 _MARGIN = 0.1
 """The search reaches so far beyond the field of view in direction cosine: an echo from outside must find its own direction, to be
 dropped, not the next best one inside."""
 
 
-def resolve_mode(mode: str, virtual: FloatArray, wavelength: float) -> str:
-    """Turn ``auto`` into what the array can measure, and refuse what it cannot.
-
-    Parameters
-    ----------
-    mode : str
-        A mode of `DoaConfig`.
-    virtual : ndarray, shape (n_channel, 2) = (y, z)
-        Virtual elements [m].
-    wavelength : float
-        Wavelength [m].
-
-    Returns
-    -------
-    str
-        ``azimuth_elevation``, ``azimuth``, ``elevation`` or ``void``.
-
-    Raises
-    ------
-    ConfigError
-        When the mode asks for more than the array has elements for.
-    """
+def apertures(virtual: FloatArray, wavelength: float) -> tuple[bool, bool, bool]:
+    """Whether virtual elements, shape (n_channel, 2) = (y, z) [m], spread over a plane, along y, along z."""
     scatter = np.atleast_2d(np.cov(virtual.T / wavelength, bias=True))
-    # A hundredth of a wavelength of spread is mounting tolerance, not an aperture.
-    able = {
-        "azimuth_elevation": float(np.linalg.eigvalsh(scatter)[0]) > 1e-4 and len(virtual) >= 3,
-        "azimuth": bool(scatter[0, 0] > 1e-4),
-        "elevation": bool(scatter[1, 1] > 1e-4),
-        "void": True,
-    }
+    plane = float(np.linalg.eigvalsh(scatter)[0]) > _APERTURE and len(virtual) >= 3
+    return plane, bool(scatter[0, 0] > _APERTURE), bool(scatter[1, 1] > _APERTURE)
+
+
+def resolve_mode(mode: str, virtual: FloatArray, wavelength: float) -> str:
+    """Turn ``auto`` into what the array can measure: ``azimuth_elevation``, ``azimuth``, ``elevation`` or ``void``.
+
+    ``mode`` is one of `DoaConfig`, ``virtual`` the virtual elements, shape (n_channel, 2) = (y, z) [m]. A `ConfigError` says that the mode
+    asks for more than the array has elements for.
+    """
+    able = dict(zip(("azimuth_elevation", "azimuth", "elevation", "void"), (*apertures(virtual, wavelength), True), strict=True))
     best = next(name for name, can in able.items() if can)
     if mode == "auto":
         return best
@@ -56,57 +42,46 @@ def resolve_mode(mode: str, virtual: FloatArray, wavelength: float) -> str:
     return mode
 
 
-@dataclass(frozen=True, eq=False)
-class Steering:
+class Steering(NamedTuple):
     """Steering vectors a_c(u) = response_c exp(-j phase_c . u) over direction cosines u = (y, z), and the grid to search.
 
-    In direction cosines the phase is linear and the bound is the same everywhere. A mode that measures one axis has its phases and
-    grid in row 0 and zeros in row 1.
+    In direction cosines the phase is linear and the bound is the same everywhere. A mode that measures one axis has its phases and grid in
+    row 0 and zeros in row 1.
 
     Attributes
     ----------
-    mode : str
-        ``azimuth_elevation``, ``azimuth`` or ``elevation``.
-    axes : int
-        The same as a number: 0, 1 or 2.
     fold : ndarray of complex128, shape (n_channel,)
-        conj(response), scaled to a mean square of 1: folded into a snapshot it leaves pure phases to steer, and |a|^2 = n_channel, so
-        the likelihood |a^H v|^2 / |a|^2 has its maximum where |a^H v|^2 has.
+        conj(response), scaled to a mean square of 1: folded into a snapshot it leaves pure phases to steer, and |a|^2 = n_channel, so the
+        likelihood |a^H v|^2 / |a|^2 has its maximum where |a^H v|^2 has.
     phase : ndarray, shape (2, n_channel)
         2 pi position / wavelength about the mean weighted with the power response, where amplitude and direction do not disturb each other.
+    table : ndarray of float32, shape (2, n_channel, n_grid)
+        Cosines and sines of phase . grid.
     grid : ndarray, shape (2, n_grid)
         Direction cosines to search, uniform on each axis.
     spacing : ndarray, shape (2,)
         Of the grid; 0 where not measured.
-    table : ndarray of float32, shape (2, n_channel, n_grid)
-        Cosines and sines of phase . grid.
     bound : ndarray, shape (3,)
         Cramer-Rao bound on (uy uy, uy uz, uz uz) times the signal-to-noise ratio per channel; one measured axis: (u u, 0, 0).
     limit : ndarray, shape (2,)
         Half the field of view in azimuth and elevation [rad].
+    axes : int
+        What is measured: 0 azimuth and elevation, 1 azimuth, 2 elevation.
     """
 
-    mode: str
-    axes: int
     fold: NDArray[np.complex128]
     phase: FloatArray
+    table: NDArray[np.float32]
     grid: FloatArray
     spacing: FloatArray
-    table: NDArray[np.float32]
     bound: FloatArray
     limit: FloatArray
+    axes: int
 
     @property
     def two(self) -> bool:
         """Whether both direction cosines are measured."""
         return self.axes == 0
-
-    @property
-    def arguments(
-        self,
-    ) -> tuple[NDArray[np.complex128], FloatArray, NDArray[np.float32], FloatArray, FloatArray, FloatArray, FloatArray, int]:
-        """Everything the kernels of `radar_dsp.doa_kernels` need, in their order."""
-        return self.fold, self.phase, self.table, self.grid, self.spacing, self.bound, self.limit, self.axes
 
     @property
     def weight(self) -> FloatArray:
@@ -115,22 +90,10 @@ class Steering:
 
 
 def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
-    """Prepare an array for the search.
+    """Prepare an array, its calibration (shifts, gains, phases) included, for the search in a resolved mode that is not void.
 
-    Parameters
-    ----------
-    config : DoaConfig
-        Method, search and grid. Before a refinement, the grid gets at least two points per wavelength over aperture, else the refinement
-        would start on side lobes; five for two sources, whose likelihood has more ridges than a beam has lobes.
-    info : RadarInfo
-        The radar; the calibration of its array (shifts, gains, phases) is in.
-    mode : str
-        A resolved mode that is not void.
-
-    Returns
-    -------
-    Steering
-        The model.
+    Before a refinement, the grid of ``config`` gets at least two points per wavelength over aperture, else the refinement would start on
+    side lobes; five for two sources, whose likelihood has more ridges than a beam has lobes.
     """
     array = info.array
     response = array.response
@@ -158,4 +121,4 @@ def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
         phase, grid, spacing = (np.concatenate([x, np.zeros_like(x)]) for x in (phase, grid, spacing))
     angle = phase.T @ grid
     table = np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
-    return Steering(mode, AXES[mode], fold, np.ascontiguousarray(phase), grid, spacing, table, bound, limit)
+    return Steering(fold, np.ascontiguousarray(phase), table, grid, spacing, bound, limit, _AXES[mode])

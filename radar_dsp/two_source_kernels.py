@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from radar_dsp.doa_kernels import beam_derivatives, beam_power, first_maximum, load_weights, refine, store_direction
 from radar_dsp.pair_kernels import ALIKE, best_pair, best_partner, pair_power
+from radar_dsp.steering import Steering
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -32,10 +33,7 @@ def _normal_equations(
 ) -> float:
     """Gauss-Newton equations at u = (uy1, uz1, uy2, uz2) with both amplitudes eliminated (variable projection).
 
-    Returns
-    -------
-    float
-        The likelihood; -1 where the two sources are alike, when nothing else is written.
+    Returns the likelihood; -1 where the two sources are alike, when nothing else is written.
     """
     n = np.float64(real.shape[0])
     gr, gi, gyr, gyi, gzr, gzi, gyyr, gyyi, gyzr, gyzi, gzzr, gzzi = beam_derivatives(weight, nothing, phase, u[0] - u[2], u[1] - u[3])
@@ -120,7 +118,7 @@ def refine_pair(
     u: Floats,
     covariance: Floats,
 ) -> float:
-    """Levenberg-Marquardt from u = (uy1, uz1, uy2, uz2), in place, within +-edge.
+    """Levenberg-Marquardt from u = (uy1, uz1, uy2, uz2), in place, within +-edge; the likelihood, -1 when the start is two sources alike.
 
     Parameters
     ----------
@@ -134,15 +132,8 @@ def refine_pair(
         Sums of weight phase phase: yy, yz, zz.
     spacing, edge : ndarray, shape (2,)
         Grid spacing, the largest step; bounds of the search.
-    u : ndarray, shape (4,)
-        Start and result.
-    covariance : ndarray, shape (4, 4)
-        Result: covariance of u per unit of noise power.
-
-    Returns
-    -------
-    float
-        The likelihood; -1 when the start is two sources alike.
+    u, covariance : ndarray, shape (4,), (4, 4)
+        Start and result; result: covariance of u per unit of noise power.
     """
     two = spacing[1] > 0.0
     h, trial_h, work = np.zeros((4, 4)), np.empty((4, 4)), np.empty((4, 4))
@@ -273,14 +264,7 @@ def _store_pair(
 def locate_pairs(
     snapshot: NDArray[np.complex64],
     snr: Floats32,
-    fold: NDArray[np.complex128],
-    phase: Floats,
-    table: Floats32,
-    grid: Floats,
-    spacing: Floats,
-    bound: Floats,
-    limit: Floats,
-    axes: int,
+    steering: Steering,
     gain: Floats32,
     cross: Floats32,
     threshold: float,
@@ -289,7 +273,7 @@ def locate_pairs(
     second: NDArray[np.bool_],
     statistic: Floats,
 ) -> None:
-    """Directions of one or two echoes per detection; the first arguments as of `radar_dsp.doa_kernels.locate`.
+    """Directions of one or two echoes per detection; the first arguments as of `radar_dsp.doa_kernels.locate`, one snapshot each.
 
     Parameters
     ----------
@@ -297,10 +281,8 @@ def locate_pairs(
         Snapshots.
     snr : ndarray of float32, shape (n_points,)
         Signal-to-noise power ratio per channel; with the power of the snapshot it says how strong the noise is.
-    fold, phase, table, grid, spacing, bound, limit, axes
-        Of `radar_dsp.steering.Steering`.
-    gain, cross
-        See `radar_dsp.pair_kernels.best_pair`.
+    steering, gain, cross
+        The array and the grid; see `radar_dsp.pair_kernels.best_pair`.
     threshold : float
         Two echoes when their likelihood exceeds that of one by more than this many noise powers.
     angles : ndarray, shape (4, 2 n_points)
@@ -312,6 +294,7 @@ def locate_pairs(
     statistic : ndarray, shape (n_points,)
         Result: how many noise powers the likelihood gained; an upper bound where that is below the threshold anyway.
     """
+    fold, phase, table, grid, spacing, bound, limit, axes = steering
     n_points, _, n = snapshot.shape
     n_grid = grid.shape[1]
     real, imag, weight = np.empty((1, n)), np.empty((1, n)), np.empty(n)

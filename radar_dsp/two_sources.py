@@ -51,7 +51,7 @@ class TwoSources:
         When the search cannot do it, or the array has too few channels to tell one echo from two.
     """
 
-    def __init__(self, config: DoaConfig, info: RadarInfo, steering: Steering) -> None:
+    def __init__(self, config: DoaConfig, info: RadarInfo, mode: str, steering: Steering) -> None:
         n, n_grid = len(steering.fold), steering.grid.shape[1]
         if config.search != "newton":
             raise ConfigError(f"doa.method 'dml2' needs doa.search 'newton', not {config.search!r}: on a grid, one echo looks like two")
@@ -66,7 +66,7 @@ class TwoSources:
             raise ConfigError(f"doa.method 'dml2' needs at least {unknowns // 2 + 1} virtual channels, the array has {n}; choose 'dml'")
         self._steering = steering
         self._gain, self._cross = _pair_tables(steering)
-        self.threshold = _tail(config, info, steering.mode).threshold(config.split)
+        self.threshold = _tail(config, info, mode).threshold(config.split)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.float32]) -> Split:
         """Estimate directions.
@@ -119,7 +119,7 @@ def _run(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], Floats]:
     n = len(snapshot)
     angles, inside, second, statistic = np.full((4, 2 * n), np.nan), np.zeros(2 * n, np.bool_), np.zeros(n, np.bool_), np.zeros(n)
-    locate_pairs(snapshot, snr, *steering.arguments, gain, cross, threshold, angles, inside, second, statistic)
+    locate_pairs(snapshot, snr, steering, gain, cross, threshold, angles, inside, second, statistic)
     return angles, inside, second, statistic
 
 

@@ -18,7 +18,8 @@ def make_window(name: str, n: int) -> NDArray[np.float64]:
     Parameters
     ----------
     name : str
-        A name of `scipy.signal.get_window`; parameters follow after colons, e.g. ``"kaiser:8.6"``.
+        A name of `scipy.signal.get_window`; parameters follow after colons, e.g. ``"kaiser:8.6"``. A `ConfigError` says that scipy does not
+        know it.
     n : int
         Length.
 
@@ -26,47 +27,21 @@ def make_window(name: str, n: int) -> NDArray[np.float64]:
     -------
     ndarray of float64, shape (n,)
         Window with a sum of squares of one.
-
-    Raises
-    ------
-    ConfigError
-        When scipy does not know the window or its parameters.
     """
     shape = window_shape(name, n)
     return np.asarray(shape / np.sqrt(float(np.sum(shape**2))), np.float64)
 
 
 def noise_correlation(window: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Correlation coefficient between cells of windowed white noise, over their distance in bins (circular).
+    """Correlation coefficient between cells of noise behind a window of unit energy, over their distance in bins (circular).
 
-    Parameters
-    ----------
-    window : ndarray, shape (n,)
-        Window of unit energy.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n,) = lag
-        E[V(m) V*(m - lag)] / E[|V|^2].
+    The noise is white; ``window`` and the result, E[V(m) V*(m - lag)] / E[|V|^2], have the shape (n,).
     """
     return np.asarray(np.fft.fft(window**2), np.complex128)
 
 
 def response(window: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Transform of the windowed unit tone, seen ``offset`` bins beside the tone's frequency.
-
-    Parameters
-    ----------
-    window : ndarray, shape (n,)
-        Window.
-    offset : ndarray, shape (...)
-        Distance in bins, bin minus tone.
-
-    Returns
-    -------
-    ndarray of complex128, shape (...)
-        Complex response.
-    """
+    """Transform of the windowed unit tone, seen ``offset`` bins (bin minus tone, any shape) beside it; the result has that shape."""
     n = len(window)
     result: NDArray[np.complex128] = np.exp(-2j * np.pi / n * offset[..., None] * np.arange(n)) @ window
     return result

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from radar_driver.boards import Board, Found
-from radar_driver.dca1000.board import Dca1000Source
-from radar_driver.dca1000.settings import Dca1000Config
+from radar_driver.dca1000.board import Dca1000Config, Dca1000Source
 from radar_driver.serial_ports import access_problem, ti_ports
 
 

@@ -5,25 +5,101 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
-from radar_core import ConfigError, DeviceError, RadarFrame, RadarInfo
+from radar_core import ConfigError, DeviceError, Pose, RadarFrame, RadarInfo, Waveform
+from radar_core.config import config, knob
 from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.commands import Event, Lvds, advice
 from radar_driver.dca1000.control import Control
 from radar_driver.dca1000.decode import ORDERS, decode_frame, frame_bytes, looks_mirrored
-from radar_driver.dca1000.packets import RawFrame
+from radar_driver.dca1000.packets import LARGEST, RawFrame
 from radar_driver.dca1000.receiver import Receiver
 from radar_driver.dca1000.serial_cli import SerialCli
-from radar_driver.dca1000.settings import Dca1000Config, check_settings
-from radar_driver.dca1000.stamps import Stamps
-from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
+from radar_driver.dca1000.ti_config import TiConfig, cli_lines, radar_info, read_ti_config
 from radar_driver.sources import Reading
+
+
+@config
+class Dca1000Config:
+    """A TI sensor (xWR12xx, 14xx, 16xx, 18xx, 68xx) with a DCA1000EVM."""
+
+    frame_id: str = knob("radar", doc="name of the sensor frame")
+    mount: Pose = Pose()
+    config: str = knob("", doc="the sensor's .cfg: what it is to measure")
+    serial_port: str = knob("", doc="the sensor's command line, e.g. /dev/ttyACM0, or auto; empty: somebody else starts the sensor")
+    control: bool = knob(
+        True, doc="set up and start the capture board; off: somebody else does (mmWave Studio), its samples are listened to"
+    )
+    lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
+    order: Literal["q_first", "i_first"] = knob("q_first", doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
+    host_address: str = knob("192.168.33.30", doc="this computer's address on the capture board's network")
+    board_address: str = knob("192.168.33.180", doc="the capture board's address")
+    config_port: int = knob(4096, low=1, high=65535, doc="UDP port of its commands, on both sides")
+    data_port: int = knob(4098, low=1, high=65535, doc="UDP port of its samples")
+    packet_delay: float = knob(25e-6, unit="s", low=5e-6, high=500e-6, doc="pause of the capture board after each packet")
+    timeout: float = knob(0.3, unit="s", low=0.01, high=10.0, doc="how long the capture board may take to answer; it is asked three times")
+    cli_timeout: float = knob(3.0, unit="s", low=0.1, high=60.0, doc="how long the sensor may take for a line of the .cfg")
+    silence: float = knob(1.0, unit="s", low=0.1, high=600.0, doc="without samples for so long (three frames at least) all is set up anew")
+    min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; lost chirps of others are marked")
+
+
+def check_config(config: Dca1000Config, ti: TiConfig, size: int) -> None:
+    """Refuse (`ConfigError`) what could only give silence or nonsense: knobs that contradict the .cfg, or frames of ``size`` bytes."""
+    four = ti.platform.lower().startswith(("xwr14", "xwr12"))
+    if ti.platform and four != (config.lanes == 4):
+        raise ConfigError(f"{config.config} is for {ti.platform}, which has {4 if four else 2} lanes, but dca1000.lanes is {config.lanes}")
+    packets = -(-size // LARGEST)
+    if packets * config.packet_delay > ti.frame_interval:
+        raise ConfigError(
+            f"dca1000.packet_delay: {packets} packets a frame, {config.packet_delay * 1e6:g} us apart, take longer than a frame "
+            f"({ti.frame_interval * 1e3:g} ms); lower it"
+        )
+    if not config.serial_port:
+        return
+    if not ti.streams:
+        raise ConfigError(f"{config.config}: the sensor would not send its raw samples; add the line: lvdsStreamCfg -1 0 1 0")
+    if ti.n_frame:
+        raise ConfigError(f"{config.config}: frameCfg ends after {ti.n_frame} frames; make its fourth number 0, so that it goes on")
+    if config.lanes == 2 and ti.order not in ("", config.order):
+        raise ConfigError(f"{config.config}: adcbufCfg gives samples in the order {ti.order}, but dca1000.order is {config.order}")
+
 
 _STOP_WAIT: Final = 0.5  # s: for a sensor that may not be there any more
 _SETTLE: Final = 0.1  # s, and a frame: samples that come sooner are of a sensor that ran already
 _OWN_LINES: Final = ("sensorStop", "flushCfg", "sensorStart")  # sent when it is time for them, wherever they stand in the file
+_DRIFT: Final = 1e-4  # of the time since the last frame: two crystals differ by less
 _ENDS: Final = {Event.MODE_FAILURE, Event.RECORD_COMPLETED}  # after these the board has to be set up anew
+
+
+class Stamps:
+    """Estimates the starts of acquisitions on the clock of the packets.
+
+    A packet comes after its samples, sometimes late, never early, and frames follow each other by the sensor's crystal: of what a packet
+    says and what the frame before says, the earlier is right. More than half a frame between both is another beginning.
+
+    Parameters
+    ----------
+    waveform : Waveform
+        Frame interval and acquisition.
+    """
+
+    def __init__(self, waveform: Waveform) -> None:
+        self._interval = waveform.frame_interval * 1e9
+        self._acquisition = waveform.acquisition_ns
+        self._last: tuple[int, float] | None = None
+
+    def of(self, raw: RawFrame) -> int:
+        """Estimate the start of a frame's acquisition [ns]."""
+        measured = raw.arrived_ns - raw.sent / len(raw.data) * self._acquisition
+        stamp = measured
+        if self._last is not None and raw.number > self._last[0]:
+            passed = (raw.number - self._last[0]) * self._interval
+            expected = self._last[1] + passed
+            if abs(measured - expected) < self._interval / 2:
+                stamp = min(measured, expected + passed * _DRIFT)
+        self._last = (raw.number, stamp)
+        return round(stamp)
 
 
 class CaptureBoard(Component):
@@ -153,7 +229,7 @@ class Dca1000Source(Radar):
     Raises
     ------
     ConfigError, DataError
-        When the .cfg is missing, does not stream raw samples for ever, or contradicts the settings; naming file and line.
+        When the .cfg is missing, does not stream raw samples for ever, or contradicts the configuration; naming file and line.
     """
 
     def __init__(self, config: Dca1000Config) -> None:
@@ -165,7 +241,7 @@ class Dca1000Source(Radar):
         self.info: RadarInfo = radar_info(ti, frame_id=config.frame_id, mount=config.mount)
         self._config = config
         size = frame_bytes(self.info, config.lanes)
-        check_settings(config, ti, size)
+        check_config(config, ti, size)
         self._board = CaptureBoard(config, size)
         parts: list[Component] = [self._board] + ([Sensor(config)] if config.serial_port else [])
         super().__init__(parts)

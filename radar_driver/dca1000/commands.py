@@ -117,7 +117,7 @@ def decode_reply(datagram: bytes) -> Reply | None:
     return Reply(code, status) if (header, footer) == (_HEADER, _FOOTER) else None
 
 
-def fpga_settings(*, lvds: Lvds, timer: int = 30) -> bytes:
+def fpga_config(*, lvds: Lvds, timer: int = 30) -> bytes:
     """Pack the data of CONFIGURE_FPGA: raw samples of 16 bits over Ethernet.
 
     ``timer`` is the time after which missing samples are reported [s].
@@ -127,7 +127,7 @@ def fpga_settings(*, lvds: Lvds, timer: int = 30) -> bytes:
     return bytes((_RAW, lvds, _CAPTURE, _ETHERNET, _BITS_16, timer))
 
 
-def packet_settings(delay: float, *, largest: int = 1470) -> bytes:
+def packet_config(delay: float, *, largest: int = 1470) -> bytes:
     """Pack the data of CONFIGURE_PACKETS: delay between packets, 5 to 500 us [s], and bytes of the largest packet, head included."""
     if not 5e-6 <= delay <= 500e-6:
         raise ConfigError(f"packet_delay is {delay * 1e6:g} us; the capture board can do 5 to 500 us")

@@ -8,7 +8,7 @@ from typing import Final
 
 from radar_core import DeviceError
 from radar_driver.components import Report
-from radar_driver.dca1000.commands import Code, Event, Lvds, Reply, decode_reply, encode_command, fpga_settings, packet_settings
+from radar_driver.dca1000.commands import Code, Event, Lvds, Reply, decode_reply, encode_command, fpga_config, packet_config
 from radar_driver.dca1000.sockets import UdpPort, explain_send, wait
 
 _TRIES: Final = 3
@@ -55,13 +55,13 @@ class Control(UdpPort):
     def configure(self, lvds: Lvds, packet_delay: float) -> None:
         """Set the board up for raw samples over the network; a recording that goes on is ended. A `DeviceError` says that it refuses."""
         self._ask(Code.RECORD_STOP, tries=_TRIES)  # fails where nothing was recorded, which is fine
-        settings = fpga_settings(lvds=lvds)
-        if self._ask(Code.CONFIGURE_FPGA, settings).status != 0:  # as after a crash: once more from the start
+        config = fpga_config(lvds=lvds)
+        if self._ask(Code.CONFIGURE_FPGA, config).status != 0:  # as after a crash: once more from the start
             self.request(Code.RESET_FPGA)
             self._settle()
-            self.request(Code.CONFIGURE_FPGA, settings)
+            self.request(Code.CONFIGURE_FPGA, config)
         self._settle()
-        self.request(Code.CONFIGURE_PACKETS, packet_settings(packet_delay))
+        self.request(Code.CONFIGURE_PACKETS, packet_config(packet_delay))
         major, minor, playback = self._ask(Code.READ_VERSION).version
         self._version = f"{major}.{minor}{' (playback)' if playback else ''}"
         if playback:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 import time
-from contextlib import suppress
 from typing import Final
 
 import serial
 
 from radar_core import DeviceError
 from radar_driver.components import Device, Report
-from radar_driver.serial_ports import GONE, open_port, ti_ports
+from radar_driver.serial_ports import GONE, close_port, only_port, open_port
 
 BAUD: Final = 115200
 _PROMPT: Final = re.compile(rb"(\w*):/>\s*$")
@@ -48,7 +47,7 @@ class SerialCli(Device):
 
         A `DeviceError` says that the port is not there, not allowed or held, that nobody answers, or that another firmware does.
         """
-        port = _only_port() if self._port == "auto" else self._port
+        port = only_port("command", "serial_port") if self._port == "auto" else self._port
         self._link = open_port(port, BAUD, timeout=_SLICE, write_timeout=self._timeout)
         self._used = port
         try:
@@ -60,9 +59,7 @@ class SerialCli(Device):
     def close(self) -> None:
         """Let go of the port."""
         link, self._link = self._link, None
-        if link is not None:
-            with suppress(*GONE):  # it is unplugged
-                link.close()
+        close_port(link)
 
     def report(self) -> Report:
         """Give the lines sent."""
@@ -135,11 +132,3 @@ class SerialCli(Device):
         text = heard[: found.start()] if found else heard
         said = [word.strip() for word in text.decode("ascii", "replace").splitlines()]
         return [word for word in said if word and word != line], found.group(1).decode() if found else None
-
-
-def _only_port() -> str:
-    ports = [board.command for board in ti_ports() if board.command]
-    if len(ports) == 1:
-        return ports[0]
-    found = f"there are several: {', '.join(ports)}; set serial_port to one of them" if ports else "plug the sensor's USB cable in"
-    raise DeviceError(f"serial_port is auto, but {found}", gone=True)

@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import serial
 
 from radar_core import ConfigError, DeviceError, PointCloud, Pose, Quality, RadarInfo
 from radar_core.config import config, knob
-from radar_driver.clouds import cloud_source_info
+from radar_driver.clouds import cloud_from_ti, cloud_source_info
 from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
+from radar_driver.serial_ports import GONE, close_port, only_port, open_port
 from radar_driver.sources import Reading
 from radar_driver.ti_demo.items import NOTHING
-from radar_driver.ti_demo.points import cloud_from_ti
 from radar_driver.ti_demo.tlv import Packet, Parser
-from radar_driver.ti_demo.uart import Uart
 
+_CHUNK: Final = 1 << 16  # bytes: as much as the longest packet
 _WAITING: Final = 64  # packets that wait to be read: several may come in one go
 _ANSWER: Final = 3.0  # s: sensorStart calibrates the front end, which takes about a second
 _BITS: Final = 10  # on the line for a byte: start, 8, stop
@@ -83,6 +84,66 @@ def send_config(port: str, path: Path) -> None:
             line.send(command, f"{path}:{number}")
     finally:
         line.close()
+
+
+class Uart(Component):
+    """A serial port of which nobody else reads.
+
+    Parameters
+    ----------
+    port : str
+        Path, e.g. ``/dev/ttyACM1``; empty: the only data port of a TI board that is plugged in.
+    baud : int
+        Bits per second.
+    """
+
+    name = "data port"
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._wanted, self.port, self.baud = port, port, baud
+        self._serial: serial.Serial | None = None
+
+    def power_up(self) -> None:
+        """Open the port for this program alone; a `DeviceError` says that it is not there or may not be opened, and what to do."""
+        self.power_down()
+        self.port = self._wanted or only_port("data", "port")
+        self._serial = open_port(self.port, self.baud, timeout=0)
+
+    def power_down(self) -> None:
+        """Close the port."""
+        held, self._serial = self._serial, None
+        close_port(held)
+
+    def read(self, timeout: float) -> bytes:
+        """Read what is there, waiting ``timeout`` seconds at most for the first byte; empty: nothing came.
+
+        A `DeviceError` says that the port has disappeared, or was never opened.
+        """
+        if self._serial is None:
+            raise DeviceError(f"{self.port} is not open", gone=True)
+        try:
+            if self._serial.timeout != timeout:
+                self._serial.timeout = timeout
+            first: bytes = self._serial.read(1)
+            return first + self._serial.read(min(self._serial.in_waiting, _CHUNK)) if first else first
+        except (*GONE, TypeError) as error:  # TypeError: pyserial, when another thread closed it
+            raise DeviceError(
+                f"{self.port} has gone ({error}): plug the board in again, or, if it is still there, close the other program that reads it",
+                gone=True,
+            ) from None
+
+    def resume(self) -> None:
+        """Throw away what has come so far."""
+        if self._serial is None:
+            raise DeviceError(f"{self.port} is not open", gone=True)
+        try:
+            self._serial.reset_input_buffer()
+        except GONE as error:
+            raise DeviceError(f"{self.port} has gone ({error}): plug the board in again", gone=True) from None
+
+    def report(self) -> Report:
+        """Name the port."""
+        return {"port": self.port, "baud": self.baud}
 
 
 class TiDemo(Radar):

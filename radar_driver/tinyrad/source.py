@@ -4,18 +4,132 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from typing import Any, Final
 
 from radar_core import DeviceError
 from radar_driver.components import Radar
 from radar_driver.sources import Reading, monotonic_ns
+from radar_driver.tinyrad import wire
 from radar_driver.tinyrad.board import Controller, Converter, FrontEnd, Sequencer, Synthesiser
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.convert import Converter as FrameConverter
 from radar_driver.tinyrad.link import UsbLink
-from radar_driver.tinyrad.stream import Stream
 
+_MOST_BROKEN: Final = 5  # frames in a row that came broken; then everything is set up anew
 _MOST_STALLS: Final = 5  # in a row without a frame between them
+
+
+class Stream:
+    """Asks for one frame after the other.
+
+    The board answers a request with the samples, then with a short response. The response is read before the next request, so that it does
+    not delay the frame; a response that comes before samples is taken as well, because one firmware may send it first, and a crash may
+    leave one behind.
+
+    Parameters
+    ----------
+    link : UsbLink
+        Open, the board measuring.
+    n_value, transfer : int
+        16-bit values of a frame; bytes of one read, a multiple of the packet (0: a whole frame).
+    patience : float
+        So long without a byte [s], and the board hangs.
+
+    Attributes
+    ----------
+    counts : Counter
+        ``broken``: frames that came cut short.
+    """
+
+    def __init__(self, link: UsbLink, n_value: int, *, transfer: int, patience: float) -> None:
+        self._link, self._patience = link, patience
+        self._request, self._size = wire.get_data(n_value), 2 * n_value
+        self._transfer = transfer or self._size
+        self._part = bytearray()
+        self._asked = False
+        self._owed = False
+        self._alive = 0.0
+        self._in_a_row = 0
+        self.counts: Counter[str] = Counter()
+
+    def restart(self) -> None:
+        """Forget what was asked for: the board begins anew."""
+        self._asked = self._owed = False
+        self._part = bytearray()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a frame was asked for that has not come yet: no command may be sent now."""
+        return self._asked
+
+    def settle(self) -> None:
+        """Read the response that follows the last frame; commands may be sent then, until the next `fetch`."""
+        if self._owed and not self._asked:
+            self._owed = False
+            answer = self._link.read(wire.PACKET, self._patience)
+            wire.words(answer, wire.Code.DATA)
+
+    def fetch(self, timeout: float) -> bytes | None:
+        """Wait ``timeout`` seconds at most for the next frame: its values, little endian. None: not all came yet; they are kept.
+
+        A `DeviceError` says that a frame came broken, or that nothing came for too long (``gone``).
+        """
+        deadline = time.monotonic() + timeout
+        if not self._asked:
+            self.settle()
+            self._link.write(self._request)
+            self._asked = self._owed = True
+            self._alive = time.monotonic()
+        while len(self._part) < self._size:
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return None
+            self._take(left)
+        frame, self._part, self._asked, self._in_a_row = bytes(self._part), bytearray(), False, 0
+        return frame
+
+    def _take(self, timeout: float) -> None:
+        """Read one transfer of the frame."""
+        wanted = min(self._transfer, self._size - len(self._part))
+        # Whole packets, so that nothing can be too long; but never beyond a frame that ends with a whole one: its response follows at once.
+        wanted += -wanted % wire.PACKET
+        try:
+            got = self._link.read(wanted, timeout)
+        except DeviceError:
+            self._abandon()
+            raise
+        now = time.monotonic()
+        if not got:
+            if now - self._alive > self._patience:
+                raise DeviceError(
+                    f"the TinyRad sent nothing for {now - self._alive:.1f} s, {len(self._part)} of {self._size} bytes into a frame; "
+                    "it is opened anew; if this goes on, unplug it and plug it in again",
+                    gone=True,
+                )
+            return
+        self._alive = now
+        if not self._part and self._owed and wire.is_response(got, wire.Code.DATA):
+            self._owed = False
+            return
+        self._part += got
+        # A transfer ends early by a packet that is not full; one whose time was up has whole packets.
+        if len(self._part) > self._size or (len(self._part) < self._size and len(got) % wire.PACKET):
+            self._broken(len(self._part))
+
+    def _abandon(self) -> None:
+        self._part = bytearray()
+        self._asked = self._owed = False
+
+    def _broken(self, n_byte: int) -> None:
+        """Leave out a frame that came cut short: its response came with it, so the link is in step again."""
+        self._abandon()
+        self.counts["broken"] += 1
+        self._in_a_row += 1
+        what = f"a frame of the TinyRad came with {n_byte} bytes instead of {self._size}"
+        if self._in_a_row >= _MOST_BROKEN:
+            raise DeviceError(f"{what}, {self._in_a_row} times in a row; it is set up anew; if this goes on, use another cable", gone=True)
+        raise DeviceError(f"{what} and is left out; if this goes on, use another cable or port")
 
 
 class TinyRadSource(Radar):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
-from radar_driver.clouds import cloud_source_info
-from radar_driver.ti_demo.points import cloud_from_ti
+from radar_driver.clouds import cloud_from_ti, cloud_source_info
 from radar_lab.importers.files import check_offsets, load_npz, require_numbers
 from radar_lab.importers.recording import Recording, SourceOptions, Tally
 

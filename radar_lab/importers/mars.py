@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError
 from radar_core.config import config, knob
-from radar_driver.clouds import cloud_source_info
-from radar_driver.ti_demo.points import amplitude_db, cloud_from_ti, to_our_axes
+from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info, to_our_axes
 from radar_lab.importers.files import check_offsets, load_npz, require_numbers
 from radar_lab.importers.recording import START_NS, Item, Recording, SourceOptions, Tally
 from radar_sim.truth import Truth

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, NO_GESTURE, ConfigError, DataError, PointCloud
 from radar_core.config import config, knob
-from radar_driver.clouds import cloud_source_info
-from radar_driver.ti_demo.points import amplitude_db, cloud_from_ti
+from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info
 from radar_lab.importers.files import check_offsets, field_names, load_npz, require_numbers
 from radar_lab.importers.recording import START_NS, Item, Recording, Segment, SourceOptions, Tally
 from radar_lab.importers.rows import read_rows

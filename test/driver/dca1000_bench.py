@@ -4,8 +4,7 @@ import pytest
 from dca1000_emulator import BOARD, HOST, CaptureCard, SensorCli, cfg
 from leftovers import held, left_since
 
-from radar_driver.dca1000.board import Dca1000Source
-from radar_driver.dca1000.settings import Dca1000Config
+from radar_driver.dca1000.board import Dca1000Config, Dca1000Source
 
 
 class Bench:

@@ -13,24 +13,24 @@ from radar_driver.dca1000.commands import (
     advice,
     decode_reply,
     encode_command,
-    fpga_settings,
-    packet_settings,
+    fpga_config,
+    packet_config,
 )
 
 GOLDEN = [
     (Code.RESET_FPGA, b"", "5aa5 0100 0000 aaee"),
     (Code.RESET_RADAR, b"", "5aa5 0200 0000 aaee"),
-    (Code.CONFIGURE_FPGA, fpga_settings(lvds=Lvds.TWO_LANES), "5aa5 0300 0600 01020102031e aaee"),
-    (Code.CONFIGURE_FPGA, fpga_settings(lvds=Lvds.FOUR_LANES), "5aa5 0300 0600 01010102031e aaee"),
+    (Code.CONFIGURE_FPGA, fpga_config(lvds=Lvds.TWO_LANES), "5aa5 0300 0600 01020102031e aaee"),
+    (Code.CONFIGURE_FPGA, fpga_config(lvds=Lvds.FOUR_LANES), "5aa5 0300 0600 01010102031e aaee"),
     (Code.RECORD_START, b"", "5aa5 0500 0000 aaee"),
     (Code.RECORD_STOP, b"", "5aa5 0600 0000 aaee"),
     (Code.PLAYBACK_START, b"", "5aa5 0700 0000 aaee"),
     (Code.PLAYBACK_STOP, b"", "5aa5 0800 0000 aaee"),
     (Code.SYSTEM_CONNECT, b"", "5aa5 0900 0000 aaee"),
     # 1470 = 0x05be bytes; 25 us = 3125 = 0x0c35 ticks; 5 us = 625 = 0x0271; 500 us = 62500 = 0xf424.
-    (Code.CONFIGURE_PACKETS, packet_settings(25e-6), "5aa5 0b00 0600 be05 350c 0000 aaee"),
-    (Code.CONFIGURE_PACKETS, packet_settings(5e-6, largest=1472), "5aa5 0b00 0600 c005 7102 0000 aaee"),
-    (Code.CONFIGURE_PACKETS, packet_settings(500e-6), "5aa5 0b00 0600 be05 24f4 0000 aaee"),
+    (Code.CONFIGURE_PACKETS, packet_config(25e-6), "5aa5 0b00 0600 be05 350c 0000 aaee"),
+    (Code.CONFIGURE_PACKETS, packet_config(5e-6, largest=1472), "5aa5 0b00 0600 c005 7102 0000 aaee"),
+    (Code.CONFIGURE_PACKETS, packet_config(500e-6), "5aa5 0b00 0600 be05 24f4 0000 aaee"),
     (Code.CONFIGURE_AR_MODE, b"", "5aa5 0c00 0000 aaee"),
     (Code.PLAYBACK_INIT, b"", "5aa5 0d00 0000 aaee"),
     (Code.READ_VERSION, b"", "5aa5 0e00 0000 aaee"),
@@ -76,7 +76,7 @@ def test_every_event_that_ends_a_recording_has_advice():
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: packet_settings(4e-6), lambda: packet_settings(501e-6), lambda: fpga_settings(lvds=Lvds.TWO_LANES, timer=256)]
+    "make", [lambda: packet_config(4e-6), lambda: packet_config(501e-6), lambda: fpga_config(lvds=Lvds.TWO_LANES, timer=256)]
 )
 def test_settings_that_the_board_cannot_do(make):
     """Refused with the range."""

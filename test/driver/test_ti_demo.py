@@ -16,8 +16,7 @@ from radar_core import ConfigError, DataError, DeviceError, PointCloud, Pose, Qu
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
 from radar_driver.boards import boards, ti_demo
 from radar_driver.live import Reader
-from radar_driver.ti_demo.source import TiDemo, TiDemoConfig
-from radar_driver.ti_demo.uart import Uart
+from radar_driver.ti_demo.source import TiDemo, TiDemoConfig, Uart
 
 CFG = """% Platform:xWR18xx
 sensorStop
@@ -225,7 +224,7 @@ def test_a_killed_program_leaves_the_port_free(board):
     """kill -9 while it reads: the next one opens the port at once, and what the dead one left unread is thrown away."""
     code = """
 import sys
-from radar_driver.ti_demo.uart import Uart
+from radar_driver.ti_demo.source import Uart
 uart = Uart(sys.argv[1], 921600)
 uart.power_up()
 print("open", flush=True)

@@ -8,8 +8,7 @@ import ti_demo_emulator as ti
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radar_driver.ti_demo.head import LONGEST, MAGIC
-from radar_driver.ti_demo.tlv import Parser
+from radar_driver.ti_demo.tlv import LONGEST, MAGIC, Parser
 
 # An IWR6843ISK with the 3D people counting of 2021 (TI's forum, thread 994264): the first packet of the capture shown there.
 PEOPLE_3D = bytes.fromhex(

@@ -20,7 +20,7 @@ from radar_core.config import describe, load
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, SpectrumConfig, TdmConfig, kernels
 from radar_dsp.kernels import Scales, integrate
 from radar_dsp.peaks import Interpolator
-from radar_dsp.spectrum import Spectrum
+from radar_dsp.spectrum import FmcwSpectrum
 from radar_dsp.windows import make_window
 from radar_sim import Effects, NoiseConfig, Point, Scene, SceneRadar, Simulator
 
@@ -77,7 +77,7 @@ def test_number_of_threads_does_not_matter(tmp_path):
 def test_transforms_are_the_formulas():
     """Equations 2.12 and 2.13 written out, for one cell; the windows have unit energy."""
     cube = busy().cube
-    spectrum = Spectrum(SpectrumConfig(), INFO).process(cube)
+    spectrum = FmcwSpectrum(SpectrumConfig(), INFO).process(cube)
     k = np.arange(64)
     w, hann = make_window("nuttall", 64), make_window("hann", 64)
     chirps = (cube[1, :, 2, :] * w) @ np.exp(-2j * np.pi * k * 20 / 64)

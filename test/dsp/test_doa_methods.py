@@ -382,7 +382,7 @@ def test_threshold_grows_as_the_chance_falls():
     """Down to 1e-12, far beyond what was simulated, and the same for equal configurations."""
     steering = make_steering(DoaConfig(method="dml2"), INFO, "azimuth_elevation")
     chances = (0.3, 1e-2, 1e-4, 1e-8, 1e-12)
-    levels = [TwoSources(DoaConfig(method="dml2", split=chance), INFO, steering).threshold for chance in chances]
+    levels = [TwoSources(DoaConfig(method="dml2", split=chance), INFO, "azimuth_elevation", steering).threshold for chance in chances]
     assert np.all(np.diff(levels) > 0)
     assert levels[-1] < 60
 

@@ -11,7 +11,7 @@ from radar_dsp import BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, Spe
 from radar_dsp.baseband import Baseband
 from radar_dsp.cfar import TrainingWindow, make_detector
 from radar_dsp.kernels import integrate
-from radar_dsp.spectrum import Spectrum
+from radar_dsp.spectrum import FmcwSpectrum
 from radar_dsp.windows import make_window, noise_correlation
 
 INFO = RadarInfo()
@@ -26,7 +26,7 @@ def noise_power():
     for window in ("hann", "boxcar", "chebwin:60", "nuttall"):
         rng = np.random.default_rng(11)
         speed_window = "hann" if window == "nuttall" else window  # wide main lobes on the speed axis need a wider guard there
-        spectrum = Spectrum(SpectrumConfig(range_window=window, speed_window=speed_window), INFO)
+        spectrum = FmcwSpectrum(SpectrumConfig(range_window=window, speed_window=speed_window), INFO)
         spectra[window] = [integrate(spectrum.process(noise(INFO, rng))) for _ in range(FRAMES)]
     return spectra
 

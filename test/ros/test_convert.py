@@ -13,8 +13,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
 from radar_core.cloud import ARRAY_FIELDS
+from radar_driver.clouds import cloud_from_ti
 from radar_driver.foreign import ForeignConfig, foreign_cloud
-from radar_driver.ti_demo.points import cloud_from_ti
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.recognizer import Gesture
 from radar_ros.bags import typestore

@@ -291,7 +291,7 @@ def test_costs_and_depths(bad):
 # Who is behind which door: what they take was made by the one who is named.
 BEHIND = {
     "Observer": "preview of the command, drawn from results",
-    **dict.fromkeys(("FixedFft", "ScipyFft", "NumpyFft", "FftwFft", "Windowing", "FmcwSpectrum", "CwSpectrum", "OfdmSpectrum"), "Baseband"),
+    **dict.fromkeys(("FixedFft", "FloatFft", "FmcwSpectrum", "CwSpectrum", "OfdmSpectrum"), "Baseband"),
     "TwoSources": "DirectionFinder",
     "Pipeline": "Baseband, PeopleTracker",
     "Curves": "its own tests of absurd detections; EventMaps refuses times",

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from radar_driver.foreign import ForeignConfig, foreign_cloud
-from radar_driver.ti_demo.head import LONGEST
 from radar_driver.ti_demo.source import TiDemo, TiDemoConfig
-from radar_driver.ti_demo.tlv import Parser
+from radar_driver.ti_demo.tlv import LONGEST, Parser
 from radar_ros.messages.pointcloud2 import read_fields
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "driver"))

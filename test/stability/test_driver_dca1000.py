@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import DataError, RadarFrame
+from radar_driver.dca1000.board import Stamps
 from radar_driver.dca1000.commands import decode_reply
 from radar_driver.dca1000.decode import looks_mirrored, zeroed_chirps
 from radar_driver.dca1000.packets import RawFrame, Reassembler
-from radar_driver.dca1000.stamps import Stamps
 from radar_driver.dca1000.ti_config import cli_lines, read_ti_config
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "driver"))
