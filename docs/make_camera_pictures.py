@@ -18,14 +18,12 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from radar_lab.camera.depth import DepthConfig
-from radar_lab.camera.estimators import PoseConfig
-from radar_lab.camera.figures import draw
 from radar_lab.camera.markers import MarkerConfig
 from radar_lab.camera.pinhole import CameraModel, CameraMount
-from radar_lab.camera.report import budget, collect
+from radar_lab.camera.report import budget, collect, draw
 from radar_lab.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
 from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, reference_of
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, PoseConfig, reference_of
 from radar_lab.pipeline import Pipeline
 from radar_sim import Simulator, load_scene
 from radar_sim.scene import Scene

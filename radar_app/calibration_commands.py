@@ -34,7 +34,7 @@ def calibrate(
     """
     from radar_core.config import load
     from radar_lab.arrays.calibration import Calibration
-    from radar_lab.arrays.sweeps import sweep_options
+    from radar_lab.arrays.turntable import sweep_options
     from radar_ros.turntables import calibrate as fit
 
     chosen = load(Calibration, {"method": method, "distance": distance, "offsets": offsets}, "options")
@@ -82,10 +82,9 @@ def calibrate_pair(
     Examples: `handwave calibrate-pair walk -o right.yaml --picture walk.png` · `handwave calibrate-pair -o right.yaml --duration 60`
     """
     from radar_core.config import load_file
-    from radar_lab.alignment.pair import PairConfig
+    from radar_lab.alignment.pair import PairConfig, draw
+    from radar_lab.alignment.pair import as_json as report
     from radar_lab.alignment.pair import calibrate_pair as fit
-    from radar_lab.alignment.pair_report import as_json as report
-    from radar_lab.alignment.pair_report import draw
 
     names = [name.strip() for name in radars.split(",") if name.strip()]
     if len(names) != 2 or names[0] == names[1]:
@@ -108,7 +107,7 @@ def _show(result: PairCalibration) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from radar_lab.alignment.pair_report import rows
+    from radar_lab.alignment.pair import rows
 
     table = Table("", "measured", "standard deviation", title=f"{result.mount.radar}, beside {result.mount.reference}")
     for row in rows(result):

@@ -10,10 +10,8 @@ import yaml
 from radar_core import ConfigError, DataError, RadarFrame
 from radar_dsp.array_file import save_array
 from radar_lab.arrays.ambiguity import plot
-from radar_lab.arrays.calibration import Calibration, Calibrator
-from radar_lab.arrays.report import CalibrationReport
-from radar_lab.arrays.sweeps import SWEEPS_FILE, readings, sweeps_of
-from radar_lab.arrays.turntable import gather
+from radar_lab.arrays.calibration import Calibration, CalibrationReport, Calibrator
+from radar_lab.arrays.turntable import SWEEPS_FILE, gather, readings, sweeps_of
 from radar_ros.bags import BagWriter
 from radar_ros.messages.convert import frame_to_msg, info_to_msg
 from radar_ros.offline import Recording, open_recording

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import PointCloud, Pose, RadarInfo
-from radar_core.config import config, knob
+from radar_core.config import config, knob, plain
 from radar_core.errors import DataError
 from radar_core.mounting import MountCalibration
 from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig
 from radar_lab.alignment.trajectory_fit import align_trajectories
+from radar_lab.figures import new_figure, save_figure
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.tracker import PeopleTracker
 from radar_tracking.tracks import TrackStatus
@@ -57,10 +61,8 @@ class Walker:
 
     Attributes
     ----------
-    clouds : int
-        Taken in so far.
-    company : int
-        Of these, clouds with more than one person; they are left out.
+    clouds, company : int
+        Clouds taken in so far; of these, those with more than one person, which are left out.
     """
 
     def __init__(self, config: PairConfig, info: RadarInfo) -> None:
@@ -90,13 +92,10 @@ class Walker:
         own = np.flatnonzero(tracks.point_track_id == people[0].id)
         if len(own) >= self._config.min_points:
             self._stamps.append(cloud.stamp_ns)
-            self._places.append(self._centre(level.position[own].astype(np.float64)))
-
-    def _centre(self, points: Float64Array) -> Float64Array:
-        """Mean range on the floor [m], azimuth [rad] and height [m] of a person's points, shape (n, 3) [m]."""
-        # All points count alike: strong ones belong to whatever part of the body happens to face the radar.
-        distance, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
-        return np.array([distance.mean(), azimuth.mean(), points[:, 2].mean()])
+            points = level.position[own].astype(np.float64)
+            # All points count alike: strong ones belong to whatever part of the body happens to face the radar.
+            distance, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
+            self._places.append(np.array([distance.mean(), azimuth.mean(), points[:, 2].mean()]))
 
     @property
     def height(self) -> float:
@@ -104,17 +103,9 @@ class Walker:
         return float(np.median([place[2] for place in self._places])) if self._places else math.nan
 
     def trajectory(self, config: PairConfig | None = None) -> Trajectory:
-        """Give the places of the body's centre, on the floor plane.
+        """Give the places of the body's centre, on the floor plane, with other knobs of depth and sureness than those of the walk, if any.
 
-        Parameters
-        ----------
-        config : PairConfig or None
-            How deep the centre lies, and how sure it is; None: those that the person was followed with.
-
-        Raises
-        ------
-        DataError
-            When nobody was seen, or mostly more than one person.
+        Raises `DataError` when nobody was seen, or mostly more than one person.
         """
         name, config = self.info.frame_id, config or self._config
         if self.company > config.most_company * max(self.clouds, 1):
@@ -228,3 +219,51 @@ def calibrate_pair(first: Walker, second: Walker, config: PairConfig | None = No
         float(stamp[-1] - stamp[0]) * 1e-9,
         second.height - first.height,
     )
+
+
+def rows(result: PairCalibration) -> Iterator[tuple[str, str, str]]:
+    """Name, value and standard deviation of everything worth telling."""
+    mount, found = result.mount.mount, result.alignment
+    x, y, yaw = result.std
+    yield "x", f"{mount.x:.4f} m", f"{x * 1e3:.1f} mm"
+    yield "y", f"{mount.y:.4f} m", f"{y * 1e3:.1f} mm"
+    yield "yaw", f"{np.degrees(mount.yaw):.3f} degrees", f"{np.degrees(yaw):.3f} degrees"
+    yield "height", f"{mount.z:.3f} m", "as given"
+    yield "tilt", f"{np.degrees(mount.tilt):.2f} degrees", "as given"
+    if "offset" in found.names:
+        yield "clock offset", f"{found.offset * 1e3:.1f} ms", f"{found.std['offset'] * 1e3:.1f} ms"
+    yield "pairs", f"{found.pairs} in {result.seconds:.1f} s", f"worth {found.n_effective:.0f} independent ones"
+    yield "agreeing", f"{found.inlier_share:.0%}", f"rms {found.rms * 1e3:.0f} mm"
+    yield "condition", f"{found.condition:.1f}", f"rank {found.rank} of {len(found.names)}"
+
+
+def draw(result: PairCalibration, path: Path) -> None:
+    """Draw both trajectories before and after, in the first radar's levelled frame. Raises `DataError` when it cannot be written."""
+    figure = new_figure(12, 7, 120)
+    first, second, found = result.first.position, result.second.position, result.alignment
+    good = found.weight >= 0.5
+    pictures = (("before: each radar at the origin", second), (f"after: rms {found.rms * 1e3:.0f} mm", found.apply(second)))
+    for axes, (title, moved) in zip(figure.subplots(1, 2), pictures, strict=True):
+        axes.plot(first[:, 1], first[:, 0], ".", markersize=3, label=result.mount.reference)
+        axes.plot(moved[:, 1], moved[:, 0], ".", markersize=3, label=result.mount.radar)
+        axes.set(title=title, xlabel="y [m]", ylabel="x [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.invert_xaxis()  # as seen from above, the radar's left on the left
+    wrong = found.apply(second[found.used[~good]])
+    axes.plot(wrong[:, 1], wrong[:, 0], "x", color="0.5", markersize=3, label="not used")
+    axes.legend(loc="lower right")
+    save_figure(figure, path)
+
+
+def as_json(result: PairCalibration) -> dict[str, Any]:
+    """Give the same as one JSON object."""
+    found = result.alignment
+    names = ("pairs", "n_effective", "correlation_time", "inlier_share", "rms", "condition")
+    return {
+        **plain(result.mount),
+        "std": dict(zip(("x", "y", "yaw"), result.std, strict=True)),
+        **{name: getattr(found, name) for name in names},
+        "seconds": result.seconds,
+        "height_difference": result.height_difference,
+        "notes": result.notes(),
+    }

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import canonical_svd
-from radar_lab.alignment.solver import Freedom, Linear, Loss, NotObservableError, Scale, Solution, SolverSettings, solve
+from radar_lab.alignment.solver import Freedom, Linear, NotObservableError, SolverConfig, solve
 
 Float64Array = NDArray[np.float64]
 
@@ -24,28 +25,15 @@ _CENTRED = 1e-9  # of a spread: below it points coincide
 
 
 @config
-class RigidConfig:
+class RigidConfig(SolverConfig):
     """How two sets of points are aligned."""
 
     freedom: Freedom = knob("yaw", doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
-    loss: Loss = knob("huber", doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
-    cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
-    scale: Scale = knob("measured", doc="covariances are believed as given, or up to a factor that the median residual tells")
-    max_condition: float = knob(1e6, low=1.0, high=1e14, doc="worse conditioned geometry is refused")
-    max_noise: float = knob(
-        0.25, low=0.0, high=1.0, doc="a turn is refused when this share of what seems to tell it is the points' own noise"
-    )
-    max_iterations: int = knob(100, low=1, high=10_000, doc="more are refused")
-
-    @property
-    def solver(self) -> SolverSettings:
-        """The same for `solve`."""
-        return SolverSettings(self.loss, self.cutoff, self.scale, self.max_condition, self.max_noise, self.max_iterations)
 
 
 @dataclass(frozen=True, eq=False)
-class Rigid:
-    """A rigid motion: target = rotation source + translation.
+class Motion:
+    """A rigid motion that was measured: target = rotation source + translation.
 
     Attributes
     ----------
@@ -54,9 +42,9 @@ class Rigid:
     translation : ndarray of float64, shape (d,)
         Where the source's origin is in the target's frame [m].
     names : tuple of str
-        Of the p parameters: x, y, (z), then yaw, or roll, pitch, yaw: small turns about the target's axes.
+        Of the p parameters: x, y, (z), then yaw, or roll, pitch, yaw: small turns about the target's axes; then others that were estimated.
     covariance : ndarray of float64, shape (p, p)
-        Of these [m, rad], for errors that are independent from point to point.
+        Of these [m, rad, s].
     weight : ndarray of float64, shape (n,)
         How much each pair counts, 0..1.
     residual : ndarray of float64, shape (n, d)
@@ -67,8 +55,6 @@ class Rigid:
         Of the problem: always p; less is refused.
     condition : float
         Condition number of the equilibrated problem.
-    iterations : int
-        Until it converged.
     """
 
     rotation: Float64Array
@@ -80,7 +66,6 @@ class Rigid:
     scale: float
     rank: int
     condition: float
-    iterations: int
 
     @property
     def yaw(self) -> float:
@@ -89,7 +74,7 @@ class Rigid:
 
     @property
     def std(self) -> dict[str, float]:
-        """Standard deviation of every parameter, by name [m, rad]."""
+        """Standard deviation of every parameter, by name [m, rad, s]."""
         return dict(zip(self.names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))
 
     @property
@@ -99,12 +84,25 @@ class Rigid:
 
     @property
     def rms(self) -> float:
-        """Root mean square length of the residuals of pairs that count at least half [m]."""
-        return root_mean_square(self.residual, self.weight)
+        """Root mean square length of the residuals of pairs that count at least half [m]; NaN: there are none."""
+        good = self.weight >= 0.5
+        return float(np.sqrt((self.residual[good] ** 2).sum(axis=-1).mean())) if good.any() else math.nan
+
+    def part(self, names: Sequence[str]) -> Float64Array:
+        """Covariance of some parameters, shape (len(names), len(names))."""
+        index = [self.names.index(name) for name in names]
+        return self.covariance[np.ix_(index, index)]
 
     def apply(self, points: Float64Array) -> Float64Array:
         """Move points of the source's frame, shape (..., d) [m], to the target's."""
         return np.asarray(points @ self.rotation.T + self.translation)
+
+
+@dataclass(frozen=True, eq=False)
+class Rigid(Motion):
+    """What `align_points` found, in ``iterations``; its covariance is for errors that are independent from point to point."""
+
+    iterations: int
 
 
 def align_points(
@@ -154,32 +152,14 @@ def align_points(
         covariance = own + target_covariance
         return Linear(target - turned - translation, jacobian, covariance, noise_information(turning, covariance, own))
 
-    solution = solve(state, names, linearise, moved, np.full(len(names), math.inf), lambda _: np.zeros(len(names)), config.solver, advice)
-    return as_rigid(solution, names)
-
-
-def as_rigid(solution: Solution[tuple[Float64Array, Float64Array]], names: tuple[str, ...]) -> Rigid:
-    """Put what the solver found into words."""
+    solution = solve(state, names, linearise, moved, np.full(len(names), math.inf), lambda _: np.zeros(len(names)), config, advice)
     rotation, translation = solution.state
-    return Rigid(
-        rotation,
-        translation,
-        names,
-        solution.covariance,
-        solution.weight,
-        solution.linear.residual,
-        solution.scale,
-        solution.rank,
-        solution.condition,
-        solution.iterations,
-    )
+    found = (solution.weight, solution.linear.residual, solution.scale, solution.rank, solution.condition, solution.iterations)
+    return Rigid(rotation, translation, names, solution.covariance, *found)
 
 
 def check_points(name: str, position: Float64Array, covariance: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Check points, shape (n, d), and their covariances; float64, with one covariance for each, shape (n, d, d).
-
-    Raises `DataError` naming what is wrong.
-    """
+    """Check points, shape (n, d), and their covariances, else raise `DataError`; float64, one covariance for each, shape (n, d, d)."""
     position, covariance = np.asarray(position, np.float64), np.asarray(covariance, np.float64)
     if position.ndim != 2 or position.shape[1] not in (2, 3):
         raise DataError(f"{name} positions have shape {position.shape}; expected (n, 2) or (n, 3)")
@@ -220,21 +200,19 @@ def advice(names: Sequence[str]) -> str:
 
 
 def rigid_jacobian(turned: Float64Array, names: Sequence[str]) -> tuple[Float64Array, Float64Array]:
-    """How moved points change with the parameters.
+    """How moved points change with the p parameters.
 
     Parameters
     ----------
     turned : ndarray of float64, shape (n, d)
         Points after the rotation, before the translation [m].
     names : sequence of str
-        Of the p parameters.
+        Of the parameters.
 
     Returns
     -------
-    jacobian : ndarray of float64, shape (n, d, p)
-        Of the moved points.
-    turning : ndarray of float64, shape (p, d, d)
-        The same as a linear function of the turned point; zero for translations.
+    jacobian, turning : ndarray of float64, shapes (n, d, p), (p, d, d)
+        Of the moved points; the same as a linear function of the turned point, zero for translations.
     """
     d = turned.shape[1]
     turning = np.zeros((len(names), d, d))
@@ -247,7 +225,7 @@ def rigid_jacobian(turned: Float64Array, names: Sequence[str]) -> tuple[Float64A
 
 
 def noise_information(turning: Float64Array, covariance: Float64Array, own: Float64Array) -> Float64Array:
-    """Compute what errors of the points themselves pretend to tell of the parameters, see `solver.Linear`.
+    """Compute what errors of the points themselves pretend to tell of the parameters, shape (p, p), see `solver.Linear`.
 
     Parameters
     ----------
@@ -267,23 +245,12 @@ def moved(state: tuple[Float64Array, Float64Array], step: Float64Array) -> tuple
     """Add a step, shape (p,), to a rotation and a translation."""
     rotation, translation = state
     d = len(translation)
-    turn = step[d:]
-    if d == 2:
-        c, s = math.cos(turn[0]), math.sin(turn[0])
-        return np.array([[c, -s], [s, c]]) @ rotation, translation + step[:d]
-    return _turn(np.array([0.0, 0.0, turn[0]]) if len(turn) == 1 else turn) @ rotation, translation + step[:d]
-
-
-def _turn(vector: Float64Array) -> Float64Array:
-    """Rotation by a vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross)
+    turn = np.concatenate([np.zeros(3 + d - len(step)), step[d:]])
+    return Rotation.from_rotvec(turn).as_matrix()[:d, :d] @ rotation, translation + step[:d]
 
 
 def closed_form(source: Float64Array, target: Float64Array, freedom: str) -> tuple[Float64Array, Float64Array]:
-    """Rotation and translation with the least unweighted squares (Kabsch 1976), of one set of points or of many.
+    """Rotation (..., d, d) and translation (..., d) with the least unweighted squares (Kabsch 1976), of one set of points or of many.
 
     Parameters
     ----------
@@ -335,12 +302,4 @@ def start(source: Float64Array, target: Float64Array, std: Float64Array, freedom
     middle = np.median(ratio, axis=1)
     best = int(np.argmin(middle))
     good = judged[ratio[best] <= 2.5 * max(float(middle[best]), 1e-12)]
-    if len(good) < size:
-        return rotation[best], translation[best]
-    return closed_form(source[good], target[good], freedom)
-
-
-def root_mean_square(residual: Float64Array, weight: Float64Array) -> float:
-    """Root mean square length of residuals, shape (n, d), of samples that count at least half; NaN: there are none."""
-    good = weight >= 0.5
-    return float(np.sqrt((residual[good] ** 2).sum(axis=-1).mean())) if good.any() else math.nan
+    return closed_form(source[good], target[good], freedom) if len(good) >= size else (rotation[best], translation[best])

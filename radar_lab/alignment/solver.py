@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from radar_core.checks import require_finite
+from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import SingularError, canonical_svd, first_max, symmetrise
 
@@ -27,17 +27,12 @@ _CONVERGED, _NEARLY = 1e-4, 0.05  # steps in standard deviations of the result; 
 _EXACT = 1e-6  # of the given errors: smaller residuals are rounding errors
 _PRIOR = 20  # see `correlated_covariance`
 _MEDIAN = {d: float(chi2.median(d)) for d in (1, 2, 3)}  # of the squared length of a vector of unit variance
+_LENGTHS = {d: np.sqrt(chi2.ppf((np.arange(1000) + 0.5) / 1000, d)) for d in (2, 3)}  # of such vectors, one in a thousand of each
 _SHARE = 0.1  # a parameter with this much of a direction that is not observable is named
 
 
 class NotObservableError(SingularError):
-    """The measurements leave a parameter open.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        What cannot be told, or not apart from each other.
-    """
+    """The measurements leave a parameter open: ``parameters`` names those that cannot be told, or not apart from each other."""
 
     def __init__(self, message: str, parameters: Sequence[str]) -> None:
         super().__init__(f"not observable: {message}")
@@ -57,8 +52,7 @@ class Linear:
     covariance : ndarray of float64, shape (n, d, d)
         Of the residuals, up to a common factor.
     noise : ndarray of float64, shape (p, p)
-        How much of the information jacobian' covariance^-1 jacobian, summed over residuals, only comes from errors within the jacobian,
-        if those are as large as given.
+        Part of jacobian' covariance^-1 jacobian, summed over residuals, that comes from errors within the jacobian alone.
     """
 
     residual: Float64Array
@@ -67,62 +61,38 @@ class Linear:
     noise: Float64Array
 
 
-@dataclass(frozen=True)
-class SolverSettings:
-    """How to solve.
+@config
+class SolverConfig:
+    """How robust least squares are solved."""
 
-    Attributes
-    ----------
-    loss : str
-        How residuals count.
-    cutoff : float
-        Residual, in standard deviations, beyond which a sample counts less (huber) or not at all (tukey); 0: 2 and 5.
-    scale : str
-        ``given``: covariances are believed; ``measured``: up to a common factor, which the median residual tells.
-    max_condition : float
-        Largest accepted condition number of the equilibrated problem.
-    max_noise : float
-        Largest accepted share of noise in what seems to be information about a direction in parameter space.
-    max_iterations : int
-        More is an error.
-    """
-
-    loss: Loss = "huber"
-    cutoff: float = 0.0
-    scale: Scale = "measured"
-    max_condition: float = 1e6
-    max_noise: float = 0.25
-    max_iterations: int = 100
+    loss: Loss = knob("huber", doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
+    cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
+    scale: Scale = knob("measured", doc="covariances are believed as given, or up to a factor that the median residual tells")
+    max_condition: float = knob(1e6, low=1.0, high=1e14, doc="worse conditioned geometry is refused")
+    max_noise: float = knob(0.25, low=0.0, high=1.0, doc="a turn is refused when this share of what seems to tell it is noise")
+    max_iterations: int = knob(100, low=1, high=10_000, doc="more are refused")
 
 
 @dataclass(frozen=True, eq=False)
 class Solution(Generic[S]):
-    """What `solve` found.
+    """What `solve` found about n samples of d components, with p parameters.
 
     Attributes
     ----------
-    state : object
-        The best state.
-    linear : Linear
-        About that state.
-    whitened : ndarray of float64, shape (n, d)
-        Residuals of unit variance where the covariances are right.
-    jacobian : ndarray of float64, shape (n, d, p)
-        Whitened likewise.
+    state, linear : object, Linear
+        The best state, and what is linear about it.
+    whitened, jacobian : ndarray of float64, shapes (n, d), (n, d, p)
+        Of unit variance where the covariances are right.
     weight : ndarray of float64, shape (n,)
         Of the samples, 0..1.
     scale : float
         Standard deviations are this many times those given.
-    covariance : ndarray of float64, shape (p, p)
-        Of the parameters, for errors that are independent from sample to sample.
-    bread : ndarray of float64, shape (p, p)
-        How far the result moves with the sum of weighted residuals: the outer parts of `correlated_covariance`.
+    covariance, bread : ndarray of float64, shape (p, p)
+        Of the parameters, for errors that are independent from sample to sample; outer parts of `correlated_covariance`.
     prior : ndarray of float64, shape (p,)
         Standard deviations of what was known beforehand.
-    condition : float
-        Of the equilibrated problem.
-    rank : int
-        Of the same; always p, because everything else is refused.
+    condition, rank : float, int
+        Of the equilibrated problem; the rank is p, because everything else is refused.
     iterations : int
         Until it converged.
     """
@@ -148,7 +118,7 @@ def solve(
     move: Callable[[S, Float64Array], S],
     prior_std: Float64Array,
     prior_residual: Callable[[S], Float64Array],
-    config: SolverSettings,
+    config: SolverConfig,
     advice: Callable[[Sequence[str]], str],
 ) -> Solution[S]:
     """Find the state with the least robust sum of squares, by iterated reweighted least squares.
@@ -159,15 +129,11 @@ def solve(
         Where to begin; near enough that most samples are not outliers.
     names : sequence of str
         Of the p parameters.
-    linearise : callable
-        Residuals about a state.
-    move : callable
-        State and step, shape (p,), to the next state.
-    prior_std : ndarray of float64, shape (p,)
-        Standard deviations of what is known beforehand; infinite: nothing is.
-    prior_residual : callable
-        Known minus state, shape (p,).
-    config : SolverSettings
+    linearise, move : callable
+        Residuals about a state; state and step, shape (p,), to the next state.
+    prior_std, prior_residual : ndarray of float64, shape (p,), and callable
+        Standard deviations of what is known beforehand, infinite where nothing is; known minus state, shape (p,).
+    config : SolverConfig
         How.
     advice : callable
         Says what to do about parameters that cannot be told; for the error.
@@ -205,7 +171,7 @@ def solve(
     return Solution(state, linear, y, J, weight, scale, covariance, bread, prior_std, float(singular[0] / singular[-1]), p, iteration)
 
 
-def loss_weight(distance: Float64Array, config: SolverSettings) -> Float64Array:
+def loss_weight(distance: Float64Array, config: SolverConfig) -> Float64Array:
     """Weights of samples, shape (n,), by their residuals in standard deviations, shape (n,)."""
     cutoff = config.cutoff or _CUTOFF[config.loss]
     if config.loss == "none":
@@ -275,12 +241,9 @@ def _stack(
 
 
 def _decompose(
-    rows: Float64Array, names: Sequence[str], config: SolverSettings, advice: Callable[[Sequence[str]], str]
+    rows: Float64Array, names: Sequence[str], config: SolverConfig, advice: Callable[[Sequence[str]], str]
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-    """Singular value decomposition of the equations with columns of unit length: U, singular values, V, lengths.
-
-    Raises `NotObservableError` when it is singular, or nearly so.
-    """
+    """Decompose the equations with columns of unit length: U, singular values, V, lengths; `NotObservableError` when nearly singular."""
     size = np.sqrt((rows * rows).sum(axis=0))
     if not (size > 0).all():
         open_ones = [name for name, length in zip(names, size, strict=True) if not length > 0]
@@ -315,28 +278,18 @@ def _refuse_noise(
         )
 
 
-def _robustness(distance: Float64Array, config: SolverSettings, d: int, p: int) -> tuple[float, float]:
+def _robustness(distance: Float64Array, config: SolverConfig, d: int, p: int) -> tuple[float, float]:
     """Work out what a robust loss does to the uncertainty (Huber 1981, 7.6, for vector residuals).
 
-    Returns
-    -------
-    spread : float
-        Mean square of weighted residuals, per component.
-    slack : float
-        Mean weight over the mean derivative of weighted residuals: how much farther the result moves than weights alone say.
+    Returns the mean square of weighted residuals per component, and how much farther the result moves than weights alone say: their mean
+    over the mean derivative of weighted residuals.
     """
     n = len(distance)
     freedom = n * d / max(n * d - p, 1)
     if config.scale == "given":  # residuals are what the covariances say, not what a few samples happen to be
-        distance, freedom = _normal(d), 1.0
+        distance, freedom = _LENGTHS[d], 1.0
     weight = loss_weight(distance, config)
     slope = (loss_weight(distance * (1.0 + 1e-6), config) - weight) / 1e-6
     mean = float(weight.mean())
     curvature = max(float((weight + slope / d).mean()), 1e-3)
     return float((weight**2 * distance**2).mean()) / d * freedom, mean / curvature
-
-
-@functools.cache
-def _normal(d: int) -> Float64Array:
-    """Lengths of normally distributed vectors of unit variance, one in a thousand of each, shape (1000,)."""
-    return np.asarray(np.sqrt(chi2.ppf((np.arange(1000) + 0.5) / 1000, d)))

@@ -1,11 +1,9 @@
-"""Trajectories that two sensors saw of one movement, and what their alignment found."""
+"""Trajectories that two sensors saw of one movement, at their own and at other times, and what their alignment found."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +11,18 @@ from numpy.typing import NDArray
 from radar_core.checks import require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
-from radar_lab.alignment.rigid import check_points
-from radar_lab.alignment.solver import Freedom, Loss, SolverSettings
+from radar_lab.alignment.rigid import Motion, check_points
+from radar_lab.alignment.solver import Freedom, Loss, SolverConfig
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
+_SECOND = 1e9  # ns
+_MOST = 50  # samples on either side that a slope is fitted to: more make it no better for what it is needed
+
 
 @config
-class TrajectoryConfig:
+class TrajectoryConfig(SolverConfig):
     """How two trajectories are aligned."""
 
     freedom: Freedom = knob("yaw", doc="yaw: turn about z only, for levelled sensors; full: any turn in space")
@@ -45,19 +46,11 @@ class TrajectoryConfig:
     )
     depth: Literal["considered", "estimated"] = knob("considered", doc="both only make the result less sure, or are estimated")
     loss: Loss = knob("tukey", doc="none: least squares; huber: outliers count less; tukey: gross ones count nothing")
-    cutoff: float = knob(0.0, low=0.0, high=100.0, doc="residual in standard deviations where that begins (tukey: ends); 0: 2, tukey 5")
     correlation_time: float = knob(
         0.0, unit="s", low=0.0, high=1e3, doc="errors this far apart in time are independent; 0: measured from the residuals"
     )
     min_samples: int = knob(20, low=4, high=1_000_000, doc="fewer pairs are refused")
     max_condition: float = knob(1e5, low=1.0, high=1e14, doc="worse conditioned movements are refused")
-    max_noise: float = knob(0.25, low=0.0, high=1.0, doc="so are those of which this share of what seems to tell the pose is noise")
-    max_iterations: int = knob(100, low=1, high=10_000, doc="more are refused")
-
-    @property
-    def solver(self) -> SolverSettings:
-        """The same for `solve`."""
-        return SolverSettings(self.loss, self.cutoff, "measured", self.max_condition, self.max_noise, self.max_iterations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +93,8 @@ class Trajectory:
         require_shape("Trajectory.velocity", velocity, (n, d))
         if np.isinf(velocity).any():
             raise DataError("Trajectory.velocity holds an infinity; NaN is the mark for what is not known")
-        for name, value in (
-            ("stamp_ns", stamp.astype(np.int64)),
-            ("position", position),
-            ("covariance", covariance),
-            ("velocity", velocity),
-        ):
+        checked = {"stamp_ns": stamp.astype(np.int64), "position": position, "covariance": covariance, "velocity": velocity}
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -119,84 +108,126 @@ class Trajectory:
 
 
 @dataclass(frozen=True, eq=False)
-class TrajectoryAlignment:
-    """The second sensor's pose in the first one's frame.
+class TrajectoryAlignment(Motion):
+    """The second sensor's pose in the first one's frame; the source of the motion is the second sensor, its target the first.
+
+    The covariance is for errors that are correlated in time. After the names of the motion come those of ``offset``, ``depth`` and
+    ``depth_difference`` that were estimated.
 
     Attributes
     ----------
-    rotation : ndarray of float64, shape (d, d)
-        Vectors of the second sensor's frame to the first one's.
-    translation : ndarray of float64, shape (d,)
-        Where the second sensor is in the first one's frame [m].
     offset : float
         What is to be added to the second one's stamps to get the first one's [s]; 0 where it was not looked for.
     depth, depth_difference : float
         How far the body's centre lies behind the positions along the lines of sight, mean of both sensors, and second minus first [m].
-    names : tuple of str
-        Of the p parameters: those of `Rigid`, then those of ``offset``, ``depth`` and ``depth_difference`` that were estimated.
-    covariance : ndarray of float64, shape (p, p)
-        Of these [m, rad, s], for errors that are correlated in time.
-    pairs : int
-        Samples of the second sensor that have a partner.
     n_effective : float
         How many independent samples would say as much.
     correlation_time : float
         Within which errors are correlated [s].
-    inlier_share : float
-        Share of pairs that count at least half.
-    rms : float
-        Root mean square distance of these after alignment [m].
-    scale : float
-        Standard deviations of the positions are this many times those given.
-    rank : int
-        Of the problem: always p; less is refused.
-    condition : float
-        Condition number of the equilibrated problem.
     used : ndarray of int64, shape (n,)
         Indices of the second sensor's samples that have a partner.
     partner : ndarray of float64, shape (n, d)
         Where the first sensor saw it then, in its frame [m].
-    weight : ndarray of float64, shape (n,)
-        How much each pair counts, 0..1.
-    residual : ndarray of float64, shape (n, d)
-        What is left after alignment [m].
     """
 
-    rotation: Float64Array
-    translation: Float64Array
     offset: float
     depth: float
     depth_difference: float
-    names: tuple[str, ...]
-    covariance: Float64Array
-    pairs: int
     n_effective: float
     correlation_time: float
-    inlier_share: float
-    rms: float
-    scale: float
-    rank: int
-    condition: float
     used: IndexArray
     partner: Float64Array
-    weight: Float64Array
-    residual: Float64Array
 
     @property
-    def yaw(self) -> float:
-        """Turn about z, from the second sensor's x to the first one's [rad]."""
-        return math.atan2(self.rotation[1, 0], self.rotation[0, 0])
+    def pairs(self) -> int:
+        """Samples of the second sensor that have a partner."""
+        return len(self.used)
 
-    @property
-    def std(self) -> dict[str, float]:
-        """Standard deviation of every parameter, by name [m, rad, s]."""
-        return dict(zip(self.names, np.sqrt(np.diagonal(self.covariance)).tolist(), strict=True))
 
-    def part(self, names: Sequence[str]) -> Float64Array:
-        """Covariance of some parameters, shape (len(names), len(names))."""
-        index = [self.names.index(name) for name in names]
-        return self.covariance[np.ix_(index, index)]
+class Slopes(NamedTuple):
+    """Velocities of a trajectory's samples, shape (n, d) [m/s], and what errors of positions make of them, (n, d, d) [m^2/s^2]."""
 
-    def apply(self, points: Float64Array) -> Float64Array:
-        """Move points of the second sensor's frame, shape (..., d) [m], to the first one's."""
-        return np.asarray(points @ self.rotation.T + self.translation)
+    velocity: Float64Array
+    covariance: Float64Array
+
+
+def slopes(track: Trajectory, window: float) -> Slopes:
+    """Find the velocity at every sample: the known one, else the slope of a straight line through the samples around it.
+
+    Parameters
+    ----------
+    track : Trajectory
+        With n samples.
+    window : float
+        How far from a sample others may be [s]; where there are none, its neighbours count.
+    """
+    n, d = track.position.shape
+    time = (track.stamp_ns - track.stamp_ns[:1]) / _SECOND
+    sums = np.zeros((n, 3))  # of 1, t, t^2
+    place, product = np.zeros((n, d)), np.zeros((n, d))  # of x and t x, both relative to the sample
+    sums[:, 0] = 1.0
+    apart = np.diff(time, prepend=-np.inf, append=np.inf)
+    lonely = (apart[:-1] > window) & (apart[1:] > window)  # whose neighbours count however far they are
+    for lag in range(1, min(n - 1, _MOST) + 1):
+        step = time[lag:] - time[:-lag]
+        far = step > window
+        if lag > 1 and far.all():
+            break
+        for first, sign in ((0, 1.0), (lag, -1.0)):
+            low = np.flatnonzero(~far | (lonely[first : first + len(step)] & (lag == 1)))
+            own, t, x = low + first, step[low], track.position[low + lag] - track.position[low]
+            sums[own] += np.stack([np.ones(len(t)), sign * t, t * t], axis=1)
+            place[own] += sign * x
+            product[own] += t[:, None] * x
+    divisor = np.maximum(sums[:, 0] * sums[:, 2] - sums[:, 1] ** 2, 1e-30)[:, None]
+    slope = (sums[:, :1] * product - sums[:, 1:2] * place) / divisor
+    known = np.isfinite(track.known_velocity)
+    # a tracker's velocity comes from the same positions, so it is no surer than theirs
+    return Slopes(np.where(known, track.known_velocity, slope), track.covariance * (sums[:, :1] / divisor)[..., None])
+
+
+def nearest(track: Trajectory, stamp_ns: IndexArray, offset: float, max_gap: float) -> tuple[IndexArray, IndexArray]:
+    """Find for each time the sample nearest to it, which is then moved on by its velocity.
+
+    Straight lines between samples would average the errors of two: most between them, not at all at one of them. A clock offset that is
+    fitted then settles in the middle between samples, where errors seem smallest. The nearest sample has its own error everywhere.
+
+    Parameters
+    ----------
+    track : Trajectory
+        With m samples.
+    stamp_ns : ndarray of int64, shape (n,)
+        Times [ns], by another clock.
+    offset : float
+        What is to be added to them [s].
+    max_gap : float
+        Times farther than half of this from every sample are left out [s].
+
+    Returns
+    -------
+    index, partner : ndarray of int64, shape (k,)
+        Which of the times were used, and the samples nearest to them.
+    """
+    m = len(track)
+    if m == 0 or len(stamp_ns) == 0:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    time = stamp_ns + round(offset * _SECOND)
+    after = np.clip(np.searchsorted(track.stamp_ns, time), 1, max(m - 1, 1))
+    before = after - 1
+    after = np.minimum(after, m - 1)
+    partner = np.where(time - track.stamp_ns[before] <= track.stamp_ns[after] - time, before, after)
+    index = np.flatnonzero(np.abs(track.stamp_ns[partner] - time) <= 0.5e9 * max_gap)
+    return index, partner[index]
+
+
+def since(first: Trajectory, second: Trajectory, index: IndexArray, partner: IndexArray, offset: float) -> Float64Array:
+    """Compute how much later than their partners samples of the second trajectory are, with a clock offset, shape (n,) [s]."""
+    return np.asarray((second.stamp_ns[index] - first.stamp_ns[partner]) / _SECOND + offset)
+
+
+def sight_lines(position: Float64Array) -> Float64Array:
+    """Return unit vectors on the floor plane from the sensor, at the origin, to positions, shape (n, d); zero right above it."""
+    sight = position.copy()
+    sight[:, 2:] = 0.0
+    length = np.sqrt((sight * sight).sum(axis=-1, keepdims=True))
+    return np.asarray(np.where(length > 1e-9, sight / np.maximum(length, 1e-9), 0.0))

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError
 from radar_core.config import config, knob
+from radar_lab.figures import new_figure, save_figure
+from radar_sim.turntable import AXES
 
 Float64Array = NDArray[np.float64]
-
-AXES = ("azimuth", "elevation")
 
 
 @config
@@ -69,19 +69,9 @@ def ambiguity(array: AntennaArray, wavelength: float, axis: str, config: Ambigui
     wavelength : float
         Wavelength [m].
     axis : str
-        ``azimuth`` (at elevation 0) or ``elevation`` (at azimuth 0).
+        ``azimuth`` (at elevation 0) or ``elevation`` (at azimuth 0); another raises `ConfigError`.
     config : AmbiguityConfig or None
         Grid and threshold.
-
-    Returns
-    -------
-    Ambiguity
-        Function and figures.
-
-    Raises
-    ------
-    ConfigError
-        When there is no such axis.
     """
     if axis not in AXES:
         raise ConfigError(f"ambiguity has no axis {axis!r}; choose one of {', '.join(AXES)}")
@@ -141,50 +131,27 @@ def _beamwidth(angle: Float64Array, chi: Float64Array) -> float:
 
 
 def plot(array: AntennaArray, wavelength: float, path: str | Path, config: AmbiguityConfig | None = None) -> tuple[Ambiguity, Ambiguity]:
-    """Draw the ambiguity functions in azimuth and elevation side by side, like figures 3.4 and 3.5.
+    """Draw the ambiguity functions in azimuth and elevation, which are returned, side by side, like figures 3.4 and 3.5.
 
     Parameters
     ----------
-    array : AntennaArray
-        The array.
-    wavelength : float
-        Wavelength [m].
+    array, wavelength, config
+        See `ambiguity`.
     path : str or Path
-        Picture; the ending says which kind, e.g. .png or .pdf.
-    config : AmbiguityConfig or None
-        Grid and threshold.
-
-    Returns
-    -------
-    tuple of Ambiguity
-        Azimuth and elevation.
-
-    Raises
-    ------
-    ConfigError
-        When the picture cannot be written.
+        Picture; the ending says which kind, e.g. .png or .pdf. `DataError` is raised when it cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     config = config or AmbiguityConfig()
     both = ambiguity(array, wavelength, "azimuth", config), ambiguity(array, wavelength, "elevation", config)
-    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(1, 2)
-    for ax, item in zip(axes, both, strict=True):
+    figure = new_figure(11.0, 4.6, 120)
+    for ax, item in zip(figure.subplots(1, 2), both, strict=True):
         degrees = np.degrees(item.angle)
-        image = ax.imshow(
-            item.chi, origin="lower", extent=(degrees[0], degrees[-1], degrees[0], degrees[-1]), vmin=0, vmax=1, cmap="viridis"
-        )
+        extent = (degrees[0], degrees[-1]) * 2
+        image = ax.imshow(item.chi, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
         limit = np.degrees(item.unambiguous)
         ax.plot([-limit, limit, limit, -limit, -limit], [-limit, -limit, limit, limit, -limit], color="white", linewidth=1, linestyle="--")
         ax.set(xlabel=f"{item.axis} j (degrees)", ylabel=f"{item.axis} i (degrees)")
         width = "no 3 dB beamwidth" if np.isnan(item.beamwidth) else f"3 dB beamwidth {np.degrees(item.beamwidth):.1f}°"
         ax.set_title(f"{item.axis}: side lobes below {config.threshold:g} within ±{limit:.0f}°, {width}", fontsize=9)
         figure.colorbar(image, ax=ax, label="|χ|")
-    try:
-        figure.savefig(Path(path), dpi=120)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot draw there ({error}); choose a place that can be written, with an ending like .png") from None
+    save_figure(figure, path)
     return both

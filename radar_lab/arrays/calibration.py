@@ -8,6 +8,7 @@ into A_m: it cannot be seen, and no direction depends on it; here their means ar
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from typing import Literal, NoReturn
 
 import numpy as np
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 from radar_core import DataError, RadarInfo
 from radar_core.config import config, knob
 from radar_dsp.array_file import CalibratedArray
+from radar_dsp.steering_table import SteeringTable
+from radar_lab.arrays.ambiguity import Ambiguity
 from radar_lab.arrays.channel_fit import ChannelFit, Channels, Residual
-from radar_lab.arrays.outer_product import outer_product
 from radar_lab.arrays.turntable import Snapshots, spherical
 
 Float64Array = NDArray[np.float64]
@@ -53,15 +55,7 @@ class Calibration:
 
 
 class Calibrator:
-    """Fit an array to snapshots of a turntable.
-
-    Parameters
-    ----------
-    config : Calibration
-        What to fit and what to refuse.
-    info : RadarInfo
-        The radar; of its array the nominal positions, whatever calibration it already carries.
-    """
+    """Fit the array of a radar, from its nominal positions, to snapshots of a turntable; a calibration that it carries is replaced."""
 
     def __init__(self, config: Calibration, info: RadarInfo) -> None:
         self.config = config
@@ -75,11 +69,6 @@ class Calibrator:
         ----------
         snapshots : Snapshots
             From one or both sweeps, in any order.
-
-        Returns
-        -------
-        CalibratedArray
-            The array and how well it is known.
 
         Raises
         ------
@@ -152,13 +141,7 @@ class Calibrator:
         )
 
     def _result(
-        self,
-        fit: ChannelFit,
-        channels: Channels,
-        left: Residual,
-        dead: NDArray[np.bool_],
-        observed: tuple[bool, bool],
-        snapshots: Snapshots,
+        self, fit: ChannelFit, channels: Channels, left: Residual, dead: NDArray[np.bool_], seen: tuple[bool, bool], snapshots: Snapshots
     ) -> CalibratedArray:
         def spread(values: Float64Array, fill: float = np.nan) -> Float64Array:
             full = np.full((len(dead), *values.shape[1:]), fill)
@@ -177,7 +160,7 @@ class Calibrator:
             array=array,
             carrier=self.info.waveform.carrier,
             dead=dead,
-            observed=observed,
+            observed=seen,
             phase_residual=spread(np.sqrt((left.phase**2).mean(axis=0))),
             gain_residual=spread(np.sqrt((left.level**2).mean(axis=0))),
             gain_std=spread(gain_std),
@@ -191,3 +174,83 @@ class Calibrator:
             n_snapshot=len(snapshots),
             table=outer_product(snapshots, ~dead) if self.config.method == "outer" else None,
         )
+
+
+def outer_product(snapshots: Snapshots, live: NDArray[np.bool_]) -> SteeringTable:
+    """Make the steering matrix a_azimuth(phi) a_elevation(theta) / a_azimuth(0), channel by channel, of both sweeps by (3.1).
+
+    Parameters
+    ----------
+    snapshots : Snapshots
+        A sweep in azimuth at elevation 0 and one in elevation at azimuth 0; further snapshots of the same angle are averaged.
+    live : ndarray of bool, shape (n_channel,)
+        The others become zero.
+
+    Raises
+    ------
+    DataError
+        When a sweep is missing or did not stop at 0 degrees.
+    """
+    flat = np.abs(snapshots.elevation) < 1e-6, np.abs(snapshots.azimuth) < 1e-6
+    sweeps = []
+    for name, angle, use in zip(("azimuth", "elevation"), (snapshots.azimuth, snapshots.elevation), flat, strict=True):
+        angles = np.unique(np.round(angle[use], 6))
+        if len(angles) < 2 or 0.0 not in angles:
+            raise DataError(
+                f"equation 3.1 needs a sweep in {name}, through 0 degrees and with the other angle at 0; record it, or use 'fit'"
+            )
+        sweeps.append((angles, np.stack([_mean(snapshots.values[use & (np.abs(angle - a) < 1e-6)]) for a in angles])))
+    (azimuth, a_azimuth), (elevation, a_elevation) = sweeps
+    boresight = a_azimuth[int(np.argmin(np.abs(azimuth)))]
+    vectors = a_azimuth[:, None, :] * a_elevation[None, :, :] / np.where(live, boresight, 1.0)
+    return SteeringTable(azimuth, elevation, np.where(live, vectors, 0.0))
+
+
+def _mean(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Mean snapshot (n_channel,) of rows whose common phases differ."""
+    turn = np.exp(-1j * np.angle(values @ values[0].conj()))
+    return np.asarray((values * turn[:, None]).mean(axis=0))
+
+
+@dataclass(frozen=True)
+class CalibrationReport:
+    """What a calibration found, as it was written, the snapshots it was fitted to, and the ambiguity of the calibrated array."""
+
+    result: CalibratedArray
+    snapshots: Snapshots
+    azimuth: Ambiguity
+    elevation: Ambiguity
+
+    def lines(self) -> list[str]:
+        """Tell a user what was found."""
+        result, array = self.result, self.result.array
+        lines = [
+            f"reflector at {result.range:.2f} m, {self.snapshots.snr:.0f} dB over the other cells; {result.n_snapshot} frames; "
+            f"condition {result.condition:.2f}",
+            "channel   gain dB       phase deg     shift y, z mm                  left: deg, dB",
+        ]
+        rows = zip(array.channel_gain, np.degrees(array.channel_phase), np.array(array.channel_shift) * 1e3, strict=True)
+        for v, (gain, phase, (y, z)) in enumerate(rows):
+            tx, rx = divmod(v, array.n_rx)
+            name = f"tx{tx} rx{rx}"
+            if result.dead[v]:
+                lines.append(f"{name:8}  no signal")
+                continue
+            shifts = [
+                f"{value:7.3f} ±{std:5.3f}" if seen else "     not seen"
+                for value, std, seen in zip((y, z), result.shift_std[v] * 1e3, result.observed, strict=True)
+            ]
+            lines.append(
+                f"{name:8} {gain:6.2f} ±{result.gain_std[v]:4.2f} {phase:8.1f} ±{np.degrees(result.phase_std[v]):4.1f} "
+                f"{' '.join(shifts)} {np.degrees(result.phase_residual[v]):8.1f} {result.gain_residual[v]:5.2f}"
+            )
+        for number, (offset, std) in enumerate(zip(np.degrees(result.offset), np.degrees(result.offset_std), strict=True)):
+            lines += [
+                f"sweep {number}: {name} is {offset[i]:+.2f} ± {std[i]:.2f} degrees from what the turntable says"
+                for i, name in enumerate(("azimuth", "elevation"))
+                if np.isfinite(offset[i])
+            ]
+        for item in (self.azimuth, self.elevation):
+            width = "none" if np.isnan(item.beamwidth) else f"{np.degrees(item.beamwidth):.1f} degrees"
+            lines.append(f"{item.axis}: unambiguous within ±{np.degrees(item.unambiguous):.0f} degrees, 3 dB beamwidth {width}")
+        return lines + [f"note: {note}" for note in result.notes()]

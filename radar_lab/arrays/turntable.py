@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from pathlib import Path
 
 import numpy as np
 import scipy.fft
@@ -12,34 +12,26 @@ from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.checks import require_finite, require_shape
+from radar_core.config import config, knob, load_file
 from radar_dsp.windows import make_window
+from radar_sim.turntable import Axis, Sweep, TurntableFrame, begins
 
+SWEEPS_FILE = "turntable.yaml"
+"""In the folder of a recording: what the turntable did."""
 _CONTRAST = 10.0
 """A reflector has to stand out by this over the median cell [dB]; below, angles of noise would be fitted."""
 
 
-class Reading(Protocol):
-    """A frame, where the reflector then was in the sensor frame [rad], and the number of the turntable's sweep."""
+@config
+class Sweeps:
+    """What a turntable did during one recording: the content of ``turntable.yaml`` beside the recording's other files."""
 
-    @property
-    def azimuth(self) -> float:
-        """Azimuth of the reflector [rad]."""
-        ...
+    sweeps: tuple[Sweep, ...] = knob(doc="sweeps in the order of their time")
 
-    @property
-    def elevation(self) -> float:
-        """Elevation of the reflector [rad]."""
-        ...
-
-    @property
-    def sweep(self) -> int:
-        """Number of the sweep; each has mounting offsets of its own."""
-        ...
-
-    @property
-    def frame(self) -> RadarFrame:
-        """Raw samples."""
-        ...
+    def validate(self) -> None:
+        """Raise `ConfigError` when there is none."""
+        if not self.sweeps:
+            raise ConfigError("Sweeps.sweeps is empty; name at least one sweep, e.g. {axis: azimuth, dwell: 1.0}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +87,7 @@ class Snapshots:
         return np.stack([np.cos(self.elevation) * np.sin(self.azimuth), np.sin(self.elevation)], axis=-1)
 
 
-def gather(readings: Iterable[Reading], info: RadarInfo, distance: float = 0.0, nearest: float = 0.5) -> Snapshots:
+def gather(readings: Iterable[TurntableFrame], info: RadarInfo, distance: float = 0.0, nearest: float = 0.5) -> Snapshots:
     """Cut the reflector out of the frames of a turntable.
 
     The reflector stands still: the mean over the chirps is its Doppler cell, and transmitters that take turns need no compensation. One
@@ -103,7 +95,7 @@ def gather(readings: Iterable[Reading], info: RadarInfo, distance: float = 0.0, 
 
     Parameters
     ----------
-    readings : iterable of Reading
+    readings : iterable of TurntableFrame
         Frames with the directions in which the reflector stood.
     info : RadarInfo
         The radar.
@@ -111,11 +103,6 @@ def gather(readings: Iterable[Reading], info: RadarInfo, distance: float = 0.0, 
         Where to look for the reflector [m], within two range cells; 0: the strongest echo beyond ``nearest``.
     nearest : float
         Nearer echoes are taken for coupling [m].
-
-    Returns
-    -------
-    Snapshots
-        One row per frame.
 
     Raises
     ------
@@ -213,3 +200,84 @@ def spherical(array: AntennaArray, cosines: NDArray[np.float64], distance: float
         legs.append((square - along**2) / (leg + distance - along))
     extra = (legs[0][:, :, None] + legs[1][:, None, :]).reshape(len(cosines), -1)
     return np.asarray(np.exp(2j * np.pi / wavelength * extra))
+
+
+def parse_sweep(axis: Axis, text: str, dwell: float, settle: float = 0.0) -> Sweep:
+    """Read ``start:stop:step`` in degrees, e.g. ``-60:60:1``, and the times of a `Sweep` [s]; `ConfigError` when it is not of that form."""
+    try:
+        start, stop, step = map(float, text.split(":"))
+    except ValueError:
+        raise ConfigError(f"--{axis} {text!r}: write start:stop:step in degrees, e.g. -60:60:1") from None
+    return Sweep(axis=axis, start=start, stop=stop, step=step, dwell=dwell, settle=settle)
+
+
+def sweep_options(azimuth: str | None, elevation: str | None, dwell: float, settle: float) -> list[Sweep]:
+    """Read what the command line says of the turntable, azimuth first; empty: nothing."""
+    given: tuple[tuple[Axis, str | None], ...] = (("azimuth", azimuth), ("elevation", elevation))
+    return [parse_sweep(axis, text, dwell, settle) for axis, text in given if text is not None]
+
+
+def sweeps_of(recordings: Sequence[Path], options: Sequence[Sweep]) -> list[tuple[Sweep, ...]]:
+    """Decide what the turntable did during each recording.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Folders of bags.
+    options : sequence of Sweep
+        From the command line: as many as there are recordings, one each in their order; or all of them in the only recording, one after the
+        other; empty: each recording's ``turntable.yaml``.
+
+    Raises
+    ------
+    ConfigError
+        When options and recordings do not match, or nothing says what a turntable did.
+    """
+    if len(options) == len(recordings):
+        return [(option,) for option in options]
+    if options and len(recordings) == 1:
+        return [tuple(options)]
+    if options:
+        raise ConfigError(f"{len(options)} sweeps are given for {len(recordings)} recordings; give one sweep each, azimuth first")
+    missing = [path for path in recordings if not (path / SWEEPS_FILE).exists()]
+    if missing:
+        raise ConfigError(
+            f"{missing[0]}: nothing says which angles the turntable went through; put a {SWEEPS_FILE} there (docs/calibration.md), or give "
+            "--azimuth START:STOP:STEP, --elevation START:STOP:STEP and --dwell SECONDS"
+        )
+    return [load_file(Sweeps, path / SWEEPS_FILE).sweeps for path in recordings]
+
+
+def readings(frames: Iterable[RadarFrame], info: RadarInfo, sweeps: tuple[Sweep, ...], first: int = 0) -> Iterator[TurntableFrame]:
+    """Say where the reflector was in every frame of a recording, by its time after the first one; frames between dwells are left out.
+
+    The number of the first sweep is ``first``. `DataError` is raised when the sweeps met no frame at more than a tenth of their angles.
+    """
+    plan = list(zip(sweeps, begins(sweeps), strict=True))
+    met = [np.zeros(len(sweep.angles), bool) for sweep in sweeps]
+    length = info.waveform.acquisition_ns
+    start: int | None = None
+    for frame in frames:
+        start = frame.stamp_ns if start is None else start
+        for number, (sweep, begin) in enumerate(plan):
+            angle = _dwell(sweep, (frame.stamp_ns - start) * 1e-9 - begin, length * 1e-9)
+            if angle is not None:
+                met[number][angle] = True
+                azimuth, elevation = sweep.directions()[angle].tolist()
+                yield TurntableFrame(azimuth, elevation, first + number, frame)
+    for number, seen in enumerate(met):
+        if np.mean(seen) < 0.9:
+            raise DataError(
+                f"sweep {number} ({sweeps[number].axis}) should have {len(seen)} angles, but frames meet only {int(seen.sum())}; "
+                "check begin, dwell and settle, and that the recording was not cut short"
+            )
+
+
+def _dwell(sweep: Sweep, since: float, length: float) -> int | None:
+    """Index of the angle at which a frame was taken that began ``since`` seconds into the sweep; None: between angles."""
+    # Stamps are whole nanoseconds: one that falls on the change of an angle may round to either side.
+    index = int(np.floor(since / sweep.dwell + 1e-6))
+    into = since - index * sweep.dwell
+    if not 0 <= index < len(sweep.angles) or into < sweep.settle - 1e-6 or into + length > sweep.dwell - sweep.settle + 1e-6:
+        return None
+    return index

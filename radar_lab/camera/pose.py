@@ -1,9 +1,9 @@
-"""Joints of a person in a colour image: what pose estimators agree on."""
+"""What an RGB-D camera gives, and what pose estimators find in it: joints of a person in a colour image."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,38 @@ from radar_core import DataError
 from radar_core.checks import require_shape
 
 Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdFrame:
+    """A colour image and the depth image that is aligned to it: the same pixel shows the same direction.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        As the camera's driver gives it [ns]; the light may be older by the camera's latency.
+    sequence : int
+        Counts the frames.
+    colour : ndarray of uint8, shape (height, width, 3)
+        Red, green, blue.
+    depth : ndarray of uint16 or float32, shape (height, width)
+        Along the optical axis: whole millimetres (ROS: 16UC1), or metres (32FC1). 0, NaN and infinity: not measured.
+    """
+
+    stamp_ns: int
+    sequence: int
+    colour: NDArray[np.uint8]
+    depth: NDArray[Any]
+
+    def __post_init__(self) -> None:
+        require_image(self.colour, "RgbdFrame.colour")
+        if self.depth.dtype not in (np.uint16, np.float32):
+            raise DataError(f"RgbdFrame.depth is {self.depth.dtype}, expected uint16 [mm] or float32 [m]")
+        if self.depth.shape != self.colour.shape[:2]:
+            raise DataError(
+                f"RgbdFrame.depth has shape {self.depth.shape} but colour {self.colour.shape[:2]}; switch on the alignment of depth to "
+                "colour in the camera's driver (RealSense: align_depth.enable)"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +80,7 @@ class Keypoints:
 
 
 class PoseEstimator(Protocol):
-    """Something that finds joints in colour images; users may give their own to `CameraTruth`.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the joints, in the order of what it finds.
-    """
+    """Something that finds joints, by their ``names``, in colour images; users may give their own to `CameraTruth`."""
 
     names: tuple[str, ...]
 
@@ -67,7 +93,7 @@ class PoseEstimator(Protocol):
         ...
 
 
-def require_image(image: NDArray[np.uint8]) -> None:
+def require_image(image: NDArray[np.uint8], name: str = "image") -> None:
     """Raise `DataError` unless ``image`` is one of red, green, blue, uint8 of shape (height, width, 3)."""
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        raise DataError(f"image is {image.dtype} of shape {image.shape}, expected uint8 of (height, width, 3) = red, green, blue")
+        raise DataError(f"{name} is {image.dtype} of shape {image.shape}, expected uint8 of (height, width, 3) = red, green, blue")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,15 @@ from scipy.special import ndtri
 from radar_core import DataError
 from radar_core.linalg import SingularError, solve_spd
 from radar_lab.camera.residual import PARTS, Residual, ResidualConfig
+from radar_lab.figures import new_figure, save_figure
 
 Float64Array = NDArray[np.float64]
 
 _SECOND = 1e-9
 _BASE = 0.2  # s: a hand's direction changes little in this time
 _LATENCY = PARTS.index("latency")
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")  # Okabe and Ito: told apart by everybody
+_AXES = ("x, forward", "y, left", "z, up")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +63,12 @@ def collect(residuals: Iterable[Residual]) -> dict[str, Series]:
 
 
 def _series(items: Sequence[Residual], start: int) -> Series:
-    return Series(
-        time=np.array([(item.sample.stamp_ns - start) * _SECOND for item in items]),
-        position=np.array([item.sample.position for item in items]),
-        reference=np.array([item.reference for item in items]),
-        residual=np.array([item.residual for item in items]),
-        track_covariance=np.array([item.sample.covariance for item in items]),
-        covariance=np.array([item.covariance for item in items]),
-        common=np.array([item.common for item in items]),
-        part_std=np.array([item.part_std for item in items]),
-    )
+    own = {
+        name: np.array([getattr(item, name) for item in items]) for name in ("reference", "residual", "covariance", "common", "part_std")
+    }
+    time = np.array([(item.sample.stamp_ns - start) * _SECOND for item in items])
+    position, covariance = (np.array([getattr(item.sample, name) for item in items]) for name in ("position", "covariance"))
+    return Series(time=time, position=position, track_covariance=covariance, **own)
 
 
 def budget(series: Series, config: ResidualConfig) -> dict[str, Any]:
@@ -81,7 +82,7 @@ def budget(series: Series, config: ResidualConfig) -> dict[str, Any]:
     Parameters
     ----------
     series : Series
-        Of one track, at least one residual.
+        Of one track; `DataError` is raised when it has no residual.
     config : ResidualConfig
         Blocks and confidence.
 
@@ -93,11 +94,6 @@ def budget(series: Series, config: ResidualConfig) -> dict[str, Any]:
         says) with its interval ``rms_radar_low_m``, ``rms_radar_high_m`` of ``confidence``; ``nees`` (mean, per degree of freedom, of the
         residual over the covariances of track and reference; None where these are singular); ``lag_s``: by how much the track is late,
         as far as its residual goes with the velocity (None where nothing moves).
-
-    Raises
-    ------
-    DataError
-        When there is no residual.
     """
     n = len(series.time)
     if n == 0:
@@ -172,3 +168,50 @@ def _lag(series: Series) -> float | None:
     speed -= speed.mean(0)
     power = float((speed**2).sum())
     return -float((speed * series.residual[inner]).sum()) / power if power > 1e-6 * len(inner) else None
+
+
+def draw(tracks: Mapping[str, Series], reference: str, out: Path) -> None:
+    """Draw places over time (Fig. 7.10) and, below, residuals over time (Fig. 7.11).
+
+    The band around the reference is two of its standard deviations wide on each side; the dotted line below is the root mean square of
+    its own error: residuals that are no longer say nothing against the track.
+
+    Parameters
+    ----------
+    tracks : mapping of str to Series
+        As `collect` gives them, at least one.
+    reference : str
+        Its name, for the legend.
+    out : Path
+        The file (.png); its folder is made.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be written.
+    """
+    figure = new_figure(10, 10, 80)
+    *places, below = figure.subplots(4, 1, sharex=True)
+    longest = max(tracks.values(), key=lambda series: len(series.time))
+    for axis, (panel, name) in enumerate(zip(places, _AXES, strict=True)):
+        _draw_reference(panel, longest, axis, reference)
+        for (track, series), colour in zip(tracks.items(), _COLOURS * len(tracks), strict=False):
+            panel.plot(series.time, series.position[:, axis], color=colour, lw=1.2, label=track)
+        panel.set_ylabel(f"{name} [m]")
+    places[0].legend(loc="upper right", fontsize=8)
+    for (track, series), colour in zip(tracks.items(), _COLOURS * len(tracks), strict=False):
+        distance = np.sqrt((series.residual**2).sum(-1))
+        below.plot(series.time, distance, color=colour, lw=1.2, label=f"{track}, rms {np.sqrt((distance**2).mean()):.3f} m")
+    own = np.sqrt(np.trace(longest.covariance, axis1=-2, axis2=-1))
+    below.plot(longest.time, own, "k:", lw=1, label=f"error of the {reference} itself, rms {np.sqrt((own**2).mean()):.3f} m")
+    below.set(ylabel="residual [m]", xlabel="time [s]", ylim=(0, None))
+    below.legend(loc="upper right", fontsize=8)
+    with contextlib.suppress(OSError):  # what cannot be made is said by the next line
+        out.parent.mkdir(parents=True, exist_ok=True)
+    save_figure(figure, out)
+
+
+def _draw_reference(panel: Any, series: Series, axis: int, name: str) -> None:
+    middle, reach = series.reference[:, axis], 2 * np.sqrt(np.maximum(series.covariance[:, axis, axis], 0.0))
+    panel.fill_between(series.time, middle - reach, middle + reach, color="0.85", lw=0)
+    panel.plot(series.time, middle, "k--", lw=1, label=f"{name}, with two standard deviations")

@@ -41,8 +41,11 @@ class ResidualConfig:
     seed: int = knob(0, low=0, high=1 << 62, doc="of drawing the blocks")
 
 
-def _zeros() -> Float64Array:
-    return np.zeros((3, 3))
+def _check(sample: object, **shapes: tuple[int, ...]) -> None:
+    """Raise `DataError` for a field of a sample that has another shape or is not finite."""
+    for name, shape in shapes.items():
+        require_shape(f"{type(sample).__name__}.{name}", getattr(sample, name), shape)
+        require_finite(f"{type(sample).__name__}.{name}", getattr(sample, name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +66,12 @@ class ReferenceSample:
 
     stamp_ns: int
     position: Float64Array
-    covariance: Float64Array = field(default_factory=_zeros)
-    common: Float64Array = field(default_factory=_zeros)
+    covariance: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+    common: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
     part_std: Float64Array = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
-        for name, shape in (("position", (3,)), ("covariance", (3, 3)), ("common", (3, 3)), ("part_std", (5,))):
-            require_shape(f"ReferenceSample.{name}", getattr(self, name), shape)
-            require_finite(f"ReferenceSample.{name}", getattr(self, name))
+        _check(self, position=(3,), covariance=(3, 3), common=(3, 3), part_std=(5,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +96,7 @@ class TrackSample:
     covariance: Float64Array
 
     def __post_init__(self) -> None:
-        for name, shape in (("position", (3,)), ("covariance", (3, 3))):
-            require_shape(f"TrackSample.{name}", getattr(self, name), shape)
-            require_finite(f"TrackSample.{name}", getattr(self, name))
+        _check(self, position=(3,), covariance=(3, 3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import colorsys
 import dataclasses
+import math
 from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_lab.camera.frame import RgbdFrame
 from radar_lab.camera.pinhole import CameraModel, CameraMount
-from radar_lab.camera.raster import draw_ball, draw_triangles
+from radar_lab.camera.pose import RgbdFrame
 from radar_sim.bodies.base import BONES, Pose
 from radar_sim.bodies.make import Figure, make_figure
 from radar_sim.bodies.mesh import MeshBody, at
@@ -23,6 +25,7 @@ from radar_sim.scene import Scene
 from radar_sim.world import World
 
 Float64Array = NDArray[np.float64]
+_jit = numba.njit(cache=True, nogil=True)
 
 JOINTS: Mapping[str, str] = {
     f"{side}_{joint}": f"{bone}_{side[0]}"
@@ -34,6 +37,7 @@ _HANDS = ("left_hand", "right_hand")
 _SKIN, _SHIRT, _TROUSERS, _SHOES, _HAIR = (224, 172, 140), (70, 80, 110), (60, 60, 66), (45, 40, 38), (62, 44, 34)
 _WALL, _FLOOR = (196, 194, 188), (150, 138, 122)
 _SPAN = 1e-3  # s: poses are asked for at three times; only the middle one counts
+_NEAR = 0.05  # m: triangles with a corner nearer than this are left out
 _LIGHT = np.array([-0.5, 0.35, 0.8]) / np.sqrt(0.25 + 0.1225 + 0.64)  # in the room: from the front, above, a little left
 
 
@@ -209,3 +213,85 @@ def _clothes(figure: Figure) -> Float64Array:
     hair = (main[subject.faces[:, 0]] == BONES.index("head")) & ((middle[:, 2] > crown) | (middle[:, 0] < head[0]))
     shade[hair] = _HAIR
     return np.asarray(shade)
+
+
+def draw_triangles(
+    camera: CameraModel, corner: Float64Array, faces: NDArray[np.int32], shade: Float64Array, colour: Float64Array, depth: Float64Array
+) -> None:
+    """Draw triangles into both images, the nearest in front.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Who looks.
+    corner : ndarray, shape (n_corner, 3)
+        In the optical frame [m].
+    faces : ndarray of int32, shape (n_face, 3)
+        Corners of each triangle, anticlockwise seen from outside; those that look away are left out.
+    shade : ndarray, shape (n_face, 3)
+        Red, green, blue, 0 to 255.
+    colour, depth : ndarray, shapes (height, width, 3), (height, width)
+        Are drawn into; depth in [m], infinity: nothing there yet.
+    """
+    pixel = camera.project(corner)
+    usable = np.isfinite(pixel).all(-1) & (corner[:, 2] > _NEAR)
+    a, b, c = (corner[faces[:, k]] for k in range(3))
+    facing = (np.cross(b - a, c - a) * a).sum(-1) < 0
+    kept = np.flatnonzero(facing & usable[faces].all(-1))
+    _fill(pixel, corner[:, 2].copy(), faces[kept], shade[kept], colour, depth)
+
+
+@_jit
+def _fill(pixel: Any, z: Any, faces: Any, shade: Any, colour: Any, depth: Any) -> None:
+    height, width = depth.shape
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        u0, v0, u1, v1, u2, v2 = pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1]
+        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+        if abs(area) < 1e-12:
+            continue
+        left, right = max(0, math.ceil(min(u0, u1, u2))), min(width - 1, math.floor(max(u0, u1, u2)))
+        top, bottom = max(0, math.ceil(min(v0, v1, v2))), min(height - 1, math.floor(max(v0, v1, v2)))
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                w0 = ((u1 - u) * (v2 - v) - (u2 - u) * (v1 - v)) / area
+                w1 = ((u2 - u) * (v0 - v) - (u0 - u) * (v2 - v)) / area
+                w2 = 1.0 - w0 - w1
+                if w0 < 0.0 or w1 < 0.0 or w2 < 0.0:
+                    continue
+                here = 1.0 / (w0 / z[i] + w1 / z[j] + w2 / z[k])  # 1 / depth is linear in the image, depth is not
+                if here < depth[v, u]:
+                    depth[v, u] = here
+                    for channel in range(3):
+                        colour[v, u, channel] = shade[f, channel]
+
+
+def draw_ball(
+    ray: Float64Array, centre: Float64Array, radius: float, shade: Float64Array, colour: Float64Array, depth: Float64Array
+) -> None:
+    """Draw a ball into both images.
+
+    Parameters
+    ----------
+    ray : ndarray, shape (height, width, 3)
+        Direction of every pixel in the optical frame, with z = 1.
+    centre : ndarray, shape (3,)
+        In the optical frame [m].
+    radius : float
+        Of the ball [m].
+    shade : ndarray, shape (3,)
+        Red, green, blue, 0 to 255.
+    colour, depth : ndarray, shapes (height, width, 3), (height, width)
+        As in `draw_triangles`.
+    """
+    along = ray @ centre
+    square = (ray**2).sum(-1)
+    root = along**2 - square * (centre @ centre - radius**2)
+    near = np.full(depth.shape, np.inf)
+    hit = root >= 0
+    near[hit] = (along[hit] - np.sqrt(root[hit])) / square[hit]
+    front = hit & (near > _NEAR) & (near < depth)
+    depth[front] = near[front]
+    normal = (ray[front] * near[front][:, None] - centre) / radius
+    light = 0.6 + 0.4 * np.clip(-normal[:, 2], 0.0, 1.0)
+    colour[front] = shade * light[:, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
 from radar_core.linalg import symmetrise
 from radar_lab.camera.depth import DepthConfig, DepthReader
-from radar_lab.camera.estimators import PoseConfig, make_estimator
-from radar_lab.camera.frame import RgbdFrame
+from radar_lab.camera.markers import MarkerConfig, MarkerFinder
+from radar_lab.camera.mediapipe_pose import MediapipeConfig, MediapipePose
 from radar_lab.camera.pinhole import CameraModel, CameraMount, from_optical
-from radar_lab.camera.pose import Keypoints, PoseEstimator
+from radar_lab.camera.pose import Keypoints, PoseEstimator, RgbdFrame
 from radar_lab.camera.residual import ReferenceSample
 
 Float64Array = NDArray[np.float64]
@@ -25,6 +26,23 @@ PARTS = ("pixel", "depth", "skin", "latency", "mount")
 _COMMON = (2, 3, 4)  # those that stay the same from frame to frame: they do not average out
 _SECOND = 1e-9
 _LEAST = 3  # places that a velocity is made of
+
+
+@config
+class PoseConfig:
+    """Which estimator finds the joints."""
+
+    estimator: Literal["markers", "mediapipe"] = knob(
+        "markers",
+        doc="markers: coloured markers that the person wears; mediapipe: a person without markers (pip install 'handwave[camera]')",
+    )
+    markers: MarkerConfig = MarkerConfig()
+    mediapipe: MediapipeConfig = MediapipeConfig()
+
+
+def make_estimator(config: PoseConfig) -> PoseEstimator:
+    """Make the estimator that a configuration names. Raises `ConfigError` when what it needs is not installed, or there is no model."""
+    return MediapipePose(config.mediapipe) if config.estimator == "mediapipe" else MarkerFinder(config.markers)
 
 
 @config

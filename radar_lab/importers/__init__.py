@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from radar_core import ConfigError, DataError
 from radar_core.config import describe, load
 from radar_lab.importers.crossing import CrossingOptions, read_crossing
-from radar_lab.importers.dca1000 import Dca1000Options, read_dca1000
-from radar_lab.importers.dca1000_bin import Dca1000BinOptions, read_dca1000_bin
+from radar_lab.importers.dca1000 import Dca1000BinOptions, Dca1000Options, read_dca1000, read_dca1000_bin
 from radar_lab.importers.mars import MarsOptions, read_mars
 from radar_lab.importers.openradar import OpenRadarOptions, read_openradar
-from radar_lab.importers.recording import Recording, Segment
-from radar_lab.importers.segments import MhomegesOptions, MtransseeOptions, read_mhomeges, read_mtranssee
-
-__all__ = ["KINDS", "Kind", "Recording", "Segment", "open_original"]
+from radar_lab.importers.recording import Recording
+from radar_lab.importers.segments import MHOMEGES, MTRANSSEE, SegmentOptions, read_segments
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,8 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "crossing": Kind("dense clouds of walkers (.npz)", CrossingOptions, read_crossing),
-    "mhomeges": Kind("arm gestures, mHomeGes (.npz, or .csv file or folder)", MhomegesOptions, read_mhomeges),
-    "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", MtransseeOptions, read_mtranssee),
+    "mhomeges": Kind("arm gestures, mHomeGes (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MHOMEGES)),
+    "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MTRANSSEE)),
     "mars": Kind("exercises with the joints' truth, MARS (.npz)", MarsOptions, read_mars),
     "dca1000": Kind("network capture of a DCA1000 (.pcap) with the radar's .cfg", Dca1000Options, read_dca1000),
     "dca1000_bin": Kind(

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_driver.clouds import cloud_from_ti, cloud_source_info
-from radar_lab.importers.files import check_offsets, load_npz, require_numbers
-from radar_lab.importers.recording import Recording, SourceOptions, Tally
+from radar_lab.importers.recording import Recording, SourceOptions, Tally, check_offsets, load_npz, require_length
 
 _HEIGHT: Final = 0.7  # m: the recorded z is range * sin(elevation) plus this (to 0.03 mm): the radar's height over its floor
 _FOV: Final = (np.radians(100.0), np.radians(35.0))  # all points lie within +-50 deg and +-17 deg, but for a few
@@ -37,24 +36,16 @@ def read_crossing(path: Path, options: CrossingOptions) -> Recording:
     without gap, so their stamps are the straight line through (frame number, time): regular, strictly rising, the logger's clock.
     The recorded z counts from the floor 0.7 m below the radar; here it counts from the radar, and the mount says 0.7 m.
 
-    Parameters
-    ----------
-    path : Path
-        The .npz file.
-    options : CrossingOptions
-        What to take.
-
     Raises
     ------
     DataError
         When a field is missing, has another shape or holds a NaN.
     """
     shapes: dict[str, tuple[int | None, ...]] = {"offset": (None,), "time_ms": (None,), "frame_number": (None,), "points": (None, 8)}
-    data = load_npz(path, shapes)
-    for name in ("time_ms", "frame_number", "points"):
-        require_numbers(path, name, data[name])
+    data = load_npz(path, shapes, ("time_ms", "frame_number", "points"))
     offset = check_offsets(path, data["offset"], len(data["points"]))
-    stamps, spread = regular_stamps(path, data["frame_number"], data["time_ms"], len(offset) - 1)
+    require_length(path, data, ("frame_number", "time_ms"), len(offset) - 1, f"offset describes {len(offset) - 1} frames")
+    stamps, spread = _regular_stamps(path, data["frame_number"], data["time_ms"])
     interval = float(np.median(np.diff(stamps) / np.diff(data["frame_number"]))) * 1e-9
     tally = Tally()
     tally.warnings.append(
@@ -64,34 +55,9 @@ def read_crossing(path: Path, options: CrossingOptions) -> Recording:
     return Recording(info, _clouds(data, offset, stamps, options, tally), tally)
 
 
-def regular_stamps(path: Path, number: NDArray[Any], time_ms: NDArray[Any], n_frames: int) -> tuple[NDArray[np.int64], float]:
-    """Fit stamps to frame numbers.
-
-    Parameters
-    ----------
-    path : Path
-        For errors.
-    number, time_ms : ndarray of int, shape (n_frames,)
-        Of each frame.
-    n_frames : int
-        Wanted length.
-
-    Returns
-    -------
-    stamps : ndarray of int64, shape (n_frames,)
-        [ns].
-    spread : float
-        Standard deviation of the recorded times about the line [ms].
-
-    Raises
-    ------
-    DataError
-        When the numbers or times do not rise.
-    """
-    for name, field in (("frame_number", number), ("time_ms", time_ms)):
-        if len(field) != n_frames:
-            raise DataError(f"{path}: field {name} has {len(field)} entries but offset describes {n_frames} frames")
-    if n_frames < 2 or (np.diff(number) <= 0).any():
+def _regular_stamps(path: Path, number: NDArray[Any], time_ms: NDArray[Any]) -> tuple[NDArray[np.int64], float]:
+    """Fit stamps [ns] to frame numbers, both (n_frames,); also the standard deviation of the recorded times about the line [ms]."""
+    if len(number) < 2 or (np.diff(number) <= 0).any():
         raise DataError(f"{path}: field frame_number must hold at least two frames and rise from each to the next")
     count = (number - number[0]).astype(np.float64)
     elapsed = (time_ms - time_ms[0]).astype(np.float64)
@@ -111,12 +77,6 @@ def _clouds(
         frame = points[offset[k] : offset[k + 1]]
         moving = frame[np.abs(frame[:, 6]) > options.min_speed] if options.min_speed > 0 else frame
         tally.dropped["points slower than min_speed"] += len(frame) - len(moving)
-        yield cloud_from_ti(
-            int(stamp),
-            int(number[k] - number[0]),
-            moving[:, :3] - np.array([0.0, 0.0, _HEIGHT]),
-            moving[:, 6],
-            moving[:, 7] - options.floor,
-            noise=options.floor,
-            spherical=moving[:, 3:6],
-        )
+        place, speed, power = moving[:, :3] - np.array([0.0, 0.0, _HEIGHT]), moving[:, 6], moving[:, 7] - options.floor
+        sequence = int(number[k] - number[0])
+        yield cloud_from_ti(int(stamp), sequence, place, speed, power, noise=options.floor, spherical=moving[:, 3:6])

@@ -1,21 +1,25 @@
-"""Raw frames from a network capture of a DCA1000 board: its data packets, put in order, filled where some were lost, cut into frames."""
+"""Raw frames of a DCA1000 board: from a network capture, or from the .bin files that its tools record.
+
+The packets of a capture are put in order, filled where some were lost, and cut into frames; .bin files hold the stream of samples alone.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
-from radar_driver.dca1000.decode import LANES, ORDERS, decode_frame, frame_bytes, looks_mirrored
+from radar_driver.dca1000.decode import ORDERS, decode_frame, frame_bytes, looks_mirrored, zeroed_chirps
 from radar_driver.dca1000.packets import HEAD, Counts, RawFrame, Reassembler
 from radar_driver.dca1000.ti_config import radar_info, read_ti_config
 from radar_lab.importers.pcap import read_datagrams
-from radar_lab.importers.recording import Recording, SourceOptions, Tally
+from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally
 
 _WINDOW: Final = 2  # frames that may be incomplete at a time: packets overtake each other by far less
 _TOO_LITTLE: Final = "frames of which too little arrived"
@@ -30,8 +34,8 @@ class ShapeOptions(SourceOptions):
     n_chirp: int = knob(0, low=0, high=1 << 16, doc="chirps per transmitter and frame")
     n_rx: int = knob(0, low=0, high=4, doc="receivers")
     n_sample: int = knob(0, low=0, high=1 << 16, doc="samples per chirp")
-    order: str = knob("q_first", choices=ORDERS, doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
-    lanes: int = knob(2, choices=LANES, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
+    order: Literal["q_first", "i_first"] = knob("q_first", doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
+    lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
     min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; what others lost is 0")
 
 
@@ -43,21 +47,22 @@ class Dca1000Options(ShapeOptions):
 
 
 def read_dca1000(path: Path, options: Dca1000Options) -> Recording:
-    """Open a capture.
+    """Open a capture (.pcap).
 
-    Raises `ConfigError` when the radar's .cfg is not found, or the options contradict each other, `DataError` when capture or .cfg cannot
-    be read, or the capture holds no frame of the size they describe.
+    Raises
+    ------
+    ConfigError
+        When the radar's .cfg is not found, or the options contradict each other.
+    DataError
+        When capture or .cfg cannot be read, or the capture holds no frame of the size they describe.
     """
-    info, size = described(path, options)
+    info, size = _described(path, options)
     tally = Tally()
     return Recording(info, _frames(path, info, options, size, tally), tally)
 
 
-def described(path: Path, options: ShapeOptions) -> tuple[RadarInfo, int]:
-    """Find out what radar made a recording, and how many bytes its frames have.
-
-    Raises `ConfigError` when the radar's .cfg is not found, or the options contradict each other, `DataError` when the .cfg cannot be read.
-    """
+def _described(path: Path, options: ShapeOptions) -> tuple[RadarInfo, int]:
+    """Find out what radar made a recording, and how many bytes its frames have; raises as `read_dca1000`."""
     ti = read_ti_config(_config_path(path, options.config))
     info = radar_info(ti, options.tx, (options.n_rx, options.n_chirp, options.n_sample), mount=options.mount)
     return info, frame_bytes(info, options.lanes)
@@ -84,12 +89,15 @@ def _frames(path: Path, info: RadarInfo, options: Dca1000Options, size: int, tal
         yield from _finish(raw, info, options, started, tally)
     _tell(stream.counts, tally)
     if made == 0 or tally.dropped[_TOO_LITTLE] == made:
-        shape = " x ".join(map(str, info.cube_shape))
-        raise DataError(
-            f"{path}: holds no whole frame: the .cfg and the options describe {shape} (tx, chirp, rx, sample) = {size} bytes "
-            f"a frame, but {received} bytes of data arrived on port {options.port} in all; say what was recorded with the options "
-            "tx, n_chirp, n_rx and n_sample"
-        )
+        raise _no_frame(path, info, size, f"{received} bytes of data arrived on port {options.port} in all")
+
+
+def _no_frame(path: Path, info: RadarInfo, size: int, found: str) -> DataError:
+    shape = " x ".join(map(str, info.cube_shape))
+    return DataError(
+        f"{path}: holds no whole frame: the .cfg and the options describe {shape} (tx, chirp, rx, sample) = {size} bytes a frame, but "
+        f"{found}; say what was recorded with the options tx, n_chirp, n_rx and n_sample"
+    )
 
 
 def _raw_frames(path: Path, options: Dca1000Options, stream: Reassembler, tally: Tally) -> Iterator[RawFrame]:
@@ -132,13 +140,87 @@ def _finish(raw: RawFrame, info: RadarInfo, options: Dca1000Options, started: tu
     n_tx, n_chirp, _, _ = info.cube_shape
     stamp = started[0] + round((raw.number - started[1]) * info.waveform.frame_interval * 1e9)
     cube = decode_frame(raw.data, info, order=options.order, lanes=options.lanes)
-    warn_if_mirrored(cube, options.order, tally)
+    _warn_if_mirrored(cube, options.order, tally)
     yield RadarFrame(cube, stamp, raw.number, info.frame_id, raw.missing(n_tx * n_chirp))
 
 
-def warn_if_mirrored(cube: NDArray[np.complex64], order: str, tally: Tally) -> None:
+def _warn_if_mirrored(cube: NDArray[np.complex64], order: str, tally: Tally) -> None:
     """Say once that I and Q seem to be taken for each other; cube as in `RadarFrame`."""
     other = ORDERS[1 - ORDERS.index(order)]
     warning = f"the echoes lie at negative ranges: I and Q seem to be swapped; try order={other}"
     if warning not in tally.warnings and looks_mirrored(cube):
         tally.warnings.append(warning)
+
+
+@config
+class Dca1000BinOptions(ShapeOptions):
+    """How the radar was set up, and what to do about holes."""
+
+    holes: bool = knob(True, doc="chirps with 16 zeros in a row count as lost; off: for synthetic samples without noise")
+
+
+def read_dca1000_bin(path: Path, options: Dca1000BinOptions) -> Recording:
+    """Open a .bin file, or a folder with the parts of one recording, taken in the order of the numbers at the ends of their names.
+
+    Raises
+    ------
+    ConfigError
+        When the radar's .cfg is not found, or the options contradict each other.
+    DataError
+        When file or .cfg cannot be read, or there is no whole frame of the size that they describe.
+    """
+    info, size = _described(path, options)
+    files = _files(path)
+    held = sum(file.stat().st_size for file in files)
+    if held < size:
+        raise _no_frame(path, info, size, f"there are {held} bytes")
+    tally = Tally()
+    tally.warnings.append("the file carries no times: its frames are taken to follow each other as the .cfg says")
+    return Recording(info, _bin_frames(files, info, options, size, tally), tally)
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("*.bin"), key=lambda file: (re.sub(r"\d+$", "", file.stem), int((re.findall(r"\d+$", file.stem) or ["0"])[0])))
+    stems = {re.sub(r"_?\d+$", "", file.stem) for file in files}
+    if len(stems) != 1:
+        found = ", ".join(sorted(stems)) or "none"
+        raise DataError(f"{path}: needs the .bin files of one recording, which differ only in the number at their end; found: {found}")
+    return files
+
+
+def _bin_frames(files: list[Path], info: RadarInfo, options: Dca1000BinOptions, size: int, tally: Tally) -> Iterator[RadarFrame]:
+    interval = round(info.waveform.frame_interval * 1e9)
+    zeros = 0
+    for number, data in enumerate(_pieces(files, size)):
+        if len(data) < size:
+            tally.dropped["frames that are cut off by the end of the file"] += 1
+            break
+        cube = decode_frame(data, info, order=options.order, lanes=options.lanes)
+        _warn_if_mirrored(cube, options.order, tally)
+        if not options.holes:
+            yield RadarFrame(cube, START_NS + number * interval, number, info.frame_id)
+            continue
+        missing = zeroed_chirps(cube)
+        zeros += len(missing)
+        if len(missing) > (1 - options.min_received) * cube.shape[0] * cube.shape[1]:
+            tally.dropped[_TOO_LITTLE] += 1
+            continue
+        yield RadarFrame(cube, START_NS + number * interval, number, info.frame_id, missing)
+    if zeros:
+        tally.warnings.append(f"{zeros} chirps have holes of zeros, as recorders leave where packets were lost; they are marked as missing")
+
+
+def _pieces(files: list[Path], size: int) -> Iterator[bytes]:
+    """Read pieces of ``size`` bytes across the files; the last one may be shorter."""
+    rest = b""
+    for file in files:
+        with file.open("rb") as stream:
+            while piece := stream.read(size - len(rest)):
+                rest += piece
+                if len(rest) == size:
+                    yield rest
+                    rest = b""
+    if rest:
+        yield rest

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from radar_core import NO_GESTURE, DataError
 from radar_core.config import config, knob
 from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info, to_our_axes
-from radar_lab.importers.files import check_offsets, load_npz, require_numbers
-from radar_lab.importers.recording import START_NS, Item, Recording, SourceOptions, Tally
+from radar_lab.importers.recording import START_NS, Item, Recording, SourceOptions, Tally, check_offsets, load_npz, require_length
 from radar_sim.truth import Truth
 
 _FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the IWR1443's antennas, roughly
 _BODY: Final = "SpineBase"
+Places = NDArray[np.float64]
 
 
 @config
@@ -37,12 +37,9 @@ def read_mars(path: Path, options: MarsOptions) -> Recording:
     when a field is missing, or clouds and joints differ in number.
     """
     shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(("offset", "doppler", "intensity", "joints"), (None,))
-    data = load_npz(path, {**shapes, "xyz": (None, 3), "joint_xyz": (None, None, 3)})
-    for name in ("xyz", "doppler", "intensity", "joint_xyz"):
-        require_numbers(path, name, data[name])
-    for name in ("doppler", "intensity"):
-        if len(data[name]) != len(data["xyz"]):
-            raise DataError(f"{path}: field {name} has {len(data[name])} entries but xyz has {len(data['xyz'])} points")
+    shapes |= {"xyz": (None, 3), "joint_xyz": (None, None, 3)}
+    data = load_npz(path, shapes, ("xyz", "doppler", "intensity", "joint_xyz"))
+    require_length(path, data, ("doppler", "intensity"), len(data["xyz"]), f"xyz has {len(data['xyz'])} points")
     offset = check_offsets(path, data["offset"], len(data["xyz"]))
     expected = (len(offset) - 1, len(data["joints"]))
     if data["joint_xyz"].shape[:2] != expected:
@@ -62,12 +59,7 @@ def read_mars(path: Path, options: MarsOptions) -> Recording:
 
 
 def _items(
-    data: dict[str, NDArray[Any]],
-    offset: NDArray[np.int64],
-    body: NDArray[np.float64],
-    hand: NDArray[np.float64],
-    subject: int,
-    interval: float,
+    data: dict[str, NDArray[Any]], offset: NDArray[np.int64], body: Places, hand: Places, subject: int, interval: float
 ) -> Iterator[Item]:
     velocities = [np.gradient(path, interval, axis=0) if len(path) > 1 else np.zeros_like(path) for path in (body, hand)]
     for k in range(len(offset) - 1):

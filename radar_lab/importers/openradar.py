@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from radar_core import DataError, RadarFrame, RadarInfo, Waveform
 from radar_core.config import config, knob
 from radar_driver.dca1000.ti_config import board_array
-from radar_lab.importers.files import require_numbers
-from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally
+from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally, require_numbers
 
 
 @config
@@ -67,12 +66,12 @@ def _frames(path: Path, frames: NDArray[Any], info: RadarInfo) -> Iterator[Radar
     n_tx, n_chirp, n_rx, n_sample = info.cube_shape
     for k, frame in enumerate(frames):
         require_numbers(path, "samples", frame)
-        signed = signed_counts(frame.real) + 1j * signed_counts(frame.imag)
+        signed = _signed(frame.real) + 1j * _signed(frame.imag)
         cube = signed.reshape(n_chirp, n_tx, n_rx, n_sample).swapaxes(0, 1)
         stamp = START_NS + k * round(info.waveform.frame_interval * 1e9)
         yield RadarFrame(np.ascontiguousarray(cube, np.complex64), stamp, k, info.frame_id)
 
 
-def signed_counts(values: NDArray[Any]) -> NDArray[Any]:
-    """Undo the storing of signed 16-bit counts as unsigned: 65536 less above 32767; shape (...)."""
+def _signed(values: NDArray[Any]) -> NDArray[Any]:
+    """Undo the storing of signed 16-bit counts as unsigned: 65536 less above 32767."""
     return np.where(values > 32767, values - 65536, values)

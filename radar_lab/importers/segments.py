@@ -3,31 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, NO_GESTURE, ConfigError, DataError, PointCloud
+from radar_core import GESTURES, NO_GESTURE, ConfigError, DataError
 from radar_core.config import config, knob
 from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info
-from radar_lab.importers.files import check_offsets, field_names, load_npz, require_numbers
-from radar_lab.importers.recording import START_NS, Item, Recording, Segment, SourceOptions, Tally
-from radar_lab.importers.rows import read_rows
+from radar_lab.importers.recording import (
+    START_NS,
+    Item,
+    Recording,
+    Segment,
+    SourceOptions,
+    Tally,
+    check_offsets,
+    field_names,
+    load_npz,
+    read_rows,
+    require_length,
+)
 from radar_sim.truth import Truth
 
 _FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the radar's antennas, roughly; the data sets do not say
 _LONGEST_GAP: Final = 50  # frames: a larger step of the frame number is a counter that was set anew, not a pause
 _STREAM: Final = "frame_"  # fields of daily_random.npz begin with this, the person's number follows
 _DAILY: Final = "daily"
-_MHOMEGES: Final[Mapping[str, str]] = {
+MHOMEGES: Final[Mapping[str, str]] = {
     "daily": "random",
     "circle": "rotate", "clap": "random", "down": "swipe_down", "knock": "random", "lift": "random",
     "pull": "pull", "push": "push", "up": "swipe_up", "yawn": "random", "z": "random",
 }  # fmt: skip
-_MTRANSSEE: Final[Mapping[str, str]] = {"CR": "rotate", "KO": "random", "PL": "pull", "PS": "push", "UP": "swipe_up"}
+"""Labels of the data set, and our gestures."""
+MTRANSSEE: Final[Mapping[str, str]] = {"CR": "rotate", "KO": "random", "PL": "pull", "PS": "push", "UP": "swipe_up"}
 
 
 @config
@@ -41,16 +52,6 @@ class SegmentOptions(SourceOptions):
     idle: float = knob(2.0, unit="s", low=0.0, high=60.0, doc="empty clouds after each segment; the originals have nothing between them")
     max_range: float = knob(10.0, unit="m", low=0.1, high=1e3, doc="rows farther away are garbled and left out")
     max_speed: float = knob(9.0, unit="m/s", low=0.1, high=1e3, doc="rows faster than this are garbled and left out")
-
-
-@config
-class MhomegesOptions(SegmentOptions):
-    """Of mHomeGes."""
-
-
-@config
-class MtransseeOptions(SegmentOptions):
-    """Of mTransSee."""
 
 
 @dataclass(frozen=True)
@@ -82,23 +83,11 @@ class Original:
     intensity: NDArray[Any]
 
 
-def read_mhomeges(path: Path, options: MhomegesOptions) -> Recording:
-    """Open mHomeGes: segments.npz, daily_random.npz, or a .csv file or a folder of them (one segment a file).
+def read_segments(path: Path, options: SegmentOptions, labels: Mapping[str, str]) -> Recording:
+    """Open mHomeGes or mTransSee: segments.npz, daily_random.npz, or a .csv file or a folder of them (one segment a file).
 
     Raises `DataError` when a field is missing or makes no sense.
     """
-    return _read(path, options, _MHOMEGES)
-
-
-def read_mtranssee(path: Path, options: MtransseeOptions) -> Recording:
-    """Open mTransSee: segments.npz, or a .csv file or a folder of them (one segment a file).
-
-    Raises `DataError` when a field is missing or makes no sense.
-    """
-    return _read(path, options, _MTRANSSEE)
-
-
-def _read(path: Path, options: SegmentOptions, labels: Mapping[str, str]) -> Recording:
     if options.label and options.label not in labels:
         raise ConfigError(f"there is no label {options.label!r} in this data set; choose one of {', '.join(labels)}")
     tally = Tally()
@@ -123,16 +112,10 @@ def _from_npz(path: Path, options: SegmentOptions) -> Iterator[Original]:
     shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(
         ("label", "subject", "distance_m", "offset", "frame", "doppler_mm_s", "intensity"), (None,)
     )
-    data = load_npz(path, {**shapes, "xyz_mm": (None, 3)})
-    for name in ("subject", "frame", "xyz_mm", "doppler_mm_s", "intensity"):
-        require_numbers(path, name, data[name])
+    data = load_npz(path, {**shapes, "xyz_mm": (None, 3)}, ("subject", "frame", "xyz_mm", "doppler_mm_s", "intensity"))
     offset = check_offsets(path, data["offset"], len(data["xyz_mm"]))
-    for name in ("label", "subject", "distance_m"):
-        if len(data[name]) != len(offset) - 1:
-            raise DataError(f"{path}: field {name} has {len(data[name])} entries but offset describes {len(offset) - 1} segments")
-    for name in ("frame", "doppler_mm_s", "intensity"):
-        if len(data[name]) != len(data["xyz_mm"]):
-            raise DataError(f"{path}: field {name} has {len(data[name])} entries but xyz_mm has {len(data['xyz_mm'])} points")
+    require_length(path, data, ("label", "subject", "distance_m"), len(offset) - 1, f"offset describes {len(offset) - 1} segments")
+    require_length(path, data, ("frame", "doppler_mm_s", "intensity"), len(data["xyz_mm"]), f"xyz_mm has {len(data['xyz_mm'])} points")
     return _segments_of(data, offset, options)
 
 
@@ -142,22 +125,10 @@ def _streams_of(path: Path, streams: Sequence[str], options: SegmentOptions) -> 
         if not stream.isdigit() or options.label not in ("", _DAILY) or options.subject not in (-1, int(stream)):
             continue
         names = {name: f"{name}_{stream}" for name in ("frame", "xyz_mm", "doppler_mm_s", "intensity")}
-        data = load_npz(path, {field: (None, 3) if name == "xyz_mm" else (None,) for name, field in names.items()})
-        for field in names.values():
-            require_numbers(path, field, data[field])
-            if len(data[field]) != len(data[names["frame"]]):
-                raise DataError(
-                    f"{path}: field {field} has {len(data[field])} entries but {names['frame']} has {len(data[names['frame']])}"
-                )
-        yield Original(
-            _DAILY,
-            int(stream),
-            float("nan"),
-            data[names["frame"]].astype(np.int64),
-            data[names["xyz_mm"]] * 1e-3,
-            data[names["doppler_mm_s"]] * 1e-3,
-            data[names["intensity"]],
-        )
+        data = load_npz(path, {field: (None, 3) if name == "xyz_mm" else (None,) for name, field in names.items()}, tuple(names.values()))
+        frame, xyz, speed, intensity = (data[field] for field in names.values())
+        require_length(path, data, tuple(names.values()), len(frame), f"{names['frame']} has {len(frame)}")
+        yield Original(_DAILY, int(stream), float("nan"), frame.astype(np.int64), xyz * 1e-3, speed * 1e-3, intensity)
 
 
 def _segments_of(data: dict[str, NDArray[Any]], offset: NDArray[np.int64], options: SegmentOptions) -> Iterator[Original]:
@@ -221,7 +192,7 @@ def _items(originals: Iterable[Original], options: SegmentOptions, labels: Mappi
         for k in range(length + n_idle):
             stamp = START_NS + sequence * interval_ns
             rows = slice(bounds[k], bounds[k + 1]) if k < length else slice(0, 0)
-            yield _cloud(sane, rows, stamp, sequence)
+            yield cloud_from_ti(stamp, sequence, sane.xyz[rows], sane.speed[rows], amplitude_db(sane.intensity[rows]))
             yield _truth(sane, stamp, sequence, gesture if k < length else NO_GESTURE, index)
             sequence += 1
 
@@ -233,37 +204,18 @@ def _sane(original: Original, options: SegmentOptions, tally: Tally) -> Original
     good = ~empty & (distance <= options.max_range) & (np.abs(original.speed) <= options.max_speed)
     tally.dropped["rows at the radar itself: placeholders"] += int(empty.sum())
     tally.dropped["garbled rows: beyond max_range or max_speed"] += int((~good & ~empty).sum())
-    return Original(
-        original.label,
-        original.subject,
-        original.distance,
-        original.frame[good],
-        original.xyz[good],
-        original.speed[good],
-        original.intensity[good],
-    )
+    own = {name: getattr(original, name)[good] for name in ("frame", "xyz", "speed", "intensity")}
+    return replace(original, **own)
 
 
 def frames_elapsed(frame: NDArray[np.int64]) -> NDArray[np.int64]:
     """Frames since the first row, never decreasing: where the counter goes back or jumps far, it was set anew, and the next frame follows.
 
-    Parameters
-    ----------
-    frame : ndarray of int64, shape (n,)
-        Frame number of each row, in the order of recording.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Starts at 0.
+    ``frame`` holds the frame number of each row, shape (n,), in the order of recording; the result starts at 0.
     """
     step = np.diff(frame, prepend=frame[:1])
     step[(step < 0) | (step > _LONGEST_GAP)] = 1
     return np.cumsum(step)
-
-
-def _cloud(original: Original, rows: slice, stamp: int, sequence: int) -> PointCloud:
-    return cloud_from_ti(stamp, sequence, original.xyz[rows], original.speed[rows], amplitude_db(original.intensity[rows]))
 
 
 def _truth(original: Original, stamp: int, sequence: int, gesture: int, index: int) -> Truth:

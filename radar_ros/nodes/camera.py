@@ -12,10 +12,9 @@ from handwave.msg import JointTruth as JointTruthMsg
 from sensor_msgs.msg import CameraInfo, Image
 
 from radar_core import HandwaveError
-from radar_lab.camera.estimators import make_estimator
-from radar_lab.camera.frame import RgbdFrame
 from radar_lab.camera.pinhole import CameraModel
-from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
+from radar_lab.camera.pose import RgbdFrame
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, make_estimator
 from radar_ros import qos
 from radar_ros.messages.camera import camera_from_msg, joints_to_msg
 from radar_ros.messages.convert import from_time

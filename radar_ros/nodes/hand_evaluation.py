@@ -142,7 +142,7 @@ class HandEvaluationNode(StageNode):
                 path.write_text(json.dumps(self.report(), indent=1), encoding="utf-8")
                 written.append(self._report)
             if self._figure:
-                from radar_lab.camera.figures import draw
+                from radar_lab.camera.report import draw
 
                 draw(collect(self._found), self._reference, Path(self._figure))
                 written.append(self._figure)

@@ -394,7 +394,7 @@ def test_ambiguity_of_the_design_and_its_picture(tmp_path):
     assert ambiguity(one, WAVELENGTH, "azimuth").unambiguous == 0.0
     with pytest.raises(ConfigError, match="no axis"):
         ambiguity(INFO.array, WAVELENGTH, "range")
-    with pytest.raises(ConfigError, match="cannot draw"):
+    with pytest.raises(DataError, match="cannot be written"):
         plot(INFO.array, WAVELENGTH, tmp_path / "none" / "chi.png")
     with pytest.raises(ConfigError, match="odd"):
         AmbiguityConfig(n_angle=100)

@@ -9,7 +9,7 @@ import pytest
 from radar_core import ConfigError, DataError
 from radar_dsp.array_file import load_array
 from radar_lab.arrays.calibration import Calibration
-from radar_lab.arrays.sweeps import SWEEPS_FILE, parse_sweep
+from radar_lab.arrays.turntable import SWEEPS_FILE, parse_sweep
 from radar_ros.turntables import calibrate, record_turntable
 from radar_sim.turntable import ChannelErrors, Sweep, Turntable, TurntableSimulator
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from radar_core import DataError, PointCloud, RadarInfo
 from radar_lab.alignment import NotObservableError, RigidConfig, Trajectory, TrajectoryConfig, align_points, align_trajectories
-from radar_lab.alignment.correlation import groups_of, integrated_time
 from radar_lab.alignment.pair import PairConfig, Walker, calibrate_pair
+from radar_lab.alignment.trajectory_fit import groups_of, integrated_time
 
 EYE = np.eye(2)
 

@@ -14,10 +14,9 @@ from camera_scenes import MOUNT, SMALL
 
 from radar_core import ConfigError, DataError
 from radar_lab.camera.depth import DepthConfig, DepthReader
-from radar_lab.camera.frame import RgbdFrame
 from radar_lab.camera.markers import MarkerConfig, MarkerFinder
 from radar_lab.camera.pinhole import CameraModel, CameraMount
-from radar_lab.camera.pose import Keypoints
+from radar_lab.camera.pose import Keypoints, RgbdFrame
 from radar_lab.camera.report import budget, collect
 from radar_lab.camera.residual import HandResiduals, ReferenceSample, ResidualConfig, TrackSample
 from radar_lab.camera.truth import CameraTruth, CameraTruthConfig

@@ -2,11 +2,10 @@
 
 import math
 
-from radar_lab.camera.estimators import PoseConfig
 from radar_lab.camera.markers import MarkerConfig
 from radar_lab.camera.pinhole import CameraModel, CameraMount
 from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, PoseConfig
 from radar_sim.people import Action, Draw, Person
 from radar_sim.scene import Scene
 

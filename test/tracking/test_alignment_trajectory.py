@@ -5,8 +5,8 @@ import pytest
 
 from radar_core import DataError
 from radar_lab.alignment import NotObservableError, Trajectory, TrajectoryConfig, align_trajectories
-from radar_lab.alignment.correlation import groups_of, integrated_time
-from radar_lab.alignment.interpolation import nearest, slopes
+from radar_lab.alignment.trajectory import nearest, slopes
+from radar_lab.alignment.trajectory_fit import groups_of, integrated_time
 
 YAW, SHIFT, OFFSET = 0.3, np.array([0.1, -0.6, 0.2]), 0.013
 STD = 0.05

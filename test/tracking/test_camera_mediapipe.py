@@ -10,11 +10,10 @@ from camera_scenes import drawing
 
 from radar_core import ConfigError
 from radar_lab.camera import mediapipe_pose
-from radar_lab.camera.estimators import PoseConfig, make_estimator
 from radar_lab.camera.mediapipe_pose import MediapipeConfig, MediapipePose
 from radar_lab.camera.pinhole import CameraModel, CameraMount
 from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
-from radar_lab.camera.truth import CameraTruth, CameraTruthConfig
+from radar_lab.camera.truth import CameraTruth, CameraTruthConfig, PoseConfig, make_estimator
 
 MOUNT = CameraMount(z=1.1)
 

@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import ConfigError, DataError
-from radar_lab.camera.figures import draw
-from radar_lab.camera.report import budget, collect
+from radar_core import DataError
+from radar_lab.camera.report import budget, collect, draw
 from radar_lab.camera.residual import PARTS, HandResiduals, ReferenceSample, ResidualConfig, TrackSample
 
 MS = 1_000_000
@@ -184,7 +183,7 @@ def test_several_tracks_and_their_figure(tmp_path):
     draw(series, "camera", tmp_path / "deep" / "hand.png")
     assert (tmp_path / "deep" / "hand.png").read_bytes() == first
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match="the figure cannot be written"):
+    with pytest.raises(DataError, match="cannot be written"):
         draw(series, "camera", tmp_path / "file" / "hand.png")
 
 

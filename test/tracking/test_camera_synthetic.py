@@ -7,8 +7,7 @@ import pytest
 from camera_scenes import LENS, MOUNT, SMALL, camera, drawing
 
 from radar_core import ConfigError
-from radar_lab.camera.raster import draw_ball, draw_triangles
-from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig
+from radar_lab.camera.synthetic import SyntheticCamera, SyntheticCameraConfig, draw_ball, draw_triangles
 from radar_sim.scene import Scene
 
 

@@ -8,9 +8,8 @@ from camera_scenes import LENS, MOUNT, SMALL, camera, drawing
 
 from radar_core import ConfigError, DataError
 from radar_lab.camera.depth import DepthConfig
-from radar_lab.camera.frame import RgbdFrame
 from radar_lab.camera.pinhole import CameraMount
-from radar_lab.camera.pose import Keypoints
+from radar_lab.camera.pose import Keypoints, RgbdFrame
 from radar_lab.camera.residual import ReferenceSample
 from radar_lab.camera.truth import PARTS, CameraTruth, CameraTruthConfig, reference_of
 from radar_tracking.metrics import chi_square_band
