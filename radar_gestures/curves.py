@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import BoolArray, Float32Array, Float64Array, IndexArray
 from radar_gestures.maps import FeatureMaps
 
 _GROUPS: Final[tuple[str, ...]] = ("moving", "receding", "approaching", "still")
@@ -29,8 +30,6 @@ _BODY_WIDTH: Final[float] = 0.25  # m: standard deviation of a body's echoes in 
 _BODY_PASSES: Final[tuple[float, ...]] = (1.5, 0.8, 0.6)  # m: the body's side is a mean that leaves out what is farther from the last one
 _FARTHEST: Final[float] = 50.0  # m: no gesture is seen from there
 _FAR: Final[float] = 1e4  # s: sets events apart on one time axis; longer ones are refused
-
-Float64Array = NDArray[np.float64]
 
 
 def _signal_names() -> tuple[str, ...]:
@@ -112,10 +111,10 @@ class EventMaps:
         detected, an angle where the sensor does not measure it.
     """
 
-    first: NDArray[np.int64]
+    first: IndexArray
     time: Float64Array
-    speed: NDArray[np.float32]
-    maps: NDArray[np.float32]
+    speed: Float32Array
+    maps: Float32Array
 
     def __post_init__(self) -> None:
         n = len(self.time)
@@ -132,7 +131,7 @@ class EventMaps:
         return len(self.first) - 1
 
     @property
-    def event(self) -> NDArray[np.int64]:
+    def event(self) -> IndexArray:
         """Event of each row, shape (n_rows,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
@@ -205,7 +204,7 @@ def locate(events: EventMaps, nearest: float = 0.0, farthest: float = 50.0) -> F
     return body
 
 
-def _mean_of(event: NDArray[np.int64], weight: Float64Array, value: Float64Array, mask: NDArray[np.bool_], n: int) -> Float64Array:
+def _mean_of(event: IndexArray, weight: Float64Array, value: Float64Array, mask: BoolArray, n: int) -> Float64Array:
     """Weighted mean of the masked values of each event, shape (n,); 0 where there is none."""
     mask = mask & np.isfinite(value)
     total = np.bincount(event[mask], weight[mask], minlength=n)
@@ -278,14 +277,14 @@ def _beside(events: EventMaps, settings: CurveConfig, body: Float64Array) -> tup
     return weight, [(np.where(np.isfinite(x), x, 0.0), weight * np.isfinite(x)) for x in (speed, distance, side, height)]
 
 
-def _moments(places: Sequence[tuple[Float64Array, Float64Array]], own: NDArray[np.bool_]) -> list[Float64Array]:
+def _moments(places: Sequence[tuple[Float64Array, Float64Array]], own: BoolArray) -> list[Float64Array]:
     """Weighted means, then standard deviations, of (value, weight) pairs over some gates; NaN where no weight is."""
     means = [_mean(value, weight, own) for value, weight in places]
     squares = [_mean((x - np.nan_to_num(mean)[:, None]) ** 2, weight, own) for (x, weight), mean in zip(places, means, strict=True)]
     return means + [np.sqrt(square) for square in squares]
 
 
-def _mean(value: Float64Array, weight: Float64Array, own: NDArray[np.bool_]) -> Float64Array:
+def _mean(value: Float64Array, weight: Float64Array, own: BoolArray) -> Float64Array:
     """Weighted mean over some gates, shape (n_rows,); NaN where no weight is."""
     w = weight[:, own]
     total = w.sum(axis=1)

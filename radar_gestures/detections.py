@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import PointCloud
+from radar_core.types import Float32Array
 
 
 class Detections(Protocol):
@@ -20,23 +21,23 @@ class Detections(Protocol):
         """Of the cloud [ns]."""
 
     @property
-    def radial_speed(self) -> NDArray[np.float32]:
+    def radial_speed(self) -> Float32Array:
         """Range rate, positive = receding [m/s]."""
 
     @property
-    def snr(self) -> NDArray[np.float32]:
+    def snr(self) -> Float32Array:
         """Signal over noise floor [dB]."""
 
     @property
-    def range(self) -> NDArray[np.float32]:
+    def range(self) -> Float32Array:
         """Distance from the sensor [m]."""
 
     @property
-    def azimuth(self) -> NDArray[np.float32]:
+    def azimuth(self) -> Float32Array:
         """Seen from the sensor, left positive [rad]."""
 
     @property
-    def elevation(self) -> NDArray[np.float32]:
+    def elevation(self) -> Float32Array:
         """Seen from the sensor, up positive [rad]."""
 
 
@@ -45,11 +46,11 @@ class Share:
     """The detections of a cloud that belong to one track; as `Detections`."""
 
     stamp_ns: int
-    radial_speed: NDArray[np.float32]
-    snr: NDArray[np.float32]
-    range: NDArray[np.float32]
-    azimuth: NDArray[np.float32]
-    elevation: NDArray[np.float32]
+    radial_speed: Float32Array
+    snr: Float32Array
+    range: Float32Array
+    azimuth: Float32Array
+    elevation: Float32Array
 
 
 def shares(cloud: PointCloud, owner: NDArray[np.integer], track_ids: Iterable[int]) -> Iterator[Share]:
@@ -69,7 +70,7 @@ def shares(cloud: PointCloud, owner: NDArray[np.integer], track_ids: Iterable[in
         yield Share(cloud.stamp_ns, *values[:, owner == track_id])
 
 
-def doppler_gates(radial_speed: NDArray[np.float32], snr: NDArray[np.float32], gate: float) -> NDArray[np.intp]:
+def doppler_gates(radial_speed: Float32Array, snr: Float32Array, gate: float) -> NDArray[np.intp]:
     """Pick the strongest detection of every Doppler gate (section 7.2).
 
     Parameters

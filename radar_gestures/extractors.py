@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from radar_core import ConfigError
 from radar_core.config import load
+from radar_core.types import Float64Array
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import SensorView
 
-Extract = Callable[[SensorView], NDArray[np.float64] | None]
+Extract = Callable[[SensorView], Float64Array | None]
 """Makes the features of one sensor's view of an event, shape (n_features,); None: it saw too little."""
 
 

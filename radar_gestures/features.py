@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.config import config, knob
+from radar_core.types import BoolArray, Float64Array
 from radar_gestures.detections import Detections, doppler_gates
 
 FEATURE_NAMES: Final[tuple[str, ...]] = (
@@ -185,7 +186,7 @@ def summarise(
     return MotionSample(cloud.stamp_ns, fastest, float(weights.sum()), distance, azimuth, elevation, body)
 
 
-def _is_arm(cloud: Detections, snr: NDArray[np.float64], config: FeatureConfig) -> NDArray[np.bool_]:
+def _is_arm(cloud: Detections, snr: Float64Array, config: FeatureConfig) -> BoolArray:
     """Mask of the detections that move and are no leakage of a strong slow one (the body) through the side lobes of the Doppler window."""
     speed = np.abs(cloud.radial_speed)
     moving = (speed >= config.body_speed) & (snr >= config.min_snr)
@@ -198,7 +199,7 @@ def _is_arm(cloud: Detections, snr: NDArray[np.float64], config: FeatureConfig) 
     return np.asarray(moving & (snr >= strongest - config.sidelobe))
 
 
-def _beside(distance: NDArray[np.floating], azimuth: NDArray[np.floating], lateral: float) -> NDArray[np.float64]:
+def _beside(distance: NDArray[np.floating], azimuth: NDArray[np.floating], lateral: float) -> Float64Array:
     """How much less a detection counts for being beside the body [dB, 0 or less]; not at all where its place is unknown."""
     with np.errstate(invalid="ignore"):  # the sine of an unknown azimuth
         away = np.clip(np.asarray(distance * np.sin(azimuth), np.float64) / lateral, -_FAR, _FAR)
@@ -236,13 +237,13 @@ class MotionRing:
         return [sample for sample in self._samples if start_ns <= sample.stamp_ns <= end_ns]
 
 
-def zero_crossings(speed: NDArray[np.float64], threshold: float) -> int:
+def zero_crossings(speed: Float64Array, threshold: float) -> int:
     """Count the sign changes of ``speed`` (shape (n,)) among values beyond ``threshold``, so that noise about zero counts none."""
     sign = np.sign(speed[np.abs(speed) > threshold])
     return int(np.count_nonzero(sign[1:] != sign[:-1]))
 
 
-def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfig, *, min_samples: int = 3) -> NDArray[np.float64] | None:
+def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfig, *, min_samples: int = 3) -> Float64Array | None:
     """Compute the thirteen features of one event (section 4.2).
 
     Parameters
@@ -297,7 +298,7 @@ def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfi
     )
 
 
-def running_medians(rows: NDArray[np.float64], time: NDArray[np.float64], window: float) -> NDArray[np.float64]:
+def running_medians(rows: Float64Array, time: Float64Array, window: float) -> Float64Array:
     """Median of every row over a window of time about each sample.
 
     Parameters
@@ -320,7 +321,7 @@ def running_medians(rows: NDArray[np.float64], time: NDArray[np.float64], window
     return np.asarray(np.take_along_axis(values, middle[None], axis=-1).mean(axis=-1))
 
 
-def _angles(rows: NDArray[np.float64], kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _angles(rows: Float64Array, kind: str) -> tuple[Float64Array, Float64Array]:
     """Azimuth and elevation signals, shape (n,) each, in the chosen kind; the track's place is its median over the event."""
     distance, azimuth, elevation = rows[:, 3], rows[:, 4], rows[:, 5]
     if kind == "sensor":
@@ -335,7 +336,7 @@ def _angles(rows: NDArray[np.float64], kind: str) -> tuple[NDArray[np.float64], 
     return distance * np.sin(azimuth), distance * np.sin(elevation)
 
 
-def _fill(angle: NDArray[np.float64], time: NDArray[np.float64], weight: NDArray[np.float64], window: float) -> NDArray[np.float64]:
+def _fill(angle: Float64Array, time: Float64Array, weight: Float64Array, window: float) -> Float64Array:
     """Average over ``window`` with the weights, leaving NaN out; what stays unknown becomes the mean of the known, or 0."""
     near = np.abs(time[:, None] - time[None, :]) <= window / 2 + 1e-9
     known = np.isfinite(angle)

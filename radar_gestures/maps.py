@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.config import config, knob
+from radar_core.types import Float32Array, IndexArray
 from radar_gestures.detections import Detections, doppler_gates
 
 _ROWS: Final[int] = 128  # of a new ring: two seconds at 50 Hz and some more
@@ -47,12 +48,12 @@ class FeatureMaps:
         Distance from the sensor [m]; NaN where nothing was detected or the sensor does not measure it.
     """
 
-    stamp_ns: NDArray[np.int64]
-    speed: NDArray[np.float32]
-    micro_doppler: NDArray[np.float32]
-    azimuth: NDArray[np.float32]
-    elevation: NDArray[np.float32]
-    distance: NDArray[np.float32]
+    stamp_ns: IndexArray
+    speed: Float32Array
+    micro_doppler: Float32Array
+    azimuth: Float32Array
+    elevation: Float32Array
+    distance: Float32Array
 
 
 class GateAxis:
@@ -74,12 +75,12 @@ class GateAxis:
     def __init__(self, gate: float, max_speed: float) -> None:
         self._gate = gate
         self._half = math.ceil(max_speed / gate - 0.5)
-        self.speed: NDArray[np.float32] = (np.arange(-self._half, self._half + 1) * gate).astype(np.float32)
+        self.speed: Float32Array = (np.arange(-self._half, self._half + 1) * gate).astype(np.float32)
 
     def __len__(self) -> int:
         return len(self.speed)
 
-    def find(self, radial_speed: NDArray[np.floating]) -> NDArray[np.int64]:
+    def find(self, radial_speed: NDArray[np.floating]) -> IndexArray:
         """Gate of every range rate [m/s], shape (n_points,); each has to be a number."""
         number = np.rint(radial_speed.astype(np.float64) / self._gate)
         return np.clip(number, -self._half, self._half).astype(np.int64) + self._half
@@ -182,7 +183,7 @@ class MapRing:
         self._stamp, self._maps, self._first = stamp, maps, 0
 
 
-def write(maps: NDArray[np.float32], cloud: Detections, picked: NDArray[np.intp], axis: GateAxis) -> None:
+def write(maps: Float32Array, cloud: Detections, picked: NDArray[np.intp], axis: GateAxis) -> None:
     """Write the picked points of a cloud into one frame of the maps, shape (4, n_speed) = (SNR, azimuth, elevation, distance)."""
     column = axis.find(cloud.radial_speed[picked])
     if len(column) > 1 and (column[0] == column[1] or column[-1] == column[-2]):  # several beyond an outermost gate: the strongest stays

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, Pose
+from radar_core.types import Float64Array
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.extractors import make_extractor
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
@@ -56,10 +56,10 @@ class Gesture:
     label: int
     name: str
     confidence: float
-    probabilities: NDArray[np.float64]
+    probabilities: Float64Array
     start_ns: int
     end_ns: int
-    features: NDArray[np.float64]
+    features: Float64Array
     known: bool = True
 
     @property
@@ -72,8 +72,8 @@ class Gesture:
 class _Opinion:
     """What the classifier says of one sensor's view: features, probabilities of its labels, and how familiar the view is (0 to 1)."""
 
-    features: NDArray[np.float64]
-    probabilities: NDArray[np.float64]
+    features: Float64Array
+    probabilities: Float64Array
     score: float
 
 
@@ -212,7 +212,7 @@ class GestureRecognizer:
         return agreeing[0].score >= self._config.step_score
 
 
-def _pooled(opinions: Sequence[_Opinion]) -> NDArray[np.float64]:
+def _pooled(opinions: Sequence[_Opinion]) -> Float64Array:
     """Probabilities of all views together, shape (n_labels,): their mean, weighted by how familiar each view is."""
     if len(opinions) == 1:
         return opinions[0].probabilities

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import CloudComposite, Pose
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
+from radar_core.types import Float64Array
 from radar_gestures.detections import Share, doppler_gates, shares
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, summarise
@@ -66,7 +66,7 @@ class SensorView:
     """
 
     sensor: str
-    features: NDArray[np.float64] | None
+    features: Float64Array | None
     maps: FeatureMaps | None = None
 
 
@@ -92,7 +92,7 @@ class TrackEvent:
     views: tuple[SensorView, ...]
 
     @property
-    def features(self) -> NDArray[np.float64] | None:
+    def features(self) -> Float64Array | None:
         """The thirteen features of the first view, shape (13,); None: too few samples."""
         return self.views[0].features if self.views else None
 
@@ -169,7 +169,7 @@ def _by_sensor(tracked: TrackedCloud, mount: Pose) -> Iterator[tuple[_Sensor, It
         yield sensor, shares(cloud, np.where(number == k, owner, -1), ids)
 
 
-def _seen_from(mount: Pose, place: NDArray[np.float64]) -> Spherical:
+def _seen_from(mount: Pose, place: Float64Array) -> Spherical:
     distance, azimuth, elevation = cartesian_to_spherical(mount.from_room(place))
     return float(distance), float(azimuth), float(elevation)
 
@@ -254,7 +254,7 @@ def walked(before: Sequence[MotionSample], after: Sequence[MotionSample]) -> flo
     return float(math.hypot(*step)) if np.isfinite(step).all() else 0.0
 
 
-def _ground(samples: Sequence[MotionSample]) -> NDArray[np.float64]:
+def _ground(samples: Sequence[MotionSample]) -> Float64Array:
     """Median place of a track, shape (2,) [m]."""
     distance, azimuth, elevation = np.array([sample.body for sample in samples], np.float64).T
     ground = np.array((np.cos(azimuth), np.sin(azimuth))) * (distance * np.cos(elevation))

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from radar_core import DataError
 from radar_core.checks import require_shape
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from radar_core.types import Float64Array, IndexArray
 
 
 def assign_tracks(cost: Float64Array, gate: float) -> IndexArray:

@@ -6,12 +6,10 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.checks import require_shape
 from radar_core.linalg import SingularError
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 _LEAST_PIVOT = 1e-12  # of a covariance's diagonal: what is left of an axis once the others are known; less is rounding
 _jit = numba.njit(cache=True, nogil=True)

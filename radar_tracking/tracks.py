@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.checks import require_every, require_shape
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 
 class TrackStatus(IntEnum):

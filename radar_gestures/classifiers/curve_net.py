@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.arrays import description
+from radar_core.types import Float32Array, Float64Array
 from radar_gestures.classifiers.perceptron import FORMAT, RANDOM
 from radar_gestures.classifiers.rejection import ByProbability
 from radar_gestures.curves import TOTALS
@@ -23,8 +24,6 @@ CLIP: Final[float] = 6.0
 """Standardised numbers are cut off beyond this: what is so far out says no more than that it is."""
 _KIND: Final[str] = "curve network"
 _ADVICE: Final[str] = "train it again"
-
-Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ class CurveNet:
             total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))
         return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in self.weights) + 5 * len(self.labels)
 
-    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label.
 
         Parameters
@@ -147,7 +146,7 @@ class CurveNet:
         """Index of the label "random"; None when the network has none."""
         return self.labels.index(RANDOM) if RANDOM in self.labels else None
 
-    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> NDArray[np.float64]:
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
         """Probability of the most probable gesture, shape (...); see `Classifier.score`."""
         return ByProbability().score(np.asarray(features), np.asarray(probabilities, np.float64), self.random)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radar_core import ConfigError
 from radar_core.arrays import load_arrays, read_description, save_arrays
 from radar_core.paths import find_config
+from radar_core.types import Float64Array
 from radar_gestures.classifiers.perceptron import ADVICE, FORMAT, GestureModel
 
 CURVE_NETWORK = "curve network"
@@ -41,11 +42,11 @@ class Classifier(Protocol):
         """How the features were made: a recogniser that is set otherwise refuses the model."""
         ...
 
-    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, shape (..., n_labels), of features of shape (..., n_features)."""
         ...
 
-    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> NDArray[np.float64]:
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
         """How much each event looks like a gesture that the model knows, shape (...), 0 to 1."""
         ...
 

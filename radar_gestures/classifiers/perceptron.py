@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.arrays import as_float32, description
+from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.classifiers.rejection import ByProbability, Rejector, make_rejector
 from radar_gestures.features import FEATURE_NAMES
 
@@ -64,10 +65,10 @@ class GestureModel:
     """
 
     extractor: ClassVar[str] = "events"
-    mean: NDArray[np.float32]
-    scale: NDArray[np.float32]
-    weights: tuple[NDArray[np.float32], ...]
-    biases: tuple[NDArray[np.float32], ...]
+    mean: Float32Array
+    scale: Float32Array
+    weights: tuple[Float32Array, ...]
+    biases: tuple[Float32Array, ...]
     labels: tuple[str, ...] = GESTURES
     names: tuple[str, ...] = FEATURE_NAMES
     temperature: float = 1.0
@@ -75,9 +76,9 @@ class GestureModel:
     rejector: Rejector = field(default_factory=ByProbability)
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, Any] = field(default_factory=dict)
-    _layers: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = field(init=False, repr=False)
-    _packed: NDArray[np.float64] = field(init=False, repr=False)
-    _sizes: NDArray[np.int64] = field(init=False, repr=False)
+    _layers: tuple[tuple[Float64Array, Float64Array], ...] = field(init=False, repr=False)
+    _packed: Float64Array = field(init=False, repr=False)
+    _sizes: IndexArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         _check_words("labels", self.labels)
@@ -124,7 +125,7 @@ class GestureModel:
         """Index of the label `RANDOM`; None when the model has none."""
         return self.labels.index(RANDOM) if RANDOM in self.labels else None
 
-    def probabilities(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label.
 
         Parameters
@@ -150,7 +151,7 @@ class GestureModel:
             raise _not_finite()
         return self.probabilities_numpy(x)
 
-    def probabilities_numpy(self, features: NDArray[np.floating]) -> NDArray[np.float64]:
+    def probabilities_numpy(self, features: NDArray[np.floating]) -> Float64Array:
         """`probabilities` as matrix products: what many samples take at once, and the reference of the compiled loop for one."""
         x = np.asarray(features, np.float64)
         if x.shape[-1:] != self.mean.shape:
@@ -162,7 +163,7 @@ class GestureModel:
         x = np.exp(x - x.max(axis=-1, keepdims=True))
         return np.asarray(x / x.sum(axis=-1, keepdims=True))
 
-    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> NDArray[np.float64]:
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
         """How much each event looks like a gesture that the model knows, by its rejector.
 
         Parameters
@@ -296,13 +297,11 @@ def _check_number(what: str, value: Any, above: float = -math.inf) -> None:
         )
 
 
-def _checked(name: str, array: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+def _checked(name: str, array: Any, shape: tuple[int, ...]) -> Float32Array:
     return as_float32(f"gesture model: {name}", array, shape, ADVICE)
 
 
-def _checked_layers(
-    weights: Any, biases: Any, n_features: int, n_labels: int
-) -> tuple[tuple[NDArray[np.float32], ...], tuple[NDArray[np.float32], ...]]:
+def _checked_layers(weights: Any, biases: Any, n_features: int, n_labels: int) -> tuple[tuple[Float32Array, ...], tuple[Float32Array, ...]]:
     """Return weights and biases of the layers as float32, each as wide as the one before asks for."""
     if not 0 < len(weights) == len(biases) <= _MOST_LAYERS:
         raise ConfigError(

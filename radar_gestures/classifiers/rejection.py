@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError
+from radar_core.types import Float32Array, Float64Array
 
 _ADVICE: Final[str] = "train the model again"
 
@@ -31,7 +31,7 @@ class Rejector(Protocol):
         """Floating point operations of one event, beside those of the perceptron."""
         ...
 
-    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+    def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """Score events.
 
         Parameters
@@ -54,7 +54,7 @@ class Rejector(Protocol):
         """Raise `ConfigError` when the rejector was made for another model."""
         ...
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Float32Array]:
         """Everything that the model file must keep."""
         ...
 
@@ -70,14 +70,14 @@ class ByProbability:
         """None: the probabilities are there."""
         return 0
 
-    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+    def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """See `Rejector`."""
         return np.asarray(_gestures(probabilities, random).max(axis=-1))
 
     def check(self, n_features: int, n_labels: int) -> None:
         """See `Rejector`; fits every model."""
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Float32Array]:
         """See `Rejector`; there are none."""
         return {}
 
@@ -106,13 +106,13 @@ class ByDistance:
     .. [2] O. Ledoit, M. Wolf, "A well-conditioned estimator for large-dimensional covariance matrices", J. Multivariate Analysis 88, 2004.
     """
 
-    means: NDArray[np.float32]
-    factors: NDArray[np.float32]
-    weight: NDArray[np.float32]
+    means: Float32Array
+    factors: Float32Array
+    weight: Float32Array
     name: ClassVar[str] = "distance"
 
     @cached_property
-    def _whiten(self) -> NDArray[np.float64]:
+    def _whiten(self) -> Float64Array:
         """Whitening matrices, shape (n_labels or 1, n_features, n_features)."""
         n = self.means.shape[-1]
         full = np.zeros((len(self.factors), n, n))
@@ -125,7 +125,7 @@ class ByDistance:
         n = int(self.means.shape[-1])
         return n + n * (n + 1) + 2 * n - 1 + 3
 
-    def score(self, standard: NDArray[np.float64], probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+    def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """See `Rejector`."""
         gestures = _gestures(probabilities, random)
         best = gestures.argmax(axis=-1)
@@ -150,12 +150,12 @@ class ByDistance:
         if not all(np.isfinite(array).all() for array in (self.means, self.factors, self.weight)):
             raise ConfigError(f"rejector: its arrays have non-finite numbers; {_ADVICE}")
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Float32Array]:
         """See `Rejector`."""
         return {"means": self.means, "factors": self.factors, "weight": self.weight}
 
 
-def make_rejector(name: object, arrays: Mapping[str, NDArray[np.float32]]) -> Rejector:
+def make_rejector(name: object, arrays: Mapping[str, Float32Array]) -> Rejector:
     """Make the rejector of a model file again.
 
     Raises
@@ -170,7 +170,7 @@ def make_rejector(name: object, arrays: Mapping[str, NDArray[np.float32]]) -> Re
     raise ConfigError(f"rejector {name!r} with {', '.join(sorted(arrays)) or 'no arrays'} is not known to this version; {_ADVICE}")
 
 
-def _gestures(probabilities: NDArray[np.float64], random: int | None) -> NDArray[np.float64]:
+def _gestures(probabilities: Float64Array, random: int | None) -> Float64Array:
     """Probabilities in which "random" cannot be the largest."""
     if random is None or probabilities.shape[-1] == 1:
         return probabilities

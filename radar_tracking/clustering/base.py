@@ -6,13 +6,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite, require_shape
-
-Float64Array = NDArray[np.float64]
-LabelArray = NDArray[np.int64]
+from radar_core.types import Float64Array, IndexArray
 
 
 def _nan() -> Float64Array:
@@ -87,6 +84,6 @@ def seen_from(position: Float64Array, origin: Float64Array, rate: Float64Array |
 class Clustering(Protocol):
     """Groups the points of one cloud; holds no state from cloud to cloud."""
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, counted from 0, shape (n_points,); -1: noise."""
         ...

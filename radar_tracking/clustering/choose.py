@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from radar_tracking.clustering.base import Clustering, ClusterPoints, Float64Array, LabelArray
+from radar_core.types import Float64Array, IndexArray
+from radar_tracking.clustering.base import Clustering, ClusterPoints
 from radar_tracking.clustering.config import ClusteringConfig
 from radar_tracking.clustering.density import cluster
 from radar_tracking.clustering.large import occupied, thin
@@ -77,7 +78,7 @@ class Dbscan:
     def __init__(self, config: ClusteringConfig) -> None:
         self.config = config
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, shape (n_points,); -1: noise."""
         return cluster(axes(points, self.config), self.config.eps, self.config.min_points, self.config.max_points)
 
@@ -88,7 +89,7 @@ class OpticsClustering:
     def __init__(self, config: ClusteringConfig) -> None:
         self.config = config
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, shape (n_points,); -1: noise."""
         config = self.config
         merged, weights, member = thin(axes(points, config), config.eps / 4, config.max_points)
@@ -101,7 +102,7 @@ class KMeans:
     def __init__(self, config: ClusteringConfig) -> None:
         self.config = config
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, shape (n_points,)."""
         if len(points) == 0:
             return np.empty(0, np.int64)
@@ -115,7 +116,7 @@ class GridDbscan:
     def __init__(self, config: ClusteringConfig) -> None:
         self.config = config
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, shape (n_points,); -1: noise."""
         return grid_dbscan(points, _rate_axis(points, self.config), self.config)
 
@@ -126,7 +127,7 @@ class PolarDbscan:
     def __init__(self, config: ClusteringConfig) -> None:
         self.config = config
 
-    def labels(self, points: ClusterPoints) -> LabelArray:
+    def labels(self, points: ClusterPoints) -> IndexArray:
         """Cluster of each point, shape (n_points,); -1: noise."""
         require_polar(points)
         rate = _rate_axis(points, self.config)

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite
+from radar_core.types import Float64Array, IndexArray
 from radar_tracking.clustering import kernels
-
-Float64Array = NDArray[np.float64]
-LabelArray = NDArray[np.int64]
 
 DENSE_LIMIT: Final[int] = 2000
 """Up to here the compiled loop over all pairs is faster than a tree; it needs a byte for each pair."""
@@ -24,7 +22,7 @@ def dense(points: NDArray[Any]) -> Float64Array:
     return np.ascontiguousarray(points, np.float64)
 
 
-def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None = None) -> LabelArray:
+def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None = None) -> IndexArray:
     """Density-based clustering (Ester et al., KDD 1996; thesis, 6.2.2).
 
     Labels are those of scikit-learn's ``DBSCAN``: clusters count from 0 in the order of their first core point; a border point that
@@ -59,14 +57,14 @@ def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64
 
         return dbscan_tree(points, eps, min_points, weights)
     known = _NO_WEIGHTS if weights is None else dense(weights)
-    labels: LabelArray = kernels.dbscan(dense(points), float(eps), float(min_points), known)
+    labels: IndexArray = kernels.dbscan(dense(points), float(eps), float(min_points), known)
     if len(labels) < n:
         require_finite("points", points)
         raise DataError("points has coordinates so far apart that their distance overflows float64; give metres")
     return labels
 
 
-def cluster(points: Float64Array, eps: float, min_points: float, max_points: int) -> LabelArray:
+def cluster(points: Float64Array, eps: float, min_points: float, max_points: int) -> IndexArray:
     """DBSCAN in bounded time: above ``max_points`` on a grid of ``eps / 4`` or coarser.
 
     Parameters

@@ -11,14 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from radar_core.checks import require_finite
-
-Float64Array = NDArray[np.float64]
-LabelArray = NDArray[np.int64]
+from radar_core.types import Float64Array, IndexArray
 
 _MOST_CELLS: Final[float] = 2.0**50
 
 
-def dbscan_tree(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None) -> LabelArray:
+def dbscan_tree(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None) -> IndexArray:
     """By a k-d tree and connected components: for thousands of points."""
     require_finite("points", points)
     n = len(points)
@@ -41,7 +39,7 @@ def dbscan_tree(points: Float64Array, eps: float, min_points: float, weights: Fl
     return labels
 
 
-def in_order(names: NDArray[Any]) -> LabelArray:
+def in_order(names: NDArray[Any]) -> IndexArray:
     """Rename groups to 0, 1, ... in the order of their first member, shape (n,)."""
     _, start, inverse = np.unique(names, return_index=True, return_inverse=True)
     rank = np.empty(len(start), np.int64)
@@ -49,7 +47,7 @@ def in_order(names: NDArray[Any]) -> LabelArray:
     return rank[inverse]
 
 
-def occupied(keys: LabelArray) -> tuple[LabelArray, LabelArray, LabelArray]:
+def occupied(keys: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
     """Find the different rows among integer keys, in lexicographic order.
 
     Parameters
@@ -79,7 +77,7 @@ def occupied(keys: LabelArray) -> tuple[LabelArray, LabelArray, LabelArray]:
     return first, member, count
 
 
-def thin(points: Float64Array, cell: float, max_points: int) -> tuple[Float64Array, Float64Array, LabelArray]:
+def thin(points: Float64Array, cell: float, max_points: int) -> tuple[Float64Array, Float64Array, IndexArray]:
     """Merge points that share a grid cell until at most ``max_points`` are left, so that clustering stays bounded in time.
 
     Parameters

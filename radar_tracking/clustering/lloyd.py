@@ -9,12 +9,13 @@ import numpy as np
 
 from radar_core import DataError
 from radar_core.checks import require_finite
-from radar_tracking.clustering.density import Float64Array, LabelArray, dense
+from radar_core.types import Float64Array, IndexArray
+from radar_tracking.clustering.density import dense
 
 _jit = numba.njit(cache=True, nogil=True)
 
 
-def kmeans(points: Float64Array, centres: Float64Array, max_iterations: int = 20) -> tuple[LabelArray, Float64Array]:
+def kmeans(points: Float64Array, centres: Float64Array, max_iterations: int = 20) -> tuple[IndexArray, Float64Array]:
     """Lloyd's k-means from given centres (Lloyd 1982; thesis, 6.2.2 and 7.3).
 
     Parameters

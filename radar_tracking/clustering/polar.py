@@ -9,7 +9,8 @@ import numba
 import numpy as np
 
 from radar_core.checks import require_finite
-from radar_tracking.clustering.base import ClusterPoints, Float64Array, LabelArray
+from radar_core.types import Float64Array, IndexArray
+from radar_tracking.clustering.base import ClusterPoints
 from radar_tracking.clustering.config import ClusteringConfig
 from radar_tracking.clustering.kernels import grow, weigh
 from radar_tracking.clustering.large import in_order, occupied
@@ -43,7 +44,7 @@ def require_polar(points: ClusterPoints) -> None:
     require_finite("ClusterPoints.azimuth", points.azimuth)
 
 
-def polar_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig, weights: Float64Array) -> LabelArray:
+def polar_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig, weights: Float64Array) -> IndexArray:
     """DBSCAN with an ellipse for a neighbourhood and a demand that falls with range (Wagner, Feger, Stelzer, EuRAD 2015).
 
     The half axis in range is ``eps``, in cross-range ``max(eps, angle_reach * range)``. Heights are not looked at.
@@ -72,11 +73,11 @@ def polar_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringCo
     require_polar(points)
     need = demand(points.range, config)
     distance, azimuth = np.ascontiguousarray(points.range), np.ascontiguousarray(points.azimuth)
-    labels: LabelArray = polar_labels(distance, azimuth, rate, config.eps, config.angle_reach, need, weights)
+    labels: IndexArray = polar_labels(distance, azimuth, rate, config.eps, config.angle_reach, need, weights)
     return labels
 
 
-def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig) -> LabelArray:
+def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringConfig) -> IndexArray:
     """DBSCAN on the radar's own grid of range, azimuth and range rate (Kellner et al., IV 2012; Lim et al., 2018).
 
     Points are counted by cell; two cells are neighbours when they are near on every axis: ``eps`` in range and rate, the wider of ``eps``
@@ -114,29 +115,29 @@ def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringCon
         edge *= 2
     cells, distance = cells[first], points.range[first]
     reach = _reach(distance, edge, config)
-    by_cell: LabelArray = grid_labels(cells, reach, n_around, demand(distance, config), count.astype(np.float64))
+    by_cell: IndexArray = grid_labels(cells, reach, n_around, demand(distance, config), count.astype(np.float64))
     labels = by_cell[member]
     found = labels >= 0
     labels[found] = in_order(labels[found])
     return labels
 
 
-def _cells(points: ClusterPoints, rate: Float64Array, edge: Float64Array, n_around: int) -> LabelArray:
+def _cells(points: ClusterPoints, rate: Float64Array, edge: Float64Array, n_around: int) -> IndexArray:
     """Cell of each point, shape (n_points, 3); azimuth cells count from 0 to ``n_around`` - 1 around the sensor."""
     turn = points.azimuth / (2 * math.pi)
     place = np.stack([points.range / edge[0], (turn - np.floor(turn)) * n_around, rate / edge[2]], axis=-1)
-    cells: LabelArray = np.floor(np.clip(place, -_LARGEST_CELL, _LARGEST_CELL)).astype(np.int64)
+    cells: IndexArray = np.floor(np.clip(place, -_LARGEST_CELL, _LARGEST_CELL)).astype(np.int64)
     cells[:, 1] %= n_around
     return cells
 
 
-def _reach(distance: Float64Array, edge: Float64Array, config: ClusteringConfig) -> LabelArray:
+def _reach(distance: Float64Array, edge: Float64Array, config: ClusteringConfig) -> IndexArray:
     """Cells to either side that are near, by axis, shape (n_cells, 3)."""
     closest = config.eps / (2 * math.pi)  # within this distance of the sensor the whole circle is near
     reach = np.empty((len(distance), 3))
     reach[:, 0], reach[:, 2] = config.eps / edge[0], config.eps / edge[2]
     reach[:, 1] = np.maximum(config.eps / np.maximum(distance, closest), config.angle_reach) / edge[1]
-    cells: LabelArray = np.maximum(1, np.rint(reach)).astype(np.int64)
+    cells: IndexArray = np.maximum(1, np.rint(reach)).astype(np.int64)
     return cells
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from radar_core import DataError
 from radar_core.checks import require_finite
-from radar_tracking.clustering.base import Float64Array, LabelArray
+from radar_core.types import Float64Array, IndexArray
 from radar_tracking.clustering.density import dense
 from radar_tracking.clustering.kernels import columns_of, squared_distances
 from radar_tracking.clustering.lloyd import kmeans, require_centres
@@ -37,12 +37,12 @@ class Optics:
         Point that reached it; -1: none.
     """
 
-    ordering: LabelArray
+    ordering: IndexArray
     reachability: Float64Array
     core_distance: Float64Array
-    predecessor: LabelArray
+    predecessor: IndexArray
 
-    def labels(self, eps: float) -> LabelArray:
+    def labels(self, eps: float) -> IndexArray:
         """Cut the plot at ``eps``: clusters as of DBSCAN, but for some of its border points (Ankerst et al. 1999, section 3.3).
 
         Parameters
@@ -99,7 +99,7 @@ def optics(points: Float64Array, min_points: int, max_eps: float = math.inf, wei
 
 def split(
     points: Float64Array, k: int, centres: Float64Array, *, min_points: int = 3, min_share: float = 0.3
-) -> tuple[LabelArray, Float64Array]:
+) -> tuple[IndexArray, Float64Array]:
     """Split one merged cluster into ``k`` at the largest peaks of its reachability plot (after Wagner, Feger, Stelzer 2018).
 
     A peak ends one dense region and starts the next: the link between a point and the one that reached it is cut, the longest links first,
@@ -144,7 +144,7 @@ def split(
     return place[parts].astype(np.int64), ordered
 
 
-def _cut(plot: Optics, k: int, least: int) -> tuple[LabelArray, int]:
+def _cut(plot: Optics, k: int, least: int) -> tuple[IndexArray, int]:
     """Parts of at least ``least`` points and their number; 0 when some points are too far from the others to be in the tree."""
     if np.count_nonzero(plot.predecessor < 0) != 1:
         return np.empty(0, np.int64), 0

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array, IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class Innovation:
     """
 
     nis: Float64Array
-    dof: NDArray[np.int64]
+    dof: IndexArray
     log_likelihood: Float64Array = field(default_factory=lambda: np.empty(0))
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 _CLOSEST = 1e-6  # m: directions from nearer than this are those at this distance
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array
 from radar_tracking.estimators import kernels
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
-
-Float64Array = NDArray[np.float64]
 
 _LOG_2PI = math.log(2 * math.pi)
 

@@ -7,11 +7,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array
 from radar_tracking.estimators.kernels import NOT_FINITE, factor, own, refuse, solve
-
-Float64Array = NDArray[np.float64]
 
 _jit = numba.njit(cache=True, nogil=True)
 

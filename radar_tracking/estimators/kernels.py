@@ -11,13 +11,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.linalg import SingularError
-
-Float64Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from radar_core.types import BoolArray, Float64Array
 
 _jit = numba.njit(cache=True, nogil=True)
 _LEAST_PIVOT = 1e-12  # of the Cholesky factor of a matrix with unit diagonal; the condition number is at least its reciprocal
@@ -67,7 +64,7 @@ def predict(covariance: Float64Array, F: Float64Array, Q: Float64Array) -> Float
 
 
 def correct(
-    mean: Float64Array, covariance: Float64Array, residual: Float64Array, H: Float64Array, R: Float64Array, used: Mask
+    mean: Float64Array, covariance: Float64Array, residual: Float64Array, H: Float64Array, R: Float64Array, used: BoolArray
 ) -> Correction:
     """Kalman update in Joseph form, by solving where textbooks invert (6.2).
 
@@ -115,7 +112,7 @@ def own(array: Float64Array) -> Float64Array:
     return np.array(array, np.float64, order="C")
 
 
-def _owned(mask: Mask) -> Mask:
+def _owned(mask: BoolArray) -> BoolArray:
     return np.array(mask, np.bool_, order="C")
 
 

@@ -16,11 +16,9 @@ from functools import lru_cache
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 
 class Motion(Protocol):

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.estimators.base import Measurement
 from radar_tracking.estimators.convert import range_rate, range_rate_jacobian
 from radar_tracking.estimators.velocity import VelocityMeasurement
-
-Float64Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _NEAR = 3.0  # standard deviations: targets this near to the sensor have no usable direction
 _LEAST = 1e-6  # m: a smaller offset from the sensor counts as this
@@ -44,9 +41,9 @@ class PreparedMeasurement:
 
     value: Float64Array
     noise: Float64Array
-    used: Mask
+    used: BoolArray
     origin: Float64Array
-    near: Mask
+    near: BoolArray
     log_volume: Float64Array
     axes: Float64Array | None = None
 
@@ -124,7 +121,7 @@ class VelocityModel(PositionModel):
         value, noise, used = np.zeros((n, m)), np.zeros((n, m, m)), np.zeros((n, m), np.bool_)
         noise[:, range(d, m), range(d, m)] = 1.0
         value[:, :d], noise[:, :d, :d], used[:, :d] = measurement.position, measurement.covariance, True
-        told: Mask = np.zeros((n, d), np.bool_)
+        told: BoolArray = np.zeros((n, d), np.bool_)
         axes = None
         if isinstance(measurement, VelocityMeasurement):
             told, axes = ~np.isnan(measurement.velocity), measurement.velocity_axes
@@ -177,7 +174,7 @@ def check_measurement(measurement: Measurement, dimensions: int, n_tracks: int |
     return n, d
 
 
-def near_sensor(measurement: Measurement, mean: Float64Array, covariance: Float64Array) -> Mask:
+def near_sensor(measurement: Measurement, mean: Float64Array, covariance: Float64Array) -> BoolArray:
     """Tracks that any mode's prediction, or the measurement, places too near to the sensor for polar coordinates; all modes alike."""
     d = measurement.position.shape[1]
     flat = mean[:, :, :2] - measurement.origin[:, None, :2]

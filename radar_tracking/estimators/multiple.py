@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.linalg import canonical_eigh, symmetrise
+from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter, Updated
 from radar_tracking.estimators.innovation import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
 from radar_tracking.estimators.single import check_step, start_at
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

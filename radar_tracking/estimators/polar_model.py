@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Measurement
 from radar_tracking.estimators.convert import range_rate, range_rate_jacobian, wrap
 from radar_tracking.estimators.measurement_models import PositionModel, PreparedMeasurement, check_measurement, near_sensor
-
-Float64Array = NDArray[np.float64]
 
 _CLOSEST = 1e-6  # m: directions from nearer than this are those at this distance
 _LEAST = 1e-6  # m: a smaller offset from the sensor counts as this

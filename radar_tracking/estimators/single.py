@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.linalg import symmetrise
+from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter
 from radar_tracking.estimators.measurement_models import MeasurementModel, check_measurement
-
-Float64Array = NDArray[np.float64]
 
 
 class SingleModel:

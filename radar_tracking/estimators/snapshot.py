@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.linalg import canonical_qr, canonical_svd, symmetrise
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.estimators.config import SnapshotConfig
-
-Float64Array = NDArray[np.float64]
 
 _LEAST_WEIGHT = 1e-12  # of an outlier: the system stays regular whatever happens
 _ROUNDING = 1e-10  # singular values below this share of the largest are rounding
@@ -148,7 +147,7 @@ class Snapshot:
         offset: Float64Array | None,
         sensor: NDArray[np.integer] | None,
         amplitude: Float64Array | None,
-    ) -> NDArray[np.bool_]:
+    ) -> BoolArray:
         """Tell which points have a rate and a line of sight, shape (n,)."""
         n = len(direction)
         wrong = offset is not None and offset.shape != direction.shape
@@ -259,7 +258,7 @@ def _without(nuisance: Float64Array, columns: Float64Array, std: Float64Array) -
     return (base[:n] ** 2).sum(axis=1), rows
 
 
-def _relative(amplitude: Float64Array | None, known: NDArray[np.bool_]) -> Float64Array:
+def _relative(amplitude: Float64Array | None, known: BoolArray) -> Float64Array:
     """Amplitudes over their mean, shape (n_known,)."""
     if amplitude is None:
         return np.ones(int(np.count_nonzero(known)))

@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError
+from radar_core.types import Complex128Array, Float64Array
 from radar_tracking.estimators.kinematics import chain_noise, check_density
-
-Float64Array = NDArray[np.float64]
-Complex128Array = NDArray[np.complex128]
 
 _SERIES_BELOW = 2.0  # rad: turns smaller than this use series, because their closed forms cancel
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radar_core import DataError
 from radar_core.linalg import symmetrise
+from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Measurement
-
-Float64Array = NDArray[np.float64]
 
 _WIDEST = 1.0  # rad: beyond this an angle's bias is no longer corrected in full; the correction grows without bound
 

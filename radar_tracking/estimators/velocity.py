@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
+from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Measurement
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.config import config, knob
+from radar_core.types import IndexArray
 
 _SAMPLE = 64  # arrivals of each part that are kept, to see how finely the clock of arrival counts
 _SECOND = 1e-9  # per ns
@@ -127,7 +127,7 @@ class ClockMonitor:
         )
 
 
-def _resolution(arrivals: Sequence[NDArray[np.int64]]) -> float:
+def _resolution(arrivals: Sequence[IndexArray]) -> float:
     """How finely the clock of arrival counts [ns]: by how much the times between arrivals differ at least.
 
     Infinite where they are all alike. Clouds are never so regular by themselves; a clock that ticks with them (simulated time) looks so.

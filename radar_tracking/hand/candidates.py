@@ -7,12 +7,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float32Array, Float64Array, IndexArray
 from radar_tracking.hand.config import HandConfig
 from radar_tracking.people.points import sensors_of
 from radar_tracking.tracks import TrackedCloud
-
-Float64Array = NDArray[np.float64]
-MaskArray = NDArray[np.bool_]
 
 _MAX_POINTS = 500  # a hand has a handful of points; more than this of one person only cost time
 _SHOULDER = 0.2  # m: above the middle of what is seen of the body
@@ -49,14 +47,14 @@ class Candidates:
 
     position: Float64Array
     direction: Float64Array
-    sensor: NDArray[np.int64]
+    sensor: IndexArray
     rate: Float64Array
     rate_std: Float64Array
     amplitude: Float64Array
     error: Float64Array
     axis: Float64Array
     ahead: Float64Array
-    owned: MaskArray
+    owned: BoolArray
 
     def __len__(self) -> int:
         return len(self.axis)
@@ -129,12 +127,12 @@ def outward(position: Float64Array, body: Float64Array, hand: Float64Array) -> F
     return np.asarray(away @ arm / max(float(np.linalg.norm(arm)), 1e-3))
 
 
-def _known(value: NDArray[np.float32], other: Float64Array | float) -> Float64Array:
+def _known(value: Float32Array, other: Float64Array | float) -> Float64Array:
     """Values that are finite, and ``other`` for the rest."""
     return np.asarray(np.where(np.isfinite(value), value, other), np.float64)
 
 
-def _angle(std: NDArray[np.float32], index: NDArray[np.int64], config: HandConfig) -> Float64Array:
+def _angle(std: Float32Array, index: IndexArray, config: HandConfig) -> Float64Array:
     return np.clip(_known(std[index], config.angle_std), 0.0, 1.0)
 
 

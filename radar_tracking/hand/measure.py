@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.linalg import symmetrise
+from radar_core.types import Float64Array
 from radar_tracking.estimators.velocity import VelocityMeasurement
 from radar_tracking.hand.candidates import Candidates, outward
 from radar_tracking.hand.config import HandConfig
@@ -16,7 +16,6 @@ from radar_tracking.hand.config import HandConfig
 if TYPE_CHECKING:
     from radar_tracking.estimators.snapshot import Snapshot, SnapshotVelocity
 
-Float64Array = NDArray[np.float64]
 
 _LEAST_AGREEMENT = 0.5  # length of a mean of directions
 _ASSUMED_Z_STD = 0.3  # m: where no point measures the height, the hand is assumed as high as the body

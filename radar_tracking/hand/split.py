@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.linalg import symmetrise
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.clustering.lloyd import kmeans
-from radar_tracking.hand.candidates import Candidates, MaskArray, outward
+from radar_tracking.hand.candidates import Candidates, outward
 from radar_tracking.hand.config import SplitConfig
 from radar_tracking.mahalanobis import mahalanobis
-
-Float64Array = NDArray[np.float64]
 
 _FAST = 5.0  # m/s: faster counts no more
 
 
-def is_body(points: Candidates, config: SplitConfig) -> MaskArray:
+def is_body(points: Candidates, config: SplitConfig) -> BoolArray:
     """Slow points near the body's axis or behind it: the guard against a hand that falls into the body."""
     inside = (points.axis < config.body_radius) | (points.ahead < config.torso_depth)
     return np.asarray(inside & (points.speed < config.body_speed))
 
 
-def split(points: Candidates, body: Float64Array, config: SplitConfig) -> MaskArray:
+def split(points: Candidates, body: Float64Array, config: SplitConfig) -> BoolArray:
     """Split a person's points by 2-means of position and radial speed (7.3).
 
     Parameters
@@ -54,7 +52,7 @@ def split(points: Candidates, body: Float64Array, config: SplitConfig) -> MaskAr
 
 def gate(
     points: Candidates, body: Float64Array, mean: Float64Array, covariance: Float64Array, extent: float, rests: bool, config: SplitConfig
-) -> MaskArray:
+) -> BoolArray:
     """Pick the points near the predicted hand that are no body; those without z are compared on the floor plane.
 
     Parameters

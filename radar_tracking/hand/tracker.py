@@ -6,19 +6,17 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError, RadarInfo
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.estimators.base import Belief
 from radar_tracking.estimators.make import make_estimator
-from radar_tracking.hand.candidates import Candidates, MaskArray, candidates
+from radar_tracking.hand.candidates import Candidates, candidates
 from radar_tracking.hand.config import HandConfig
 from radar_tracking.hand.measure import HandMeasurement, HandMeter
 from radar_tracking.hand.split import gate, split
 from radar_tracking.hand.value import ControlValue
 from radar_tracking.tracks import HandTrack, Track, TrackedCloud, TrackStatus
-
-Float64Array = NDArray[np.float64]
 
 _NANOSECOND = 1e-9
 _STANDING = (2.0, 2.0, 30.0)  # s: time in which the body follows 63 % of the way to the track; its height does not change
@@ -202,7 +200,7 @@ class HandTracker:
         self._hold_within_reach()
         return int(np.count_nonzero(own))
 
-    def _find(self, points: Candidates) -> MaskArray:
+    def _find(self, points: Candidates) -> BoolArray:
         """Look for the hand anywhere within reach; one that was followed is elsewhere only if what is found moves: it had to get there."""
         config = self.config.split
         own = split(points, self._body, config)
@@ -234,7 +232,7 @@ class HandTracker:
             belief = replace(belief, mean=mean)
         self._belief = belief
 
-    def _gate(self, points: Candidates) -> MaskArray:
+    def _gate(self, points: Candidates) -> BoolArray:
         mean, covariance = self._kinematics()
         return gate(points, self._body, mean[:3], covariance[:3, :3], self.config.extent, self._rests, self.config.split)
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array
 from radar_tracking.hand.config import ValueConfig
-
-Float64Array = NDArray[np.float64]
 
 
 class ControlValue:

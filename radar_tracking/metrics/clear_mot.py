@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from radar_core.config import config, knob
-from radar_tracking.metrics.objects import BoolArray, Float64Array, IndexArray, ObjectSet, best_pairs, distances
+from radar_core.types import BoolArray, Float64Array, IndexArray
+from radar_tracking.metrics.objects import ObjectSet, best_pairs, distances
 
 
 @config

@@ -13,8 +13,8 @@ from scipy.special import gammainccinv, gammaincinv
 from radar_core import ConfigError, DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 
-Float64Array = NDArray[np.float64]
 State = Literal["consistent", "over-confident", "under-confident", "unknown"]
 
 _BINS = 50  # of the window: what is older than the window leaves in steps of a fiftieth of it

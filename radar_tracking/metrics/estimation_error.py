@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite
 from radar_core.linalg import solve_spd
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 
 def nees(error: Float64Array, covariance: Float64Array) -> Float64Array:

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from radar_core.config import config, knob
-from radar_tracking.metrics.objects import BoolArray, Float64Array, IndexArray, ObjectSet, distances
+from radar_core.types import BoolArray, Float64Array, IndexArray
+from radar_tracking.metrics.objects import ObjectSet, distances
 
 
 @config

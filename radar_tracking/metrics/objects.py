@@ -10,11 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 from radar_core import DataError
 from radar_core.checks import require_finite, require_shape
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.tracks import Tracks, TrackStatus
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _FAR = 1e150  # m: the largest length whose square is a number
 

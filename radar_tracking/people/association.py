@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, IndexArray
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.gating import Gating
 from radar_tracking.people.group_clustering import GroupTrackingWithClustering
 from radar_tracking.people.owners import Association, Owners, block, nearest, nobody
 from radar_tracking.people.points import Points
-
-IndexArray = NDArray[np.int64]
 
 
 class GroupTracking:
@@ -25,7 +23,7 @@ class GroupTracking:
         return Owners(main, nobody(len(points)))
 
 
-def associate(association: Association, points: Points, gating: Gating, confirmed: NDArray[np.bool_], apart: float = np.inf) -> Owners:
+def associate(association: Association, points: Points, gating: Gating, confirmed: BoolArray, apart: float = np.inf) -> Owners:
     """Share out a cloud's points: confirmed tracks choose first, tentative ones take what is left.
 
     Tentative tracks ``apart`` [m] or farther from every confirmed one choose with these: they are no arm, but somebody who was there from

@@ -6,13 +6,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.people.config import BackgroundConfig
 from radar_tracking.people.points import Points
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _TURN: Final = 2 * math.pi
 _MAX_CELLS: Final = 400  # in range; farther points share the last one
@@ -45,11 +42,11 @@ class Background:
         """Forget the map."""
         self._share, self._level = {}, {}
 
-    def still(self, points: Points) -> NDArray[np.bool_]:
+    def still(self, points: Points) -> BoolArray:
         """Which points do not move, shape (n_points,); unmeasured range rates count as moving."""
         return np.asarray(np.abs(points.speed) < self.config.still_speed)
 
-    def process(self, points: Points) -> NDArray[np.bool_]:
+    def process(self, points: Points) -> BoolArray:
         """Which points are background, shape (n_points,)."""
         found = np.zeros(len(points), bool)
         if not self.config.enabled:
@@ -64,7 +61,7 @@ class Background:
                 found[own] = (self._share[place][cell] > self.config.share) & (power[own] <= ratio * self._level[place][cell])
         return found
 
-    def learn(self, points: Points, owned: NDArray[np.bool_], stirring: NDArray[np.bool_], dt: float) -> None:
+    def learn(self, points: Points, owned: BoolArray, stirring: BoolArray, dt: float) -> None:
         """Take in a cloud after its points have been given to tracks.
 
         Parameters
@@ -114,9 +111,9 @@ class Background:
         return np.asarray(rows[:, None] * self._n_azimuth + columns).ravel()
 
 
-def _places(points: Points) -> dict[bytes, NDArray[np.bool_]]:
+def _places(points: Points) -> dict[bytes, BoolArray]:
     """Which points were seen from each place; sensors that stand at one place see one background."""
-    places: dict[bytes, NDArray[np.bool_]] = {}
+    places: dict[bytes, BoolArray] = {}
     for sensor, origin in enumerate(points.origins):
         place, seen = origin.tobytes(), points.sensor == sensor
         places[place] = places[place] | seen if place in places else seen

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.estimators.base import Estimator
 from radar_tracking.people.body import measure
 from radar_tracking.people.config import TrackerConfig
@@ -16,9 +16,6 @@ from radar_tracking.people.pairs import BEFORE
 from radar_tracking.people.points import Points
 from radar_tracking.people.track_table import TrackTable
 from radar_tracking.people.zones import Zones
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _DISPERSION = 0.15**2  # m^2: of a new track's main cluster, along each axis of the floor plane
 
@@ -40,7 +37,7 @@ class Birth:
         self._clusters = Clusters(config.association)
         self._zones = Zones(config.zones)
 
-    def process(self, points: Points, free: NDArray[np.bool_], gating: Gating | None, old: Float64Array, age: float) -> list[IndexArray]:
+    def process(self, points: Points, free: BoolArray, gating: Gating | None, old: Float64Array, age: float) -> list[IndexArray]:
         """Find clusters of free points that may start tracks: enough points, enough power, far enough from every track.
 
         Parameters

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array, IndexArray
 from radar_tracking.estimators.base import Measurement
 from radar_tracking.people.body_kernels import Centres, centre
 from radar_tracking.people.config import FilterConfig
 from radar_tracking.people.points import Points
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 ASSUMED_Z = 1.0  # m: height of a body's centre where nothing measures it, and
 ASSUMED_Z_STD = 0.5  # how far off that is (assumed with every cloud, so that the height's covariance stays bounded); no centroid of

@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from radar_core.types import Float64Array, IndexArray
 
 _jit = numba.njit(cache=True, nogil=True)
 _SHORT = 1e-9  # m

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import Float64Array, IndexArray
 from radar_tracking.assignment import assign_tracks
 from radar_tracking.clustering.lloyd import kmeans
 from radar_tracking.mahalanobis import mahalanobis
@@ -12,9 +12,6 @@ from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.gating import Gating
 from radar_tracking.people.owners import Clusters, Owners, nobody
 from radar_tracking.people.points import Points
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class ClusterFirstTrackLater:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.points import Points
 from radar_tracking.people.track_table import TrackTable
 
-Float64Array = NDArray[np.float64]
 _SHOULDER = 0.1  # m: heights are sure to this
 _FAR_BELOW = 1.0  # m: ten times as sure
 _LEAST = 1e-3  # weight of a point that is no torso for sure
@@ -52,7 +51,7 @@ class Gating:
     near: Float64Array
     torso: Float64Array
     beyond: Float64Array
-    behind: NDArray[np.bool_]
+    behind: BoolArray
     doppler_residual: Float64Array
 
 
@@ -108,7 +107,7 @@ def below(points: Points, config: AssociationConfig) -> Float64Array:
 
 
 def torso_reference(
-    surface: Float64Array, beyond: Float64Array, inside: NDArray[np.bool_], points: Points, config: AssociationConfig
+    surface: Float64Array, beyond: Float64Array, inside: BoolArray, points: Points, config: AssociationConfig
 ) -> Float64Array:
     """Offset of each track's torso from its centre along the line of sight, shape (n_tracks, 1) [m].
 

@@ -7,17 +7,14 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.clustering.density import DENSE_LIMIT, dense
 from radar_tracking.clustering.kernels import dbscan
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.gating import Gating
 from radar_tracking.people.owners import Clusters, Owners, block, nearest, nobody
 from radar_tracking.people.points import Points
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _jit = numba.njit(cache=True, nogil=True)
 _NO_WEIGHTS = np.empty(0)
@@ -89,7 +86,7 @@ class GroupTrackingWithClustering:
             changed = np.unique(row[freed][row[freed] >= 0])
         return row
 
-    def _main_cluster(self, points: Points, index: IndexArray, size: Float64Array) -> NDArray[np.bool_]:
+    def _main_cluster(self, points: Points, index: IndexArray, size: Float64Array) -> BoolArray:
         """Points of the largest cluster, shape (len(index),); none where no dense region has any size."""
         labels = self._clusters.labels(points, index)
         clustered = labels >= 0

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.track_table import TrackTable
 from radar_tracking.tracks import Deleted, Reason
-
-Float64Array = NDArray[np.float64]
 
 
 def whole_ns(seconds: float) -> int:
@@ -34,7 +32,7 @@ class TrackManagement:
         """Forget who was close to whom."""
         self._close_ns: dict[tuple[int, int], int] = {}
 
-    def process(self, table: TrackTable, centre: Float64Array, inside: NDArray[np.bool_], stamp_ns: int) -> tuple[Deleted, ...]:
+    def process(self, table: TrackTable, centre: Float64Array, inside: BoolArray, stamp_ns: int) -> tuple[Deleted, ...]:
         """Confirm and delete after a cloud.
 
         Parameters
@@ -76,7 +74,7 @@ class TrackManagement:
         matched = (table.seen_ns == stamp_ns) & (table.matches >= config.confirm_matches)
         table.confirmed[:] |= long & plausible & matched
 
-    def _overdue(self, table: TrackTable, inside: NDArray[np.bool_], stamp_ns: int) -> list[Reason | None]:
+    def _overdue(self, table: TrackTable, inside: BoolArray, stamp_ns: int) -> list[Reason | None]:
         """Why each track ends: unseen for too long for what it is; None: it does not."""
         config = self.config
         confirmed, still, unseen = table.confirmed, table.still, stamp_ns - table.seen_ns

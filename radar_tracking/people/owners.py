@@ -8,13 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.clustering.density import cluster
 from radar_tracking.people.config import AssociationConfig
 from radar_tracking.people.gating import Gating
 from radar_tracking.people.points import Points
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +31,7 @@ class Owners:
     limb: IndexArray
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> BoolArray:
         """Points of nobody."""
         return (self.main < 0) & (self.limb < 0)
 

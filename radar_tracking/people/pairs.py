@@ -10,16 +10,12 @@ from typing import Any, Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.points import Points
 from radar_tracking.people.statistics import Matched, match
 from radar_tracking.people.track_table import TrackTable
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _HALF: Final = 0.5  # of the clouds
 _FEWEST: Final = 4  # points that can be two heaps

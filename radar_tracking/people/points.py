@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.composite import CloudComposite
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.zones import Zones
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _USED = ("x", "y", "z", "radial_speed", "snr", "range", "azimuth_std")  # of a cloud
 _FASTEST = 100.0  # m/s: what is faster is no measurement of a person, and filters that multiply it lose their digits
@@ -122,7 +120,7 @@ class Admission:
         speed[np.abs(speed) > _FASTEST] = np.nan
         return Points(index, position, speed, weight, power, distance, distance * angle, sensor[index], origins)
 
-    def _usable(self, cloud: PointCloud, position: Float64Array, distance: Float64Array) -> NDArray[np.bool_]:
+    def _usable(self, cloud: PointCloud, position: Float64Array, distance: Float64Array) -> BoolArray:
         config = self._config
         placed = (np.abs(position[:, 0]) <= config.max_distance) & (np.abs(position[:, 1]) <= config.max_distance)  # NaN compares False
         placed &= ~(np.abs(position[:, 2]) > config.max_distance)

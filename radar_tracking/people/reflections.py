@@ -6,13 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.estimators.convert import wrap
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.track_table import TrackTable
-
-Float64Array = NDArray[np.float64]
 
 _KNOWN_NS: Final = 300_000_000  # ns: causes have been seen lately
 _BEYOND: Final = 0.3  # m: walls are taken to be so much longer on both ends
@@ -69,18 +67,18 @@ class Reflections:
         )  # reflections flash: at first their strength says nothing
         table.reflection_score[seen] = (before * (1 - share) + share * alike)[seen]
 
-    def _weaker(self, table: TrackTable, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _weaker(self, table: TrackTable, cause: IndexArray) -> BoolArray:
         """Whether a track is weaker than a cause, for their ranges, shape (n_tracks, n_causes)."""
         mine, theirs = table.records[:, None], table.records[None, cause]
         loud = [part["power"] + 40.0 * np.log10(np.maximum(part["range"], 0.1)) for part in (mine, theirs)]
         return np.asarray(loud[0] < loud[1] - self._config.reflection_weaker)
 
-    def _farther(self, table: TrackTable, cause: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _farther(self, table: TrackTable, cause: IndexArray) -> BoolArray:
         """Whether a track is farther than a cause, shape (n_tracks, n_causes)."""
         distance = table.range
         return np.asarray(distance[:, None] > distance[None, cause] + self._config.reflection_farther)
 
-    def _mirrored(self, centre: Float64Array, cause: NDArray[np.int64], origins: Float64Array) -> NDArray[np.bool_]:
+    def _mirrored(self, centre: Float64Array, cause: IndexArray, origins: Float64Array) -> BoolArray:
         """Whether a track is where a wall mirrors a cause, shape (n_tracks, n_causes)."""
         found = np.zeros((len(centre), len(cause)), bool)
         for origin in origins:

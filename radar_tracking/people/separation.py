@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.estimators.base import Belief
 
-Float64Array = NDArray[np.float64]
 _SAME = 1e-6  # m: tracks at the very same place have no direction of separation
 
 
 def separate_tracks(
-    belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: NDArray[np.bool_], width: float, dimensions: int
+    belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: BoolArray, width: float, dimensions: int
 ) -> Belief:
     """Push tracks apart that are nearer to each other than people can be, and stop their approach.
 
@@ -60,7 +59,7 @@ def separate_tracks(
     return Belief(mean, belief.covariance, belief.weight)
 
 
-def _push(mean: Float64Array, pair: NDArray[np.int64], share: Float64Array, push: Float64Array, closing: Float64Array, d: int) -> None:
+def _push(mean: Float64Array, pair: IndexArray, share: Float64Array, push: Float64Array, closing: Float64Array, d: int) -> None:
     """Move two tracks apart and take out their closing speed, each by its share."""
     for row, sign, part in zip(pair, (-1.0, 1.0), share, strict=True):
         mean[row, :, :2] += sign * part * push

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError, balanced
+from radar_core.types import Float64Array
 from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor
 from radar_tracking.people.zones import Zones, ZonesConfig
 from radar_tracking.tracks import Reason, Tracks, TrackStatus
@@ -46,7 +46,7 @@ class Tally:
         self._deleted: Counter[Reason] = Counter()
         self._people: dict[str, int] = dict.fromkeys(zones.counted, 0)
         self._consistency: Consistency | None = None
-        self._covariances: list[NDArray[np.float64]] = []
+        self._covariances: list[Float64Array] = []
 
     def add(self, tracks: Tracks) -> None:
         """Take in the tracks after one cloud.
@@ -81,7 +81,7 @@ class Tally:
         return values, [found.warning] if found.warning else []
 
 
-def _worst_condition(covariances: Sequence[NDArray[np.float64]]) -> str:
+def _worst_condition(covariances: Sequence[Float64Array]) -> str:
     """Say how nearly one state of a track follows from its others; units are scaled away."""
     try:
         return f"{max(float(np.linalg.cond(balanced(P)[0])) for P in covariances):.3g}" if covariances else "unknown"

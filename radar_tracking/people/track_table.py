@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radar_core.types import BoolArray
 from radar_tracking.estimators.base import Belief, join
 
 T = TypeVar("T", bound=np.generic)
@@ -95,7 +96,7 @@ class TrackTable:
         self.records = np.concatenate([self.records, row.records])
         self.belief = row.belief if self.belief is None else join([self.belief, row.belief])
 
-    def keep(self, mask: NDArray[np.bool_]) -> None:
+    def keep(self, mask: BoolArray) -> None:
         """Remove the tracks that a mask leaves out."""
         self.records = self.records[mask]
         if self.belief is not None:

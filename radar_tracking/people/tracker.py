@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError, PointCloud, RadarInfo
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.estimators.base import Belief, Measurement
 from radar_tracking.estimators.make import make_estimator, modes
 from radar_tracking.people.association import associate, make_association
@@ -31,8 +32,6 @@ from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
 if TYPE_CHECKING:
     from radar_tracking.people.reflections import Reflections
 
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _NANOSECOND = 1e-9
 _EXTENT_TIME = 0.5  # s: the extent of a person is smoothed this long; single clouds show only a part of the body
@@ -211,7 +210,7 @@ class PeopleTracker:
 
     def _follow(
         self, points: Points, stamp_ns: int, point_track_id: NDArray[np.int32]
-    ) -> tuple[NDArray[np.bool_], Gating | None, list[IndexArray]]:
+    ) -> tuple[BoolArray, Gating | None, list[IndexArray]]:
         """Give points to tracks and update those that got some.
 
         Returns
@@ -304,7 +303,7 @@ class PeopleTracker:
         """Learn what stands where nobody is."""
         table, config = self._table, self.config.background
         rows = np.flatnonzero(table.confirmed)
-        body: NDArray[np.bool_] = np.zeros(len(points), bool)
+        body: BoolArray = np.zeros(len(points), bool)
         standing = body
         if table.belief is not None and len(rows):
             centre = self._kinematics(table.belief)[0][rows]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import Pose, RadarInfo
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import BoolArray, Float64Array
 
 
 class View:
@@ -31,7 +29,7 @@ class View:
         self._half, self._reach = (math.inf, math.inf) if info is None else _bounds(info)
         self.origin = self._mount.origin
 
-    def sees(self, position: Float64Array) -> NDArray[np.bool_]:
+    def sees(self, position: Float64Array) -> BoolArray:
         """Whether bodies are in view, shape (n,); elevation is left out, because some part of a body mostly is.
 
         Parameters

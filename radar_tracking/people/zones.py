@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.tracks import Tracks, TrackStatus
-
-Float64Array = NDArray[np.float64]
 
 _BOX = 4  # numbers of a box: x_low, x_high, y_low, y_high
 
@@ -98,7 +97,7 @@ class Zones:
         self.entries = _rows(self.config.entries)
         self.counted = _rows(self.config.counted_boxes)
 
-    def inside(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def inside(self, points: NDArray[np.floating]) -> BoolArray:
         """Whether positions lie where people can be.
 
         Parameters
@@ -156,7 +155,7 @@ class Zones:
         return dict(zip(self.config.counted, map(int, counts), strict=True))
 
 
-def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> NDArray[np.bool_]:
+def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> BoolArray:
     """Which boxes each position lies in, shape (..., n_boxes); comparisons with NaN are False."""
     p = np.asarray(points, np.float64)
     x, y = p[..., 0, None], p[..., 1, None]
