@@ -31,10 +31,9 @@ from benchmarks.report import choice, measure
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_tracking import Track, Tracks, TrackStatus, dbscan
-from radar_tracking.assignment import assign_tracks
+from radar_tracking.assignment import assign_tracks, mahalanobis
 from radar_tracking.estimators import EstimatorConfig, make_estimator
 from radar_tracking.estimators.base import Belief, Estimator, Measurement
-from radar_tracking.mahalanobis import mahalanobis
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from radar_core.config import config, knob
 from radar_core.types import BoolArray, Float64Array
-from radar_gestures.detections import Detections, doppler_gates
+from radar_gestures.maps import Detections, doppler_gates
 
 FEATURE_NAMES: Final[tuple[str, ...]] = (
     "zero_crossings",

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from radar_core import GESTURES, ConfigError, Pose
+from radar_core.config import load
 from radar_core.types import Float64Array
 from radar_gestures.classifiers.model import Classifier
-from radar_gestures.extractors import make_extractor
-from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
+from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.stage import EventStage, GestureConfig, SensorView, TrackEvent, feature_settings
 from radar_tracking.tracks import TrackedCloud
 
 RANDOM: Final[int] = GESTURES.index("random")
 _STEPS: Final[tuple[int, ...]] = (GESTURES.index("push"), GESTURES.index("pull"))  # what a step towards the radar, or back, looks like
 _LEAST: Final[float] = 1e-6  # a view that looks like nothing known still counts where the others do as well
+Extract = Callable[[SensorView], Float64Array | None]
+"""Makes the features of one sensor's view of an event, shape (n_features,); None: it saw too little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,3 +231,35 @@ def _differences(trained: Mapping[str, Any], wanted: Mapping[str, Any], prefix: 
         elif wanted.get(key) != value:
             found.append(f"{prefix}{key} = {value} (now {wanted.get(key)})")
     return ", ".join(text for text in found if text)
+
+
+def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, ...], Extract]:
+    """Make the extractor that a model names.
+
+    Parameters
+    ----------
+    name : str
+        ``"events"``: the thirteen features. ``"curves"``: `radar_gestures.curves`.
+    settings : mapping
+        Of the model; ``curves`` in it are the knobs of the curves.
+
+    Returns
+    -------
+    names : tuple of str
+        What the features mean, in order.
+    extract : callable
+        See `Extract`.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such extractor, or its knobs make no sense.
+    """
+    if name == "events":
+        return FEATURE_NAMES, lambda view: view.features
+    if name == "curves":
+        from radar_gestures.curves import CurveConfig, Curves  # only here: no other model needs this code
+
+        curves = Curves(load(CurveConfig, settings.get("curves"), "curves of the gesture model"))
+        return curves.names, lambda view: curves.process(view.maps) if view.maps is not None and len(view.maps.stamp_ns) else None
+    raise ConfigError(f"the gesture model takes features of the extractor {name!r}; this version of Handwave has events and curves")

@@ -14,10 +14,9 @@ from radar_core import CloudComposite, Pose
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.types import Float64Array
-from radar_gestures.detections import Share, doppler_gates, shares
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, summarise
-from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing
+from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing, Share, doppler_gates, shares
 from radar_tracking.tracks import TrackedCloud, TrackStatus
 
 _BEFORE_NS: Final[tuple[int, int]] = (1_200_000_000, 200_000_000)  # ns: from there to there before an event the person still was where they

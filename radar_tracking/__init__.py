@@ -14,21 +14,9 @@ if TYPE_CHECKING:
     from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus
 
 __all__ = [
-    "AssociationConfig",
-    "FilterConfig",
-    "HandConfig",
-    "HandTrack",
-    "HandTracker",
-    "LifeConfig",
-    "PeopleTracker",
-    "Track",
-    "TrackStatus",
-    "TrackedCloud",
-    "TrackerConfig",
-    "Tracks",
-    "dbscan",
-    "kmeans",
-]
+    "AssociationConfig", "FilterConfig", "HandConfig", "HandTrack", "HandTracker", "LifeConfig", "PeopleTracker", "Track", "TrackStatus",
+    "TrackedCloud", "TrackerConfig", "Tracks", "dbscan", "kmeans",
+]  # fmt: skip
 __getattr__ = lazily(
     __name__,
     {

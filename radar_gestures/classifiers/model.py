@@ -24,7 +24,7 @@ class Classifier(Protocol):
 
     @property
     def extractor(self) -> str:
-        """Which features: a name that `radar_gestures.extractors.make_extractor` knows."""
+        """Which features: a name that `radar_gestures.recognizer.make_extractor` knows."""
         ...
 
     @property

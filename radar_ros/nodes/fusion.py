@@ -21,8 +21,7 @@ from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, cloud_to
 from radar_ros.params import declare_config
 from radar_ros.stage import StageNode, run
 from radar_ros.sync import ApproximateTimeSynchronizer, SimpleFilter
-from radar_tracking.fusion.clocks import ClockMonitor, ClockOffset
-from radar_tracking.fusion.clouds import FusionConfig, RadarPresence, fused_info
+from radar_tracking.fusion.clouds import ClockMonitor, ClockOffset, FusionConfig, RadarPresence, fused_info
 
 _QUEUE = 1000  # clouds of one radar that wait; `RadarPresence.hopeless` and silence end the waiting long before
 _REASONS = {

@@ -9,10 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from radar_core.types import Float64Array, IndexArray
-from radar_tracking.clustering.base import Clustering, ClusterPoints
-from radar_tracking.clustering.config import ClusteringConfig
-from radar_tracking.clustering.density import cluster
-from radar_tracking.clustering.large import occupied, thin
+from radar_tracking.clustering.base import Clustering, ClusteringConfig, ClusterPoints
+from radar_tracking.clustering.density import cluster, occupied, thin
 from radar_tracking.clustering.lloyd import kmeans, spread_centres
 from radar_tracking.clustering.polar import grid_dbscan, polar_dbscan, require_polar
 from radar_tracking.clustering.reachability import optics

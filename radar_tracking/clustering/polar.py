@@ -10,10 +10,8 @@ import numpy as np
 
 from radar_core.checks import require_finite
 from radar_core.types import Float64Array, IndexArray
-from radar_tracking.clustering.base import ClusterPoints
-from radar_tracking.clustering.config import ClusteringConfig
-from radar_tracking.clustering.kernels import grow, weigh
-from radar_tracking.clustering.large import in_order, occupied
+from radar_tracking.clustering.base import ClusteringConfig, ClusterPoints
+from radar_tracking.clustering.density import grow, in_order, occupied, weigh
 
 _LARGEST_CELL: Final[float] = 2.0**50
 _jit = numba.njit(cache=True, nogil=True)

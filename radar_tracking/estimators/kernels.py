@@ -1,7 +1,4 @@
-"""The inner loops of all filters, compiled: small matrices cost more in calls of numpy than in arithmetic.
-
-Numpy oracles are in the tests.
-"""
+"""The compiled inner loops of all filters: for small matrices, calls of numpy cost more than arithmetic. Numpy oracles are in the tests."""
 
 from __future__ import annotations
 
@@ -282,3 +279,45 @@ def _close(A: Any, B: Any, result: Any) -> None:
             value = 0.5 * (total + mirrored)
             result[i, j] = value
             result[j, i] = value
+
+
+def nis_and_log_det(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Squared Mahalanobis lengths of residuals, and log determinants of their covariances.
+
+    Parameters
+    ----------
+    residual : ndarray of float64, shape (n, m)
+        Measured less predicted.
+    spread : ndarray of float64, shape (n, m, m)
+        Covariances.
+
+    Returns
+    -------
+    nis, log_det : ndarray of float64, shape (n,)
+        Of each.
+
+    Raises
+    ------
+    DataError, SingularError
+        As `correct`.
+    """
+    nis, log_det, status = _nis_and_log_det(own(residual), own(spread))
+    refuse(status)
+    return nis, log_det
+
+
+@_jit
+def _nis_and_log_det(residual: Any, spread: Any) -> Any:
+    n, m = residual.shape
+    nis, log_det = np.zeros(n), np.zeros(n)
+    L, scale, solved = np.empty((m, m)), np.empty(m), np.empty(m)
+    kind, row = 0, 0
+    for k in range(n):
+        state, log_det[k] = factor(spread[k], L, scale)
+        nis[k] = solve(L, scale, residual[k], solved) if state == 0 else 0.0
+        if state == 0 and not math.isfinite(nis[k]):
+            state = NOT_FINITE
+        if state != 0:
+            kind, row = state, k
+            break
+    return nis, log_det, (kind, row)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from radar_core import ConfigError
 from radar_tracking.estimators.base import Estimator
 from radar_tracking.estimators.config import EstimatorConfig
-from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter, KalmanFilter
+from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter, KalmanFilter, SingleModel
 from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PositionModel, VelocityModel
-from radar_tracking.estimators.single import SingleModel
 
 
 def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -> Estimator:

@@ -9,12 +9,11 @@ import numpy as np
 
 from radar_core import DataError
 from radar_core.types import BoolArray, Float64Array
-from radar_tracking.estimators.base import Measurement
-from radar_tracking.estimators.convert import range_rate, range_rate_jacobian
-from radar_tracking.estimators.velocity import VelocityMeasurement
+from radar_tracking.estimators.base import Measurement, VelocityMeasurement
 
 _NEAR = 3.0  # standard deviations: targets this near to the sensor have no usable direction
 _LEAST = 1e-6  # m: a smaller offset from the sensor counts as this
+_CLOSEST = 1e-6  # m: directions from nearer than this are those at this distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,3 +181,22 @@ def near_sensor(measurement: Measurement, mean: Float64Array, covariance: Float6
     variance = np.trace(covariance[:, :, :d, :d], axis1=-2, axis2=-1).max(axis=1) + np.trace(measurement.covariance, axis1=-2, axis2=-1)
     least = np.minimum((flat**2).sum(axis=-1).min(axis=1), (offset**2).sum(axis=-1))
     return np.asarray(least < np.maximum(_NEAR**2 * variance / d, _LEAST**2))
+
+
+def range_rate(offset: Float64Array, velocity: Float64Array) -> Float64Array:
+    """Range rates, receding positive, shape (...) [m/s], of ``offset`` and ``velocity``, shapes (..., d); zero at the sensor itself."""
+    r = np.sqrt((offset**2).sum(axis=-1))
+    return np.asarray((offset * velocity).sum(axis=-1) / np.maximum(r, _CLOSEST))
+
+
+def range_rate_jacobian(offset: Float64Array, velocity: Float64Array) -> Float64Array:
+    """Differentiate `range_rate` by (position, velocity), shape (..., 2 d)."""
+    r = np.maximum(np.sqrt((offset**2).sum(axis=-1)), _CLOSEST)[..., None]
+    direction = offset / r
+    across = velocity - direction * (direction * velocity).sum(axis=-1)[..., None]
+    return np.concatenate([across / r, direction], axis=-1)
+
+
+def wrap(angle: Float64Array) -> Float64Array:
+    """Angles in -pi..pi, any shape [rad]."""
+    return np.asarray(np.mod(angle + np.pi, 2 * np.pi) - np.pi)

@@ -12,11 +12,10 @@ from radar_core import ConfigError
 from radar_core.linalg import canonical_eigh, symmetrise
 from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
-from radar_tracking.estimators.filters import GaussianFilter, Updated
-from radar_tracking.estimators.innovation import nis_and_log_det
+from radar_tracking.estimators.filters import GaussianFilter, Updated, check_step, start_at
+from radar_tracking.estimators.kernels import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
-from radar_tracking.estimators.single import check_step, start_at
 
 
 @dataclass(frozen=True)

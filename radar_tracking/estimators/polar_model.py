@@ -6,8 +6,15 @@ import numpy as np
 
 from radar_core.types import Float64Array
 from radar_tracking.estimators.base import Measurement
-from radar_tracking.estimators.convert import range_rate, range_rate_jacobian, wrap
-from radar_tracking.estimators.measurement_models import PositionModel, PreparedMeasurement, check_measurement, near_sensor
+from radar_tracking.estimators.measurement_models import (
+    PositionModel,
+    PreparedMeasurement,
+    check_measurement,
+    near_sensor,
+    range_rate,
+    range_rate_jacobian,
+    wrap,
+)
 
 _CLOSEST = 1e-6  # m: directions from nearer than this are those at this distance
 _LEAST = 1e-6  # m: a smaller offset from the sensor counts as this

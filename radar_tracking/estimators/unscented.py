@@ -9,7 +9,7 @@ import numpy as np
 from radar_core.linalg import SingularError, symmetrise
 from radar_core.types import Float64Array
 from radar_tracking.estimators.filters import Updated, log_likelihood
-from radar_tracking.estimators.innovation import nis_and_log_det
+from radar_tracking.estimators.kernels import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from radar_core.linalg import symmetrise
 from radar_core.types import Float64Array
-from radar_tracking.estimators.velocity import VelocityMeasurement
+from radar_tracking.estimators.base import VelocityMeasurement
 from radar_tracking.hand.candidates import Candidates, outward
 from radar_tracking.hand.config import HandConfig
 

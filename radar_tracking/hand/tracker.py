@@ -11,17 +11,48 @@ from radar_core import DataError, RadarInfo
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.estimators.base import Belief
 from radar_tracking.estimators.make import make_estimator
-from radar_tracking.hand.candidates import Candidates, candidates
-from radar_tracking.hand.config import HandConfig
+from radar_tracking.hand.candidates import Candidates, candidates, gate, split
+from radar_tracking.hand.config import HandConfig, ValueConfig
 from radar_tracking.hand.measure import HandMeasurement, HandMeter
-from radar_tracking.hand.split import gate, split
-from radar_tracking.hand.value import ControlValue
 from radar_tracking.tracks import HandTrack, Track, TrackedCloud, TrackStatus
 
 _NANOSECOND = 1e-9
 _STANDING = (2.0, 2.0, 30.0)  # s: time in which the body follows 63 % of the way to the track; its height does not change
 _LEASH = 0.4  # m: no farther behind
 _LATELY = 0.3  # s: time constant of the place where the hand was lately
+
+
+class ControlValue:
+    """Maps the hand's place to 0..1; small movements either way change nothing (hysteresis), so that a resting hand gives a constant.
+
+    Parameters
+    ----------
+    config : ValueConfig
+        Knobs.
+    """
+
+    def __init__(self, config: ValueConfig) -> None:
+        self._config = config
+        self._origin: Float64Array | None = None
+        self._value: float | None = None
+
+    def process(self, hand: Float64Array, body: Float64Array) -> float:
+        """Take in where the hand and the body are, shapes (3,) and (3,) in ``room`` [m]; return the value."""
+        config = self._config
+        if self._origin is None:
+            self._origin = hand.copy()
+        x, y, z = (hand - (body if config.origin == "body" else self._origin)).tolist()
+        if config.axis == "reach":
+            x, y, z = (hand - body).tolist()
+            start = self._origin - body if config.origin == "start" else np.zeros(3)
+            length = math.hypot(x, y) - float(np.hypot(start[0], start[1]))
+        else:
+            length = z if config.axis == "height" else y
+        new = min(max((length - config.low) / (config.high - config.low), 0.0), 1.0)
+        last = self._value if self._value is not None else new
+        moved = last + max(0.0, new - last - config.hysteresis) - max(0.0, last - new - config.hysteresis)
+        self._value = new if new in (0.0, 1.0) else moved
+        return self._value
 
 
 class HandTracker:

@@ -6,42 +6,21 @@ from radar_core.lazy import lazily
 
 if TYPE_CHECKING:
     from radar_tracking.metrics.clear_mot import ClearMot, ClearMotConfig, ClearMotStep, ClearMotSummary, PersonScore
-    from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band
-    from radar_tracking.metrics.estimation_error import nees
-    from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary
+    from radar_tracking.metrics.consistency import Consistency, ConsistencyConfig, ConsistencyMonitor, chi_square_band, nees
+    from radar_tracking.metrics.gospa import Gospa, GospaConfig, GospaMetric, GospaSummary, Ospa, OspaConfig, OspaMetric, OspaSummary
     from radar_tracking.metrics.objects import ObjectSet, people
-    from radar_tracking.metrics.ospa import Ospa, OspaConfig, OspaMetric, OspaSummary
 
 __all__ = [
-    "ClearMot",
-    "ClearMotConfig",
-    "ClearMotStep",
-    "ClearMotSummary",
-    "Consistency",
-    "ConsistencyConfig",
-    "ConsistencyMonitor",
-    "Gospa",
-    "GospaConfig",
-    "GospaMetric",
-    "GospaSummary",
-    "ObjectSet",
-    "Ospa",
-    "OspaConfig",
-    "OspaMetric",
-    "OspaSummary",
-    "PersonScore",
-    "chi_square_band",
-    "nees",
-    "people",
-]
+    "ClearMot", "ClearMotConfig", "ClearMotStep", "ClearMotSummary", "Consistency", "ConsistencyConfig", "ConsistencyMonitor", "Gospa",
+    "GospaConfig", "GospaMetric", "GospaSummary", "ObjectSet", "Ospa", "OspaConfig", "OspaMetric", "OspaSummary", "PersonScore",
+    "chi_square_band", "nees", "people",
+]  # fmt: skip
 __getattr__ = lazily(
     __name__,
     {
         "ClearMot ClearMotConfig ClearMotStep ClearMotSummary PersonScore": "clear_mot",
-        "Consistency ConsistencyConfig ConsistencyMonitor chi_square_band": "consistency",
-        "nees": "estimation_error",
-        "Gospa GospaConfig GospaMetric GospaSummary": "gospa",
+        "Consistency ConsistencyConfig ConsistencyMonitor chi_square_band nees": "consistency",
+        "Gospa GospaConfig GospaMetric GospaSummary Ospa OspaConfig OspaMetric OspaSummary": "gospa",
         "ObjectSet people": "objects",
-        "Ospa OspaConfig OspaMetric OspaSummary": "ospa",
     },
 )

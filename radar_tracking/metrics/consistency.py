@@ -13,10 +13,10 @@ from scipy.special import gammainccinv, gammaincinv
 from radar_core import ConfigError, DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
+from radar_core.linalg import solve_spd
 from radar_core.types import Float64Array
 
 State = Literal["consistent", "over-confident", "under-confident", "unknown"]
-
 _BINS = 50  # of the window: what is older than the window leaves in steps of a fiftieth of it
 _SECOND = 1_000_000_000  # ns
 _HUGE = 1e150  # a larger NIS says no more than this one, and sums of these are still numbers
@@ -191,3 +191,32 @@ def _check(nis: Float64Array, dof: NDArray[np.integer]) -> None:
         raise DataError(f"nis has {nis.min():g}; it is a square and cannot be negative")
     if len(dof) and dof.min() < 1:
         raise DataError(f"dof has {dof.min()}; a measurement has at least one component")
+
+
+def nees(error: Float64Array, covariance: Float64Array) -> Float64Array:
+    """Normalised estimation error squared, ``e^T P^-1 e``; chi-square of n_states degrees of freedom for a consistent filter.
+
+    Parameters
+    ----------
+    error : ndarray of float64, shape (..., n_states)
+        Estimate minus truth.
+    covariance : ndarray of float64, shape (..., n_states, n_states)
+        What the filter believes its covariance to be.
+
+    Returns
+    -------
+    ndarray of float64, shape (...)
+        Not negative but for rounding.
+
+    Raises
+    ------
+    DataError
+        When shapes disagree or a value is not finite.
+    SingularError
+        When a covariance is not positive definite or too close to singular.
+    """
+    if error.ndim < 1 or covariance.shape != (*error.shape, error.shape[-1]):
+        raise DataError(f"error has shape {error.shape} but covariance {covariance.shape}; expected (..., n) and (..., n, n)")
+    require_finite("error", error)
+    require_finite("covariance", covariance)
+    return np.asarray(np.einsum("...i,...i->...", error, solve_spd(covariance, error[..., None])[..., 0]))

@@ -7,7 +7,7 @@ from typing import Literal
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_tracking.clustering.config import ClusteringConfig
+from radar_tracking.clustering.base import ClusteringConfig
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.people.zones import ZonesConfig
 

@@ -85,7 +85,7 @@ def gate_points(table: TrackTable, kinematics: tuple[Float64Array, Float64Array]
     body = covariance[:, :2, :2] + table.dispersion
     distance = plane
     if config.method == "mahalanobis":
-        from radar_tracking.mahalanobis import mahalanobis
+        from radar_tracking.assignment import mahalanobis
 
         distance = mahalanobis(centre, body, points.plane)
         inside &= distance <= config.gate_sigmas

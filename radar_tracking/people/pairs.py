@@ -1,7 +1,4 @@
-"""Two people in one track: who came together, or stood so from the beginning, is found to be two when their points fall into two heaps.
-
-One person's points do so now and then, when an arm is stretched out, but not half of the time: see the benchmark's rows of pair_distance.
-"""
+"""Two people in one place: tracks whose points fall into two heaps hold two; tracks that meet may not pass through each other."""
 
 from __future__ import annotations
 
@@ -12,10 +9,10 @@ import numba
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array, IndexArray
+from radar_tracking.estimators.base import Belief
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.points import Points
-from radar_tracking.people.statistics import Matched, match
-from radar_tracking.people.track_table import TrackTable
+from radar_tracking.people.track_table import Matched, TrackTable, match
 
 _HALF: Final = 0.5  # of the clouds
 _FEWEST: Final = 4  # points that can be two heaps
@@ -25,6 +22,7 @@ _REACH: Final = 0.8  # m: a track that nothing belongs to takes a heap so far fr
 BEFORE: Final = 0.3
 """Points that much nearer to the radar than a person's centre may be the hand [m]."""
 _SHORT: Final = 1e-3  # m: nothing is nearer
+_SAME = 1e-6  # m: tracks at the very same place have no direction of separation
 
 
 class Pairs:
@@ -191,3 +189,59 @@ def _two_heaps(order: Any, group: Any, value: Any, weight: Any, n: int, distance
         if not two[k]:
             bound[k] = math.nan
     return bound
+
+
+def separate_tracks(
+    belief: Belief, kinematics: tuple[Float64Array, Float64Array], solid: BoolArray, width: float, dimensions: int
+) -> Belief:
+    """Push tracks apart that are nearer to each other than people can be, and stop their approach.
+
+    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts; without separation
+    the coasting one would run through the other. Of a pair, the track with the larger position variance moves more.
+
+    Parameters
+    ----------
+    belief : Belief
+        All tracks.
+    kinematics : tuple of ndarray, shapes (n_tracks, 2 d), (n_tracks, 2 d, 2 d)
+        Position and velocity of the same, and their covariance.
+    solid : ndarray of bool, shape (n_tracks,)
+        Tracks that are people.
+    width : float
+        Least distance of two people's centres on the floor plane [m].
+    dimensions : int
+        d.
+
+    Returns
+    -------
+    Belief
+        The same object where nobody is too near.
+    """
+    rows = np.flatnonzero(solid)
+    if len(rows) < 2 or width <= 0:
+        return belief
+    state, covariance = kinematics
+    centre = state[rows, :2]
+    step = centre[None] - centre[:, None]
+    distance = np.hypot(step[..., 0], step[..., 1])
+    near = (distance < width) & (distance > _SAME)
+    if not near.any():
+        return belief
+    pairs = np.argwhere(np.triu(near, 1))
+    spread = np.trace(covariance[rows, :2, :2], axis1=1, axis2=2)
+    mean = belief.mean.copy()
+    for i, j in pairs:
+        line = step[i, j] / distance[i, j]
+        share = spread[[i, j]] / spread[[i, j]].sum()
+        push = (width - distance[i, j]) * line
+        velocity = state[rows[[i, j]], dimensions : dimensions + 2]
+        closing = max(float((velocity[0] - velocity[1]) @ line), 0.0) * line
+        _push(mean, rows[[i, j]], share, push, closing, dimensions)
+    return Belief(mean, belief.covariance, belief.weight)
+
+
+def _push(mean: Float64Array, pair: IndexArray, share: Float64Array, push: Float64Array, closing: Float64Array, d: int) -> None:
+    """Move two tracks apart and take out their closing speed, each by its share."""
+    for row, sign, part in zip(pair, (-1.0, 1.0), share, strict=True):
+        mean[row, :, :2] += sign * part * push
+        mean[row, :, d : d + 2] += sign * part * closing

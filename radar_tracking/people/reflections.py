@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array, IndexArray
-from radar_tracking.estimators.convert import wrap
+from radar_tracking.estimators.measurement_models import wrap
 from radar_tracking.people.config import LifeConfig
 from radar_tracking.people.track_table import TrackTable
 

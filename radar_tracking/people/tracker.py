@@ -15,18 +15,14 @@ from radar_tracking.estimators.base import Belief, Measurement
 from radar_tracking.estimators.make import make_estimator, modes
 from radar_tracking.people.association import associate, make_association
 from radar_tracking.people.background import Background
-from radar_tracking.people.birth import Birth
 from radar_tracking.people.body import measure
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.gating import Gating, gate_points
-from radar_tracking.people.life import TrackManagement
-from radar_tracking.people.pairs import Pairs
+from radar_tracking.people.life import Birth, TrackManagement
+from radar_tracking.people.pairs import Pairs, separate_tracks
 from radar_tracking.people.points import Admission, Points
-from radar_tracking.people.separation import separate_tracks
-from radar_tracking.people.statistics import Matched, TorsoPoints, match, update_extents, update_torsos
-from radar_tracking.people.track_table import TrackTable
-from radar_tracking.people.view import View
-from radar_tracking.people.zones import Zones
+from radar_tracking.people.track_table import Matched, TorsoPoints, TrackTable, match, update_extents, update_torsos
+from radar_tracking.people.zones import View, Zones
 from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
 
 if TYPE_CHECKING:

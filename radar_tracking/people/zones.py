@@ -1,11 +1,13 @@
-"""Zones on the floor: where people can be, where they come in, and where they are counted."""
+"""Places: what a radar sees, where people can be, where they come in, and where they are counted."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError
+from radar_core import ConfigError, Pose, RadarInfo
 from radar_core.config import config, knob
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.tracks import Tracks, TrackStatus
@@ -160,3 +162,41 @@ def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> BoolArray:
     p = np.asarray(points, np.float64)
     x, y = p[..., 0, None], p[..., 1, None]
     return np.asarray((x >= boxes[:, 0]) & (x <= boxes[:, 1]) & (y >= boxes[:, 2]) & (y <= boxes[:, 3]))
+
+
+class View:
+    """The part of the room that a radar sees.
+
+    Parameters
+    ----------
+    info : RadarInfo or None
+        The radar; None: one at the room's origin that sees everything.
+
+    Attributes
+    ----------
+    origin : ndarray of float64, shape (3,)
+        Where it stands in ``room`` [m].
+    """
+
+    def __init__(self, info: RadarInfo | None = None) -> None:
+        self._mount = Pose(z=0.0) if info is None else info.mount
+        self._half, self._reach = (math.inf, math.inf) if info is None else _bounds(info)
+        self.origin = self._mount.origin
+
+    def sees(self, position: Float64Array) -> BoolArray:
+        """Whether bodies are in view, shape (n,); elevation is left out, because some part of a body mostly is.
+
+        Parameters
+        ----------
+        position : ndarray of float64, shape (n, 3)
+            In ``room`` [m].
+        """
+        x, y, z = self._mount.from_room(position).T
+        return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
+
+
+def _bounds(info: RadarInfo) -> tuple[float, float]:
+    """Half the field of view in azimuth [rad] and how far a radar sees [m]; infinite where its waveform does not tell."""
+    waveform = info.waveform
+    ranges = waveform.modulation == "fmcw" and waveform.n_sample > 0
+    return info.array.fov_azimuth / 2, waveform.max_range if ranges else math.inf

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import PointCloud
-from radar_gestures.detections import doppler_gates
 from radar_gestures.features import (
     FEATURE_NAMES,
     FeatureConfig,
@@ -22,6 +21,7 @@ from radar_gestures.features import (
     weighted_medians,
     zero_crossings,
 )
+from radar_gestures.maps import doppler_gates
 
 SETTINGS = FeatureConfig()
 BODY = (2.0, 0.1, -0.05)

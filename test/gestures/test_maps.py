@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import PointCloud
-from radar_gestures.detections import Share, doppler_gates, shares
-from radar_gestures.maps import FeatureMaps, GateAxis, MapRing, feature_maps
+from radar_gestures.maps import FeatureMaps, GateAxis, MapRing, Share, doppler_gates, feature_maps, shares
 
 GATE, FASTEST = 0.25, 1.0
 AXIS = GateAxis(GATE, FASTEST)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radar_core.linalg import solve_spd, symmetrise
 from radar_tracking.estimators.kernels import Correction
 from radar_tracking.people.pairs import _COMPACT, _FEWEST, _LEAST_SHARE
-from radar_tracking.people.statistics import TorsoPoints
+from radar_tracking.people.track_table import TorsoPoints
 
 Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -44,7 +44,7 @@ def update_torsos(
     low: float,
     high: float,
 ) -> None:
-    """`radar_tracking.people.statistics.update_torsos` in numpy."""
+    """`radar_tracking.people.track_table.update_torsos` in numpy."""
     residual, weight = points.doppler_residual, points.weight
     known = np.isfinite(residual)
     total, share = np.bincount(group, weight), np.bincount(group, weight * known)
@@ -64,7 +64,7 @@ def update_torsos(
 
 
 def update_extents(records: Any, row: IndexArray, step: Float64Array, keep: Float64Array) -> None:
-    """`radar_tracking.people.statistics.update_extents` in numpy."""
+    """`radar_tracking.people.track_table.update_extents` in numpy."""
     n = len(records)
     for axis in range(3):
         known = np.isfinite(step[:, axis])
@@ -114,7 +114,7 @@ def centre(
     weight: Float64Array,
     n: int,
 ) -> tuple[Any, ...]:
-    """`radar_tracking.people.body_kernels.centre` in numpy."""
+    """`radar_tracking.people.body.centre` in numpy."""
     share = weight / np.bincount(group, weight, n)[group]
     effective = np.bincount(group, share * share, n)
     noise = np.bincount(group, share * cross**2, n)

@@ -46,11 +46,10 @@ from radar_lab.training.calibration import fit_temperature
 from radar_lab.training.encoder import EncoderConfig, encode
 from radar_lab.training.training import TrainingConfig, train_on
 from radar_tracking import HandTracker, PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus, dbscan, kmeans
-from radar_tracking.assignment import assign_tracks
+from radar_tracking.assignment import assign_tracks, mahalanobis
 from radar_tracking.clustering import optics, split
 from radar_tracking.estimators import EstimatorConfig, Measurement, Snapshot, from_polar, make_estimator
 from radar_tracking.estimators.config import ESTIMATORS
-from radar_tracking.mahalanobis import mahalanobis
 from radar_tracking.metrics import ConsistencyMonitor, ObjectSet, nees
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from radar_core import PointCloud, Pose
-from radar_gestures.detections import Share
 from radar_gestures.events import EventConfig, EventDetector
 from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, running_medians, summarise
+from radar_gestures.maps import Share
 from radar_gestures.stage import EventStage, GestureConfig, walked
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
 

@@ -9,10 +9,9 @@ import pytest
 
 from radar_core import GESTURES, PointCloud, Pose
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.detections import Share, doppler_gates
 from radar_gestures.events import EventConfig, EventDetector
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, summarise, weighted_medians
-from radar_gestures.maps import GateAxis, MapConfig, MapRing, feature_maps
+from radar_gestures.maps import GateAxis, MapConfig, MapRing, Share, doppler_gates, feature_maps
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import EventStage, GestureConfig
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus

@@ -20,8 +20,7 @@ from radar_sim.propagation.base import Physics, Sampling
 from radar_sim.propagation.reference import Reference
 from radar_sim.scatterers import THING, Echoes, Motion
 from radar_tracking.estimators import from_polar
-from radar_tracking.estimators.innovation import nis_and_log_det
-from radar_tracking.estimators.kernels import correct
+from radar_tracking.estimators.kernels import correct, nis_and_log_det
 from radar_tracking.estimators.multiple import _Chain, mixture, reweigh
 from radar_tracking.estimators.turn import arc, bend, lag, turn_moments
 from radar_tracking.metrics import chi_square_band

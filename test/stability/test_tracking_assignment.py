@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from oracles import tracking as oracle
 
-from radar_tracking.assignment import assign_tracks
-from radar_tracking.mahalanobis import mahalanobis
+from radar_tracking.assignment import assign_tracks, mahalanobis
 
 costs = st.tuples(st.integers(0, 8), st.integers(0, 8)).flatmap(
     lambda shape: arrays(np.float64, shape, elements=st.floats(allow_nan=False, min_value=-1e308))

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from oracles import tracking as oracle
 
 from radar_tracking.estimators.base import Belief
-from radar_tracking.people.pairs import two_heaps
+from radar_tracking.people.pairs import separate_tracks, two_heaps
 from radar_tracking.people.reflections import detours
-from radar_tracking.people.separation import separate_tracks
 
 WIDTH = 0.35
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radar_tracking.fusion.clocks import ClockConfig, ClockMonitor
+from radar_tracking.fusion.clouds import ClockConfig, ClockMonitor
 
 MS = 1_000_000
 LARGEST = (2**31) * 10**9 - 1  # the largest stamp of a message

@@ -10,7 +10,7 @@ from sklearn.cluster import DBSCAN
 
 from radar_core import DataError
 from radar_tracking.clustering import ClusteringConfig, ClusterPoints, dbscan, kmeans, make_clustering, optics, seen_from, split, thin
-from radar_tracking.clustering.large import dbscan_tree, occupied
+from radar_tracking.clustering.density import dbscan_tree, occupied
 
 NAMES = ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
 ORIGIN = np.zeros(2)

@@ -7,7 +7,7 @@ from radar_tracking.estimators import Snapshot, SnapshotConfig
 from radar_tracking.hand import HandConfig, ValueConfig
 from radar_tracking.hand.candidates import Candidates
 from radar_tracking.hand.measure import HandMeter
-from radar_tracking.hand.value import ControlValue
+from radar_tracking.hand.tracker import ControlValue
 
 
 def points(position: np.ndarray, rate: np.ndarray, sensor_at: np.ndarray | None = None) -> Candidates:

@@ -10,8 +10,7 @@ from oracles import tracking as oracle
 
 from radar_core import DataError
 from radar_core.linalg import SingularError
-from radar_tracking.assignment import assign_tracks
-from radar_tracking.mahalanobis import mahalanobis
+from radar_tracking.assignment import assign_tracks, mahalanobis
 
 
 def spd(rng, n, d, scale=1.0):

@@ -8,9 +8,8 @@ from radar_core import PointCloud
 from radar_core.config import load
 from radar_tracking import TrackerConfig
 from radar_tracking.clustering import dbscan
-from radar_tracking.people.association import associate, make_association
+from radar_tracking.people.association import Owners, associate, make_association
 from radar_tracking.people.gating import Gating, gate_points
-from radar_tracking.people.owners import Owners
 from radar_tracking.people.points import Admission, Points
 from radar_tracking.people.track_table import TrackTable
 

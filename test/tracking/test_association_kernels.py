@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from radar_core.config import load
 from radar_tracking import TrackerConfig
-from radar_tracking.people.group_clustering import GroupTrackingWithClustering, share_out
+from radar_tracking.people.association import GroupTrackingWithClustering, share_out
 from radar_tracking.people.points import Admission
 
 

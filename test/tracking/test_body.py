@@ -10,8 +10,7 @@ from oracles import tracking as oracle
 from radar_core import CloudComposite, PointCloud, Pose, merge
 from radar_core.config import load
 from radar_tracking import FilterConfig, PeopleTracker, TrackerConfig
-from radar_tracking.people.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, measure
-from radar_tracking.people.body_kernels import centre
+from radar_tracking.people.body import ASSUMED_Z, ASSUMED_Z_STD, Bodies, centre, measure
 from radar_tracking.people.points import Admission, Points
 
 AROUND = [Pose(x=3 * np.cos(a), y=3 * np.sin(a), yaw=(a + np.pi) % (2 * np.pi) - np.pi * 2) for a in np.arange(8) * np.pi / 4]

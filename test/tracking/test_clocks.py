@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_core import ConfigError
-from radar_tracking.fusion.clocks import ClockConfig, ClockMonitor
+from radar_tracking.fusion.clouds import ClockConfig, ClockMonitor
 
 MS = 1_000_000
 FRAME = 20 * MS

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.cluster import DBSCAN, KMeans
 
 from radar_tracking.clustering import cluster, dbscan, kmeans, thin
-from radar_tracking.clustering.large import dbscan_tree
+from radar_tracking.clustering.density import dbscan_tree
 
 
 def blobs(rng: np.random.Generator, n: int) -> np.ndarray:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import clustering as reference
 
-from radar_tracking.clustering import kernels, polar, reachability
+from radar_tracking.clustering import density, polar, reachability
 from radar_tracking.clustering.lloyd import _lloyd
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -30,13 +30,13 @@ def test_dbscan(seed, n, d, eps, min_points):
     """Labels, with weights and without."""
     rng, points = cloud(seed, n, d)
     arguments = (points, eps, float(min_points), weights_of(rng, n))
-    assert np.array_equal(kernels.dbscan(*arguments), reference.dbscan(*arguments))
+    assert np.array_equal(density.label_dense(*arguments), reference.dbscan(*arguments))
 
 
 def test_dbscan_of_what_is_not_finite():
     """Both refuse by an empty result, which the caller turns into an error."""
     points = np.array([[0.0, 0.0], [0.1, np.nan]])
-    assert len(kernels.dbscan(points, 0.3, 2.0, np.empty(0))) == len(reference.dbscan(points, 0.3, 2.0, np.empty(0))) == 0
+    assert len(density.label_dense(points, 0.3, 2.0, np.empty(0))) == len(reference.dbscan(points, 0.3, 2.0, np.empty(0))) == 0
 
 
 @settings(max_examples=60, deadline=None)

@@ -17,12 +17,11 @@ from radar_tracking.estimators import (
     join,
     make_estimator,
 )
-from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter
+from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter, SingleModel
 from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity
 from radar_tracking.estimators.measurement_models import PositionModel, VelocityModel
 from radar_tracking.estimators.multiple import MultipleModels, mixture, reweigh
 from radar_tracking.estimators.polar_model import PolarModel
-from radar_tracking.estimators.single import SingleModel
 from radar_tracking.estimators.turn import CoordinatedTurn
 from radar_tracking.estimators.unscented import UnscentedKalmanFilter
 

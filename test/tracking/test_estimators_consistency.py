@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import chi2
 
 from radar_tracking.estimators import Belief, Estimator, EstimatorConfig, Measurement, VelocityMeasurement, from_polar, make_estimator
-from radar_tracking.estimators.convert import range_rate
 from radar_tracking.estimators.kinematics import Motion
 from radar_tracking.estimators.make import make_motion
+from radar_tracking.estimators.measurement_models import range_rate
 from radar_tracking.estimators.polar_model import to_polar
 
 RUNS, DT = 200, 0.05

@@ -5,7 +5,7 @@ import pytest
 
 from radar_core import DataError, Pose
 from radar_tracking.estimators import from_polar
-from radar_tracking.estimators.convert import range_rate, range_rate_jacobian, wrap
+from radar_tracking.estimators.measurement_models import range_rate, range_rate_jacobian, wrap
 from radar_tracking.estimators.polar_model import polar_jacobian, to_polar
 
 # (range, azimuth, elevation, range std, azimuth std, elevation std)

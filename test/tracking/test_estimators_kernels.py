@@ -8,7 +8,7 @@ from oracles import tracking as oracle
 
 from radar_core import DataError
 from radar_core.linalg import SingularError
-from radar_tracking.estimators import innovation, kernels
+from radar_tracking.estimators import kernels
 
 
 def spd(rng: np.random.Generator, n: int, size: int) -> np.ndarray:
@@ -31,7 +31,7 @@ def test_kernels_equal_numpy(seed, n, size, m, shared):
     for name in ("mean", "covariance", "nis", "log_det", "spread"):
         np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-8, atol=1e-8)
     assert np.array_equal(got.covariance, np.swapaxes(got.covariance, -1, -2))
-    nis, log_det = innovation.nis_and_log_det(np.where(used, residual, 0.0), got.spread)
+    nis, log_det = kernels.nis_and_log_det(np.where(used, residual, 0.0), got.spread)
     assert np.allclose(nis, got.nis, rtol=1e-9)
     assert np.allclose(log_det, got.log_det, atol=1e-9)
 
@@ -67,6 +67,6 @@ def test_bad_numbers_name_the_track():
     with pytest.raises(SingularError, match="track 2"):
         kernels.correct(mean, P, np.zeros((3, 2)), H, R, used)
     with pytest.raises(SingularError, match="track 0"):
-        innovation.nis_and_log_det(np.zeros((1, 2)), np.ones((1, 2, 2)))
+        kernels.nis_and_log_det(np.zeros((1, 2)), np.ones((1, 2, 2)))
     with pytest.raises(SingularError, match="track 0"):
-        innovation.nis_and_log_det(np.zeros((1, 1)), np.zeros((1, 1, 1)))
+        kernels.nis_and_log_det(np.zeros((1, 1)), np.zeros((1, 1, 1)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radar_tracking.hand import ValueConfig
-from radar_tracking.hand.value import ControlValue
+from radar_tracking.hand.tracker import ControlValue
 
 BODY = np.array([2.0, 0.1, 1.1])
 

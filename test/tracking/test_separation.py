@@ -6,7 +6,7 @@ from blobs import Blobs, Person
 
 from radar_tracking import PeopleTracker, TrackStatus
 from radar_tracking.estimators.base import Belief
-from radar_tracking.people.separation import separate_tracks
+from radar_tracking.people.pairs import separate_tracks
 
 
 def two(distance: float, closing: float = 0.0, spread: tuple[float, float] = (0.01, 0.01)) -> tuple[Belief, tuple[np.ndarray, np.ndarray]]:

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import tracking as oracle
 
-from radar_tracking.people.statistics import TorsoPoints, match, update_extents, update_torsos
-from radar_tracking.people.track_table import RECORD
+from radar_tracking.people.track_table import RECORD, TorsoPoints, match, update_extents, update_torsos
 
 SEEDS = st.integers(0, 2**32 - 1)
 NUMBERS = ("surface", "doppler_residual", "range", "rate", "power", "activity")

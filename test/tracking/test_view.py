@@ -9,7 +9,7 @@ from blobs import FRAME_NS, Shell, blob, empty, together
 from radar_core import Pose, RadarInfo, Waveform
 from radar_core.config import load
 from radar_tracking import PeopleTracker, TrackerConfig, Tracks
-from radar_tracking.people.view import View
+from radar_tracking.people.zones import View
 from radar_tracking.tracks import Reason
 
 RATE = 50  # clouds per second
