@@ -12,7 +12,7 @@ from sklearn.cluster import DBSCAN
 from benchmarks.report import Found, Panel, choice, measure_together
 from benchmarks.tradeoff.stages import StudyConfig
 from radar_tracking import AssociationConfig
-from radar_tracking.clustering import ClusteringConfig, cluster, kmeans, make_clustering, optics, seen_from, split
+from radar_tracking.clustering import Clustering, ClusteringConfig, cluster, kmeans, optics, seen_from, split
 
 SIZES = (20, 50, 200, 500)
 EPS, MIN_POINTS, MAX_EPS = 0.3, 3, 2.0
@@ -93,7 +93,7 @@ def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
     seen = seen_from(points, np.zeros(2))
     calls: dict[str, Call] = {"sklearn dbscan": lambda: DBSCAN(eps=EPS, min_samples=MIN_POINTS).fit_predict(points)}
     for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan"):
-        made = make_clustering(ClusteringConfig(name=name, eps=EPS, min_points=MIN_POINTS, max_eps=MAX_EPS, n_clusters=len(CENTRES)))
+        made = Clustering(ClusteringConfig(name=name, eps=EPS, min_points=MIN_POINTS, max_eps=MAX_EPS, n_clusters=len(CENTRES)))
         calls[f"name={name}"] = partial(made.labels, seen)
     calls["split by optics"] = lambda: split(points, len(CENTRES), CENTRES + 0.2)[0]
     calls["split by kmeans"] = lambda: kmeans(points, CENTRES + 0.2)[0]
@@ -131,7 +131,7 @@ def measure(study: StudyConfig) -> Found:
     clouds = [people(N_POINTS, rng) for _ in range(study.pick(40, 400))]
     points = clouds[0][0]
     methods = {
-        name: make_clustering(ClusteringConfig(name=name, eps=EPS, min_points=MIN_POINTS, max_eps=MAX_EPS, n_clusters=len(CENTRES)))
+        name: Clustering(ClusteringConfig(name=name, eps=EPS, min_points=MIN_POINTS, max_eps=MAX_EPS, n_clusters=len(CENTRES)))
         for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
     }
     seen = seen_from(points, np.zeros(2))

@@ -8,16 +8,6 @@ from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig
 
 __all__ = [
-    "FEATURE_NAMES",
-    "Classifier",
-    "Event",
-    "EventConfig",
-    "EventDetector",
-    "FeatureConfig",
-    "Gesture",
-    "GestureConfig",
-    "GestureModel",
-    "GestureRecognizer",
-    "load_model",
-    "save_model",
-]
+    "FEATURE_NAMES", "Classifier", "Event", "EventConfig", "EventDetector", "FeatureConfig", "Gesture", "GestureConfig", "GestureModel",
+    "GestureRecognizer", "load_model", "save_model",
+]  # fmt: skip

@@ -340,13 +340,7 @@ def read_curves(
 
 
 class Curves:
-    """Turns the feature maps of an event into the vector that a classifier trained on curves takes.
-
-    Parameters
-    ----------
-    settings : CurveConfig or None
-        The knobs; None: the defaults.
-    """
+    """Turns the feature maps of an event into the vector that a classifier trained on curves takes."""
 
     def __init__(self, settings: CurveConfig | None = None) -> None:
         self._settings = settings if settings is not None else CurveConfig()

@@ -51,11 +51,6 @@ class EventDetector:
     A motion lasts from its first fast cloud to its last and one interval of the clouds more, as in the thesis, where ten frames at 50 Hz
     are 0.2 s; without that a slow sensor, which sees less of a motion than there is, would miss short ones. The interval is the shortest
     so far, so that lost clouds lengthen nothing. One fast cloud alone is never a motion.
-
-    Parameters
-    ----------
-    config : EventConfig
-        The knobs.
     """
 
     def __init__(self, config: EventConfig) -> None:

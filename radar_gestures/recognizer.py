@@ -49,8 +49,7 @@ class Gesture:
     features : ndarray of float64, shape (n_features,)
         What the classifier saw (of a perceptron: the thirteen), of the sensor that decided; all NaN when the event had too few samples.
     known : bool
-        False: unlike everything that the classifier was trained with, or too little to tell, and therefore random; see
-        `GestureRecognizer`.
+        False: unlike everything that the classifier was trained with, or too little to tell, and therefore random; see `GestureRecognizer`.
     """
 
     stamp_ns: int

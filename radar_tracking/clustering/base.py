@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
 from radar_core import ConfigError, DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
-from radar_core.types import Float64Array, IndexArray
+from radar_core.types import Float64Array
 
 
 @config
@@ -41,10 +41,6 @@ class ClusteringConfig:
             raise ConfigError(f"ClusteringConfig.max_eps is {self.max_eps:g} m, less than eps = {self.eps:g} m; raise it or lower eps")
 
 
-def _nan() -> Float64Array:
-    return np.empty(0)
-
-
 @dataclass(frozen=True, eq=False)
 class ClusterPoints:
     """The points of one cloud as clustering looks at them.
@@ -65,9 +61,9 @@ class ClusterPoints:
     """
 
     position: Float64Array
-    rate: Float64Array = field(default_factory=_nan)
-    range: Float64Array = field(default_factory=_nan)
-    azimuth: Float64Array = field(default_factory=_nan)
+    rate: Float64Array = field(default_factory=lambda: np.empty(0))
+    range: Float64Array = field(default_factory=lambda: np.empty(0))
+    azimuth: Float64Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         require_shape("ClusterPoints.position", self.position, (None, None))
@@ -108,11 +104,3 @@ def seen_from(position: Float64Array, origin: Float64Array, rate: Float64Array |
     away = position[:, :2] - origin[:2]
     distance, azimuth = np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])
     return ClusterPoints(position, np.full(len(position), np.nan) if rate is None else rate, distance, azimuth)
-
-
-class Clustering(Protocol):
-    """Groups the points of one cloud; holds no state from cloud to cloud."""
-
-    def labels(self, points: ClusterPoints) -> IndexArray:
-        """Cluster of each point, counted from 0, shape (n_points,); -1: noise."""
-        ...

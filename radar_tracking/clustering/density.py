@@ -65,27 +65,7 @@ def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64
 
 
 def cluster(points: Float64Array, eps: float, min_points: float, max_points: int) -> IndexArray:
-    """DBSCAN in bounded time: above ``max_points`` on a grid of ``eps / 4`` or coarser.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (n_points, n_dimensions)
-        Finite coordinates.
-    eps, min_points : float
-        See `dbscan`.
-    max_points : int
-        See `thin`.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Cluster of each point; -1: noise.
-
-    Raises
-    ------
-    DataError
-        When a coordinate is not finite.
-    """
+    """Label points by `dbscan` in bounded time, shape (n_points,): above ``max_points``, merged by `thin` on a grid of ``eps / 4``."""
     if len(points) <= max_points:
         return dbscan(points, eps, min_points)
     require_finite("points", points)
@@ -129,21 +109,12 @@ def in_order(names: NDArray[Any]) -> IndexArray:
 
 
 def occupied(keys: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """Find the different rows among integer keys, in lexicographic order.
-
-    Parameters
-    ----------
-    keys : ndarray of int64, shape (n_points, n_axes)
-        Cell of each point.
+    """Find the different rows among integer keys, shape (n_points, n_axes), in lexicographic order.
 
     Returns
     -------
-    first : ndarray of int64, shape (n_cells,)
-        First point of each cell.
-    member : ndarray of int64, shape (n_points,)
-        Cell of each point.
-    count : ndarray of int64, shape (n_cells,)
-        Points in each cell.
+    first, member, count : ndarray of int64, shapes (n_cells,), (n_points,), (n_cells,)
+        First point of each cell, cell of each point, and points in each cell.
     """
     keys = keys - keys.min(axis=0)
     sizes = [int(k) + 1 for k in keys.max(axis=0)]
@@ -235,17 +206,8 @@ def weigh(near: Any, weights: Any) -> float:
 def grow(near: Any, core: Any) -> Any:
     """Connect core points, and give border points to the first cluster that reaches them (Ester et al., KDD 1996).
 
-    Parameters
-    ----------
-    near : ndarray of bool, shape (n_points, n_points)
-        Which points are neighbours; symmetric.
-    core : ndarray of bool, shape (n_points,)
-        Which points have enough neighbours.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Clusters in the order of their first core point; -1: noise.
+    Which points are neighbours, shape (n_points, n_points), symmetric, and which have enough of them, shape (n_points,), become clusters in
+    the order of their first core point, shape (n_points,); -1: noise.
     """
     n = len(core)
     labels = np.full(n, -1, np.int64)

@@ -56,17 +56,7 @@ def require_centres(points: Float64Array, centres: Float64Array) -> None:
 def spread_centres(points: Float64Array, k: int) -> Float64Array:
     """Choose starting centres without chance: the point farthest from the mean, then always the farthest from those (Gonzalez 1985).
 
-    Parameters
-    ----------
-    points : ndarray of float64, shape (n_points, n_dimensions)
-        At least one.
-    k : int
-        Wanted number; fewer come back where fewer points differ.
-
-    Returns
-    -------
-    ndarray of float64, shape (at most k, n_dimensions)
-        Points of the cloud.
+    Of at least one point, shape (n_points, n_dimensions), at most ``k``: fewer where fewer points differ.
     """
     gap = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
     chosen = [points[gap.argmax()]]

@@ -18,19 +18,10 @@ _jit = numba.njit(cache=True, nogil=True)
 
 
 def demand(distance: Float64Array, config: ClusteringConfig) -> Float64Array:
-    """Neighbours of a core point by its range: a body at twice the distance covers half the azimuth cells and gives fewer points.
+    """Neighbours of a core point by its range [m], shape (n_points,), not rounded.
 
-    Parameters
-    ----------
-    distance : ndarray of float64, shape (n_points,)
-        Range [m].
-    config : ClusteringConfig
-        ``min_points`` up to ``reference_range``, then falling with ``density_exponent``, not below ``min_points_far``.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_points,)
-        Number of points, not rounded.
+    A body at twice the distance covers half the azimuth cells and gives fewer points: ``min_points`` up to ``reference_range``, then
+    falling with ``density_exponent``, not below ``min_points_far``.
     """
     falling = config.min_points * (config.reference_range / np.maximum(distance, config.reference_range)) ** config.density_exponent
     return np.asarray(np.maximum(falling, min(config.min_points, config.min_points_far)))
@@ -80,25 +71,7 @@ def grid_dbscan(points: ClusterPoints, rate: Float64Array, config: ClusteringCon
 
     Points are counted by cell; two cells are neighbours when they are near on every axis: ``eps`` in range and rate, the wider of ``eps``
     and ``angle_reach`` in azimuth, each at least one cell. Where more than ``max_points`` cells are occupied, cells are made larger.
-
-    Parameters
-    ----------
-    points : ClusterPoints
-        With range and azimuth about the sensor.
-    rate : ndarray of float64, shape (n_points,)
-        Third axis: range rates times ``rate_weight`` [m].
-    config : ClusteringConfig
-        Its knobs for "grid".
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Cluster of each point, in the order of their first points; -1: noise.
-
-    Raises
-    ------
-    DataError
-        When a range or azimuth is not finite.
+    Parameters, result and errors as in `polar_dbscan`; clusters count in the order of their first points.
     """
     require_polar(points)
     if len(points) == 0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
@@ -150,9 +150,8 @@ class VelocityMeasurement(Measurement):
     def __post_init__(self) -> None:
         n, d = self.position.shape
         if self.velocity.shape != (n, d) or self.velocity_covariance.shape != (n, d, d):
-            raise DataError(
-                f"velocity and its covariance have shapes {self.velocity.shape} and {self.velocity_covariance.shape}; give (n, d) ones"
-            )
+            shapes = f"{self.velocity.shape} and {self.velocity_covariance.shape}"
+            raise DataError(f"velocity and its covariance have shapes {shapes}; give (n, d) ones")
         if not self.velocity_axes.size:
             object.__setattr__(self, "velocity_axes", np.broadcast_to(np.eye(d), (n, d, d)))
         elif self.velocity_axes.shape != (n, d, d):
@@ -160,6 +159,4 @@ class VelocityMeasurement(Measurement):
 
     def select(self, index: NDArray[np.generic]) -> VelocityMeasurement:
         """Keep the tracks that a mask or an index array picks, in its order."""
-        part = super().select(index)
-        own = (self.velocity[index], self.velocity_covariance[index], self.velocity_axes[index])
-        return VelocityMeasurement(part.position, part.covariance, part.rate, part.rate_variance, part.origin, *own)
+        return VelocityMeasurement(**{f.name: getattr(self, f.name)[index] for f in fields(self)})

@@ -57,15 +57,7 @@ class GaussianFilter(Protocol):
 
 
 class KalmanFilter:
-    """Kalman filter in Joseph form (6.1, 6.2), for measurements that are linear in the state.
-
-    Parameters
-    ----------
-    motion : Motion
-        Kinematic model.
-    measurement_model : MeasurementModel
-        What is measured.
-    """
+    """Kalman filter in Joseph form (6.1, 6.2) on one kinematic model, for measurements that are linear in the state."""
 
     def __init__(self, motion: Motion, measurement_model: MeasurementModel) -> None:
         self.motion = motion
@@ -77,13 +69,7 @@ class KalmanFilter:
         return motion.move(mean, dt), kernels.predict(covariance, motion.jacobian(mean, dt), motion.noise(mean, dt))
 
     def update(self, mean: Float64Array, covariance: Float64Array, prepared: PreparedMeasurement) -> Updated:
-        """Take in one measurement of every track.
-
-        Raises
-        ------
-        DataError, SingularError
-            When something is not finite, or an innovation's covariance is singular.
-        """
+        """Take in one measurement of every track; `DataError` where something is not finite, `SingularError` as `kernels.correct`."""
         expected = self.measurement_model.predict(prepared, mean[:, None, :])
         residual = self.measurement_model.difference(prepared, prepared.value[:, None, :], expected)[:, 0]
         found = kernels.correct(mean, covariance, residual, self.measurement_model.jacobian(prepared, mean), prepared.noise, prepared.used)
@@ -103,14 +89,7 @@ def log_likelihood(nis: Float64Array, log_det: Float64Array, prepared: PreparedM
 class SingleModel:
     """One Gaussian filter on one motion model as an `Estimator`.
 
-    Parameters
-    ----------
-    model : GaussianFilter
-        The filter.
-    measurement_model : MeasurementModel
-        What it takes of a measurement.
-    prior : sequence of float
-        Standard deviations, of new tracks, of the states behind position and velocity.
+    ``prior``: standard deviations, of new tracks, of the states behind position and velocity.
     """
 
     def __init__(self, model: GaussianFilter, measurement_model: MeasurementModel, prior: Sequence[float] = ()) -> None:
@@ -125,25 +104,13 @@ class SingleModel:
         return Belief(mean[:, None], covariance[:, None], np.ones((len(mean), 1)))
 
     def predict(self, belief: Belief, dt: float) -> Belief:
-        """Move all tracks on by ``dt``, not negative [s].
-
-        Raises
-        ------
-        DataError
-            When ``dt`` is negative or not finite.
-        """
+        """Move all tracks on by ``dt`` [s]; `DataError` where that is negative or not finite."""
         check_step(dt)
         mean, covariance = self._filter.predict(belief.mean[:, 0], belief.covariance[:, 0], dt)
         return Belief(mean[:, None], covariance[:, None], belief.weight)
 
     def update(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Innovation]:
-        """Take in one measurement of every track.
-
-        Raises
-        ------
-        DataError
-            When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
-        """
+        """Take in one measurement of every track; `DataError` and `SingularError` as `KalmanFilter.update`, and where shapes do not fit."""
         prepared = self._measurement_model.prepare(measurement, belief.mean, belief.covariance)
         found = self._filter.update(belief.mean[:, 0], belief.covariance[:, 0], prepared)
         return (

@@ -42,19 +42,9 @@ class Correction:
 
 
 def predict(covariance: Float64Array, F: Float64Array, Q: Float64Array) -> Float64Array:
-    """Covariances one step later, F P F' + Q, symmetric to the bit.
+    """Covariances P one step later, F P F' + Q, shape (n, n_states, n_states), symmetric to the bit.
 
-    Parameters
-    ----------
-    covariance : ndarray of float64, shape (n, n_states, n_states)
-        P.
-    F, Q : ndarray of float64, shape (n or 1, n_states, n_states)
-        Transition matrices and process noise; one for all or one for each.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, n_states, n_states)
-        Predicted.
+    ``F`` and ``Q`` have shape (n or 1, n_states, n_states): one for all or one for each.
     """
     result: Float64Array = _predict(own(covariance), own(F), own(Q))
     return result
@@ -90,7 +80,9 @@ def correct(
     SingularError
         When an innovation's covariance is not positive definite or nearly singular.
     """
-    mean, covariance, nis, log_det, spread, status = _correct(own(mean), own(covariance), own(residual), own(H), own(R), _owned(used))
+    mean, covariance, nis, log_det, spread, status = _correct(
+        own(mean), own(covariance), own(residual), own(H), own(R), np.array(used, np.bool_, order="C")
+    )
     refuse(status)
     return Correction(mean, covariance, nis, log_det, spread)
 
@@ -107,10 +99,6 @@ def refuse(status: Any) -> None:
 def own(array: Float64Array) -> Float64Array:
     """Copy for a kernel: contiguous and writable, so that it is compiled for one kind of array only."""
     return np.array(array, np.float64, order="C")
-
-
-def _owned(mask: BoolArray) -> BoolArray:
-    return np.array(mask, np.bool_, order="C")
 
 
 @_jit
@@ -282,24 +270,9 @@ def _close(A: Any, B: Any, result: Any) -> None:
 
 
 def nis_and_log_det(residual: Float64Array, spread: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Squared Mahalanobis lengths of residuals, and log determinants of their covariances.
+    """Squared Mahalanobis lengths of residuals, and log determinants of their covariances, shape (n,) each.
 
-    Parameters
-    ----------
-    residual : ndarray of float64, shape (n, m)
-        Measured less predicted.
-    spread : ndarray of float64, shape (n, m, m)
-        Covariances.
-
-    Returns
-    -------
-    nis, log_det : ndarray of float64, shape (n,)
-        Of each.
-
-    Raises
-    ------
-    DataError, SingularError
-        As `correct`.
+    For filters that do not update in one kernel; residuals have shape (n, m), covariances (n, m, m). Errors as in `correct`.
     """
     nis, log_det, status = _nis_and_log_det(own(residual), own(spread))
     refuse(status)

@@ -22,15 +22,7 @@ from radar_core.types import Float64Array
 
 
 class Motion(Protocol):
-    """A kinematic model.
-
-    Attributes
-    ----------
-    dimensions : int
-        2 (floor plane) or 3.
-    n_states : int
-        Length of the state vector.
-    """
+    """A kinematic model in ``dimensions``, 2 (floor plane) or 3, with ``n_states`` states."""
 
     @property
     def dimensions(self) -> int:

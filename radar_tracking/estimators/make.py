@@ -30,7 +30,7 @@ def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -
     ConfigError
         When ``dimensions`` is neither 2 nor 3.
     """
-    config = config if config is not None else EstimatorConfig()
+    config = config or EstimatorConfig()
     if dimensions not in (2, 3):
         raise ConfigError(f"an estimator has 2 or 3 dimensions, not {dimensions}")
     if config.name in ("imm", "mmae"):
@@ -46,19 +46,7 @@ def modes(config: EstimatorConfig) -> tuple[str, ...]:
 
 
 def make_motion(name: str, config: EstimatorConfig, dimensions: int, scale: float = 1.0) -> Motion:
-    """Build a motion model.
-
-    Parameters
-    ----------
-    name : str
-        One of ``MOTIONS``.
-    config : EstimatorConfig
-        Noise densities.
-    dimensions : int
-        2 or 3.
-    scale : float
-        Factor of all noise densities.
-    """
+    """Build one of the ``MOTIONS`` in 2 or 3 dimensions, with the configured noise densities times ``scale``."""
 
     def axes(density: float) -> tuple[float, ...]:
         return (scale * density, scale * density, scale * density * config.height_noise)[:dimensions]

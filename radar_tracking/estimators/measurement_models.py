@@ -48,13 +48,7 @@ class PreparedMeasurement:
 
 
 class MeasurementModel(Protocol):
-    """How states become measured components.
-
-    Attributes
-    ----------
-    dimensions : int
-        2 or 3.
-    """
+    """How states become measured components, in 2 or 3 ``dimensions``."""
 
     dimensions: int
 
@@ -76,13 +70,7 @@ class MeasurementModel(Protocol):
 
 
 class PositionModel:
-    """Positions only (6.4), converted before: linear.
-
-    Parameters
-    ----------
-    dimensions : int
-        2 or 3.
-    """
+    """Positions only (6.4), converted before: linear. ``dimensions``: 2 or 3."""
 
     def __init__(self, dimensions: int) -> None:
         self.dimensions = dimensions
@@ -154,13 +142,7 @@ class VelocityModel(PositionModel):
 
 
 def check_measurement(measurement: Measurement, dimensions: int, n_tracks: int | None = None) -> tuple[int, int]:
-    """Return the measurement's number of tracks and dimensions.
-
-    Raises
-    ------
-    DataError
-        When they are not those of the estimator and of the belief, or a position or covariance is not finite.
-    """
+    """Return the number of tracks and dimensions; `DataError` where they are not those of belief and estimator, or not all is finite."""
     n, d = measurement.position.shape
     wanted = n if n_tracks is None else n_tracks
     if d != dimensions or n != wanted:

@@ -22,8 +22,8 @@ from radar_tracking.estimators.measurement_models import MeasurementModel, Prepa
 class Embedded:
     """A model on some states of a longer vector that several models share; the others are unknown, not zero.
 
-    A state that a model does not have is drawn anew from its prior at every step. So an estimator with several models can mix them
-    without claiming that a walker at constant velocity knows his turn rate.
+    A state that a model does not have is drawn anew from its prior at every step. So an estimator with several models can mix them without
+    claiming that a walker at constant velocity knows his turn rate.
 
     Attributes
     ----------
@@ -125,13 +125,7 @@ class MultipleModels:
         return Belief(np.repeat(mean[:, None], k, axis=1), np.repeat(covariance[:, None], k, axis=1), np.tile(weight, (n, 1)))
 
     def predict(self, belief: Belief, dt: float) -> Belief:
-        """Mix the models (IMM) and move all tracks on by ``dt``, not negative [s].
-
-        Raises
-        ------
-        DataError
-            When ``dt`` is negative or not finite.
-        """
+        """Mix the models (IMM) and move all tracks on by ``dt`` [s]; `DataError` where that is negative or not finite."""
         check_step(dt)
         if self._chain is not None:
             belief = mix(belief, self._chain.transition(dt))
@@ -139,13 +133,7 @@ class MultipleModels:
         return Belief(np.stack([m for m, _ in moved], axis=1), np.stack([P for _, P in moved], axis=1), belief.weight)
 
     def update(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Innovation]:
-        """Take in one measurement of every track; the innovation is that of the mixture of all models.
-
-        Raises
-        ------
-        DataError
-            When shapes do not fit, something is not finite, or an innovation's covariance is singular (`SingularError`).
-        """
+        """Take in one measurement of every track, with the innovation of the mixture of all models. Errors as of `SingleModel.update`."""
         prepared = self._measurement_model.prepare(measurement, belief.mean, belief.covariance)
         found = [f.update(belief.mean[:, j], belief.covariance[:, j], prepared) for j, f in enumerate(self._filters)]
         weight, total = reweigh(belief.weight, np.stack([u.log_likelihood for u in found], axis=1), self._least)
@@ -191,17 +179,8 @@ class _Chain:
 def mix(belief: Belief, transition: Float64Array) -> Belief:
     """Let every mode start from the mixture of all that may lead to it (the interaction of an IMM).
 
-    Parameters
-    ----------
-    belief : Belief
-        Of n_modes modes.
-    transition : ndarray of float64, shape (n_modes, n_modes)
-        Probability (from, to) of changing modes.
-
-    Returns
-    -------
-    Belief
-        Mixed means and covariances, and the modes' predicted probabilities.
+    ``transition``, shape (n_modes, n_modes), are the probabilities (from, to) of changing modes. Gives mixed means and covariances, and the
+    modes' predicted probabilities.
     """
     joint = belief.weight[:, :, None] * transition
     weight = joint.sum(axis=1)
@@ -219,11 +198,6 @@ def mixture(mean: Float64Array, covariance: Float64Array, share: Float64Array) -
         The components.
     share : ndarray of float64, shape (n_tracks, k, n_modes)
         Weights of the components in each of k mixtures; rows sum to one.
-
-    Returns
-    -------
-    mean, covariance : ndarray of float64, shapes (n_tracks, k, n_states), (n_tracks, k, n_states, n_states)
-        Of the mixtures.
     """
     # about the first component: far from the origin nothing is lost to rounding
     off = mean - mean[:, :1]
@@ -236,23 +210,10 @@ def mixture(mean: Float64Array, covariance: Float64Array, share: Float64Array) -
 
 
 def reweigh(weight: Float64Array, likelihood: Float64Array, least: float) -> tuple[Float64Array, Float64Array]:
-    """Update the modes' probabilities by Bayes' rule.
+    """Update modes' probabilities by Bayes' rule; gives these and the mixture's log likelihood, shapes (n_tracks, n_modes), (n_tracks,).
 
-    Parameters
-    ----------
-    weight : ndarray of float64, shape (n_tracks, n_modes)
-        Positive probabilities before.
-    likelihood : ndarray of float64, shape (n_tracks, n_modes)
-        Logarithms; only their differences matter, however far from zero they are.
-    least : float
-        Smallest probability after.
-
-    Returns
-    -------
-    weight : ndarray of float64, shape (n_tracks, n_modes)
-        Probabilities after.
-    log_likelihood : ndarray of float64, shape (n_tracks,)
-        Of the mixture.
+    Of positive probabilities and log likelihoods, shape (n_tracks, n_modes); only the differences of the latter matter, however far from
+    zero they are. No probability falls below ``least``.
     """
     score = np.log(weight) + likelihood
     best = score.max(axis=1, keepdims=True)

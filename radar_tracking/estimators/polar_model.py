@@ -69,18 +69,7 @@ class PolarModel(PositionModel):
 
 
 def to_polar(offset: Float64Array) -> Float64Array:
-    """Express positions relative to a sensor as range, azimuth and, in 3-D, elevation.
-
-    Parameters
-    ----------
-    offset : ndarray of float64, shape (..., d)
-        Positions less the sensor's [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (..., d)
-        (range, azimuth[, elevation]) [m, rad].
-    """
+    """Express positions relative to a sensor, shape (..., d) [m], as (range, azimuth[, elevation]), shape (..., d) [m, rad]."""
     flat = np.hypot(offset[..., 0], offset[..., 1])
     azimuth = np.arctan2(offset[..., 1], offset[..., 0])
     if offset.shape[-1] == 2:
@@ -89,20 +78,10 @@ def to_polar(offset: Float64Array) -> Float64Array:
 
 
 def polar_jacobian(offset: Float64Array) -> Float64Array:
-    """Differentiate `to_polar`.
+    """Differentiate `to_polar`, shape (..., d, d), rows (range, azimuth[, elevation]).
 
     At the sensor itself directions have no derivative: within a micrometre it is that at one micrometre, so that covariances made with it
     are finite and huge.
-
-    Parameters
-    ----------
-    offset : ndarray of float64, shape (..., d)
-        Positions less the sensor's [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (..., d, d)
-        Rows (range, azimuth[, elevation]).
     """
     d = offset.shape[-1]
     near = np.hypot(offset[..., 0], offset[..., 1]) < _CLOSEST

@@ -77,13 +77,7 @@ class SnapshotVelocity:
 
 
 class Snapshot:
-    """Estimates the velocity of one target at one moment; holds no state.
-
-    Parameters
-    ----------
-    config : SnapshotConfig or None
-        Knobs; None: all defaults.
-    """
+    """Estimates the velocity of one target at one moment; holds no state."""
 
     def __init__(self, config: SnapshotConfig | None = None) -> None:
         self.config = config if config is not None else SnapshotConfig()
@@ -207,19 +201,11 @@ class Snapshot:
         return axes, spread, along, weight
 
     def _weigh(self, residual: Float64Array, free: Float64Array, weight: Float64Array) -> Float64Array:
-        """Weigh each point by how far it is from what the others foretell, in standard deviations of that (Huber).
+        """Weigh each point by how far it is from what the others foretell, in standard deviations of that (Huber), shape (n,).
 
         A point far from the middle of the hand passes for a turn of it, and its own residual is small however wrong it is; so the point
         itself must have no say in the judgement of it. What is too far for Huber gets as much more variance as makes it near enough.
-
-        Parameters
-        ----------
-        residual : ndarray of float64, shape (n,)
-            In standard deviations of the points, as weighed so far.
-        free : ndarray of float64, shape (n,)
-            One minus the leverage of each point: 0 if nothing else tells what it tells.
-        weight : ndarray of float64, shape (n,)
-            So far.
+        ``free`` is one minus the leverage of each point: 0 if nothing else tells what it tells.
         """
         tested = free > _REDUNDANT
         free = np.where(tested, free, 1.0)
@@ -232,21 +218,7 @@ class Snapshot:
 def _without(nuisance: Float64Array, columns: Float64Array, std: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Whiten rows and take out what nuisances of unit variance explain: least squares with their priors as further rows.
 
-    Parameters
-    ----------
-    nuisance : ndarray of float64, shape (n, n_nuisances)
-        Their parts in the rates [m/s].
-    columns : ndarray of float64, shape (n, d + 1)
-        Directions and rates.
-    std : ndarray of float64, shape (n,)
-        Of the rates [m/s].
-
-    Returns
-    -------
-    leverage : ndarray of float64, shape (n,)
-        Of each point on the nuisances.
-    rows : ndarray of float64, shape (n_rows, d + 1)
-        Points first, at least d rows.
+    Gives the leverage of each point on the nuisances, shape (n,), and the rows, points first, at least d, shape (n_rows, d + 1).
     """
     n, m = nuisance.shape
     rows = np.zeros((max(n + m, columns.shape[1] - 1), columns.shape[1]))

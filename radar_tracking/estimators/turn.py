@@ -15,20 +15,7 @@ _SERIES_BELOW = 2.0  # rad: turns smaller than this use series, because their cl
 
 
 def arc(rate: Float64Array, dt: float) -> tuple[Complex128Array, Complex128Array]:
-    """Turn a velocity, and make it a way: exp(j a) and its integral over ``dt`` [1, s], a = rate dt.
-
-    Parameters
-    ----------
-    rate : ndarray of float64, shape (...)
-        Turn rates [rad/s].
-    dt : float
-        Duration [s].
-
-    Returns
-    -------
-    turned, carried : ndarray of complex128, shape (...)
-        Factors of a velocity x + j y.
-    """
+    """Turn a velocity x + j y, and make it a way: exp(j a) and its integral over ``dt`` [1, s], a = rate dt, shape of ``rate`` [rad/s]."""
     half = 0.5 * dt * rate
     return np.exp(2j * half), dt * np.sinc(half / np.pi) * np.exp(1j * half)
 
@@ -61,16 +48,13 @@ def _moment_series() -> tuple[Float64Array, ...]:
     back s / a, left s, back / a and left.
     """
 
-    def multiply(a: Float64Array, b: Float64Array) -> Float64Array:
-        return np.convolve(a, b)
-
     def integral(series: Float64Array, power: int) -> Float64Array:
         return series / (np.arange(len(series)) * 2 + power + 1)
 
     return (
-        integral(multiply(_LAG, _LAG), 6),
-        integral(multiply(_LAG, _RISE), 5),
-        integral(multiply(_RISE, _RISE), 4),
+        integral(np.convolve(_LAG, _LAG), 6),
+        integral(np.convolve(_LAG, _RISE), 5),
+        integral(np.convolve(_RISE, _RISE), 4),
         integral(_LAG, 4),
         integral(_RISE, 3),
         integral(_LAG, 3),

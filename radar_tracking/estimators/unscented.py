@@ -17,18 +17,9 @@ from radar_tracking.estimators.measurement_models import MeasurementModel, Prepa
 class UnscentedKalmanFilter:
     """Unscented Kalman filter with scaled sigma points (Julier 2002; Wan and van der Merwe 2000).
 
-    Both covariances are sums of outer products with weights that are not negative, the update's with the gain inside the deviations
-    (what Joseph's form is for a linear filter), so that they cannot lose their definiteness.
-
-    Parameters
-    ----------
-    motion : Motion
-        Kinematic model.
-    measurement_model : MeasurementModel
-        What is measured.
-    spread : float
-        Distance of the sigma points in units of the square root of the number of states (alpha), 0.52 to 1: below, the centre's covariance
-        weight would be negative.
+    Both covariances are sums of outer products with weights that are not negative, the update's with the gain inside the deviations (what
+    Joseph's form is for a linear filter), so that they cannot lose their definiteness. ``spread`` (alpha), 0.52 to 1, is the distance of
+    the sigma points in units of the square root of the number of states: below, the centre's covariance weight would be negative.
     """
 
     def __init__(self, motion: Motion, measurement_model: MeasurementModel, spread: float = 0.6) -> None:
@@ -51,13 +42,7 @@ class UnscentedKalmanFilter:
         return moved[:, 0] + shift, symmetrise(self._outer(off, off) + self.motion.noise(mean, dt))
 
     def update(self, mean: Float64Array, covariance: Float64Array, prepared: PreparedMeasurement) -> Updated:
-        """Take in one measurement of every track.
-
-        Raises
-        ------
-        DataError, SingularError
-            When something is not finite, or an innovation's covariance is singular.
-        """
+        """Take in one measurement of every track; errors as of `KalmanFilter.update`."""
         points = self._points(mean, covariance)
         expected = self.measurement_model.predict(prepared, points)
         off = np.where(prepared.used[:, None, :], self.measurement_model.difference(prepared, expected, expected[:, :1]), 0.0)

@@ -174,11 +174,6 @@ class FusionConfig:
 class RadarPresence:
     """Who of several radars is heard, judged by stamps alone: the same clouds in the same order give the same answers.
 
-    Parameters
-    ----------
-    config : FusionConfig
-        Knobs.
-
     Attributes
     ----------
     last_ns : int or None

@@ -38,13 +38,7 @@ class HandMeasurement:
 
 
 class HandMeter:
-    """Makes one measurement of the points of a hand; holds no state.
-
-    Parameters
-    ----------
-    config : HandConfig
-        Knobs.
-    """
+    """Makes one measurement of the points of a hand; holds no state."""
 
     def __init__(self, config: HandConfig) -> None:
         self._config = config

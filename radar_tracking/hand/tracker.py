@@ -23,13 +23,7 @@ _LATELY = 0.3  # s: time constant of the place where the hand was lately
 
 
 class ControlValue:
-    """Maps the hand's place to 0..1; small movements either way change nothing (hysteresis), so that a resting hand gives a constant.
-
-    Parameters
-    ----------
-    config : ValueConfig
-        Knobs.
-    """
+    """Maps the hand's place to 0..1; small movements either way change nothing (hysteresis), so that a resting hand gives a constant."""
 
     def __init__(self, config: ValueConfig) -> None:
         self._config = config

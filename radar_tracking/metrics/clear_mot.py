@@ -120,26 +120,16 @@ class ClearMotSummary:
 
 @dataclass(eq=False)
 class _Run:
-    """What has been counted; grows with the number of identities, never with time.
-
-    Attributes
-    ----------
-    held : dict
-        Person to the track they were last paired with; each track has one person at most.
-    last : dict
-        Person to the track they had when they last counted.
-    overlap : dict
-        (Person, track) to the number of moments within the radius of each other.
-    """
+    """What has been counted; grows with the number of identities, never with time."""
 
     moments: int = 0
     misses: int = 0
     false: int = 0
     distance: float = 0.0
     people: dict[int, PersonScore] = field(default_factory=dict)
-    held: dict[int, int] = field(default_factory=dict)
-    last: dict[int, int] = field(default_factory=dict)
-    overlap: dict[tuple[int, int], int] = field(default_factory=dict)
+    held: dict[int, int] = field(default_factory=dict)  # person to the track they were last paired with; each track has one person at most
+    last: dict[int, int] = field(default_factory=dict)  # person to the track they had when they last counted
+    overlap: dict[tuple[int, int], int] = field(default_factory=dict)  # (person, track) to the moments within the radius of each other
 
 
 class ClearMot:
@@ -148,11 +138,6 @@ class ClearMot:
     A person keeps the track they were last paired with while it is within the radius (Bernardin and Stiefelhagen, section 2.1.2), also when
     another one is nearer now. Whoever is left is paired anew: as many pairs as possible, of those the set with the least total distance,
     people who count first. A switch is a pairing with another track than the person had when they last counted, however long ago.
-
-    Parameters
-    ----------
-    config : ClearMotConfig or None
-        None: all defaults.
     """
 
     def __init__(self, config: ClearMotConfig | None = None) -> None:
@@ -164,25 +149,7 @@ class ClearMot:
         self._run = _Run()
 
     def process(self, truth: ObjectSet, estimate: ObjectSet) -> ClearMotStep:
-        """Compare one moment; moments come in the order of time.
-
-        Parameters
-        ----------
-        truth : ObjectSet
-            Who is where, and who counts.
-        estimate : ObjectSet
-            Tracks.
-
-        Returns
-        -------
-        ClearMotStep
-            Pairs, misses, false tracks, switches.
-
-        Raises
-        ------
-        DataError
-            When the two live in spaces of different dimensions.
-        """
+        """Compare one moment, truth and tracks; moments come in the order of time. Errors as in `GospaMetric.process`."""
         apart = distances(truth, estimate)
         partner = self._pair(apart, truth, estimate)
         rows = np.flatnonzero(partner >= 0)
@@ -245,12 +212,8 @@ class ClearMot:
         switched = set(step.switched.tolist())
         for person, visible in zip(truth.id.tolist(), truth.visible.tolist(), strict=True):
             old = run.people.get(person, PersonScore())
-            run.people[person] = PersonScore(
-                old.moments + visible,
-                old.tracked + (person in away),
-                old.switches + (person in switched),
-                old.square + away.get(person, 0.0) ** 2,
-            )
+            counts = old.moments + visible, old.tracked + (person in away), old.switches + (person in switched)
+            run.people[person] = PersonScore(*counts, old.square + away.get(person, 0.0) ** 2)
 
     def _count_overlap(self, apart: Float64Array, persons: IndexArray, tracks: IndexArray) -> None:
         """Note which identities could belong together, for IDF1."""

@@ -101,13 +101,7 @@ class Consistency:
 
 
 class ConsistencyMonitor:
-    """Watch the NIS of a filter over a sliding window; memory is bounded, and nothing is summed up for longer than the window.
-
-    Parameters
-    ----------
-    config : ConsistencyConfig or None
-        None: all defaults.
-    """
+    """Watch the NIS of a filter over a sliding window; memory is bounded, and nothing is summed up for longer than the window."""
 
     def __init__(self, config: ConsistencyConfig | None = None) -> None:
         self.config = config or ConsistencyConfig()

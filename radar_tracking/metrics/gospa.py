@@ -77,24 +77,10 @@ class GospaSummary:
 
 
 def gospa_pairs(apart: Float64Array, visible: BoolArray, config: GospaConfig) -> tuple[IndexArray, IndexArray]:
-    """Find the assignment that makes GOSPA smallest.
+    """Find the assignment that makes GOSPA smallest: rows of true objects and columns of their estimates, shape (n_pairs,) each.
 
-    A pair costs the p-th power of its distance, an object without partner ``c ** p / 2``. A person who does not count costs nothing, with a
-    track nearer than c or without. Hence an object that does not count never makes the metric larger.
-
-    Parameters
-    ----------
-    apart : ndarray of float64, shape (n_truth, n_estimates)
-        Distances [m].
-    visible : ndarray of bool, shape (n_truth,)
-        Who counts.
-    config : GospaConfig
-        p and c.
-
-    Returns
-    -------
-    rows, columns : ndarray of int64, shape (n_pairs,)
-        Of true objects and of their estimates.
+    A pair costs the p-th power of its distance, shape (n_truth, n_estimates) [m], an object without partner ``c ** p / 2``. A person who
+    does not count costs nothing, with a track nearer than c or without. Hence an object that does not count never makes the metric larger.
     """
     cost = np.minimum(apart / config.c, 1.0) ** config.p
     if visible.all():  # then pairs at the cut-off cost as much as their two objects alone, and no more has to be said
@@ -119,13 +105,7 @@ def _with_solitude(cost: Float64Array, visible: BoolArray) -> Float64Array:
 
 
 class GospaMetric:
-    """Compute GOSPA moment by moment and over the run.
-
-    Parameters
-    ----------
-    config : GospaConfig or None
-        None: all defaults.
-    """
+    """Compute GOSPA moment by moment and over the run."""
 
     def __init__(self, config: GospaConfig | None = None) -> None:
         self.config = config or GospaConfig()
@@ -215,11 +195,6 @@ class OspaMetric:
     """Compute OSPA moment by moment and over the run.
 
     Unlike GOSPA it divides by the number of objects: one ghost beside nine people costs less than one beside a single person.
-
-    Parameters
-    ----------
-    config : OspaConfig or None
-        None: all defaults.
     """
 
     def __init__(self, config: OspaConfig | None = None) -> None:
@@ -231,26 +206,9 @@ class OspaMetric:
         self._moments, self._distance = 0, 0.0
 
     def process(self, truth: ObjectSet, estimate: ObjectSet) -> Ospa:
-        """Compare one moment.
+        """Compare one moment; parameters and errors as in `GospaMetric.process`.
 
         Tracks that GOSPA of the same p and c gives to people who do not count are left out, as are those people.
-
-        Parameters
-        ----------
-        truth : ObjectSet
-            Who is where, and who counts.
-        estimate : ObjectSet
-            Tracks.
-
-        Returns
-        -------
-        Ospa
-            Distance and parts; nothing against nothing is 0.
-
-        Raises
-        ------
-        DataError
-            When the two live in spaces of different dimensions.
         """
         p, c = self.config.p, self.config.c
         apart = distances(truth, estimate)

@@ -51,17 +51,7 @@ class ObjectSet:
 
     @classmethod
     def of(cls, position: ArrayLike, identity: ArrayLike | None = None, visible: ArrayLike | None = None) -> ObjectSet:
-        """Make a set, converting types.
-
-        Parameters
-        ----------
-        position : array_like, shape (n, d)
-            Places [m].
-        identity : array_like of int, shape (n,), or None
-            Who; None: 0, 1, 2, ...
-        visible : array_like of bool, shape (n,), or None
-            Which count; None: all.
-        """
+        """Make a set from array-likes of shapes (n, d) [m], (n,) and (n,); identities None: 0, 1, 2, ...; visible None: all."""
         places = np.asarray(position, np.float64)
         names = np.arange(len(places)) if identity is None else np.asarray(identity)
         counts = np.ones(len(places), np.bool_) if visible is None else np.asarray(visible, np.bool_)
@@ -103,17 +93,9 @@ def distances(truth: ObjectSet, estimate: ObjectSet) -> Float64Array:
 
 
 def best_pairs(benefit: Float64Array) -> tuple[IndexArray, IndexArray]:
-    """Pair rows with columns so that the sum of benefits is largest; what gains nothing stays alone.
+    """Pair rows with columns so that the sum of benefits, shape (n_rows, n_columns), is largest; rows ascend.
 
-    Parameters
-    ----------
-    benefit : ndarray of float64, shape (n_rows, n_columns)
-        Not negative; 0: this pair is not allowed.
-
-    Returns
-    -------
-    rows, columns : ndarray of int64, shape (n_pairs,)
-        Partners; ``rows`` ascending.
+    Benefits are not negative; what gains nothing stays alone.
     """
     rows, columns = linear_sum_assignment(benefit, maximize=True)
     gained = benefit[rows, columns] > 0

@@ -65,9 +65,9 @@ class Clusters:
         self.plain = config.clustering.name == "dbscan" and config.clustering.rate_weight == 0
         if not self.plain:
             from radar_tracking.clustering.base import ClusterPoints
-            from radar_tracking.clustering.choose import make_clustering
+            from radar_tracking.clustering.choose import Clustering
 
-            self._points, self._method = ClusterPoints, make_clustering(config.clustering)
+            self._points, self._method = ClusterPoints, Clustering(config.clustering)
 
     def labels(self, points: Points, index: IndexArray) -> IndexArray:
         """Cluster of each point of ``index``, shape (len(index),); -1: noise."""

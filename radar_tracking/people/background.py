@@ -24,11 +24,6 @@ class Background:
     often, and that are not much stronger than usual there, are background. Points of confirmed tracks are never learned, so that
     somebody who came and sat down stays; and what moves within a standing person's track is unlearned, so that people who stood there
     from the beginning appear when they stir.
-
-    Parameters
-    ----------
-    config : BackgroundConfig
-        Knobs.
     """
 
     def __init__(self, config: BackgroundConfig) -> None:

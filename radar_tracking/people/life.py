@@ -123,13 +123,7 @@ def whole_ns(seconds: float) -> int:
 
 
 class TrackManagement:
-    """Decides about the lives of tracks; every duration counts by the clouds' stamps.
-
-    Parameters
-    ----------
-    config : LifeConfig
-        Knobs.
-    """
+    """Decides about the lives of tracks; every duration counts by the clouds' stamps."""
 
     def __init__(self, config: LifeConfig) -> None:
         self.config = config

@@ -26,13 +26,7 @@ _SAME = 1e-6  # m: tracks at the very same place have no direction of separation
 
 
 class Pairs:
-    """Finds tracks that hold two people, across the line of sight or along it.
-
-    Parameters
-    ----------
-    config : LifeConfig
-        Knobs.
-    """
+    """Finds tracks that hold two people, across the line of sight or along it."""
 
     def __init__(self, config: LifeConfig) -> None:
         self._config = config

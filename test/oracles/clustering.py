@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_tracking.clustering.density import Float64Array, LabelArray
+from radar_core.types import Float64Array, IndexArray
 
 MaskArray = NDArray[np.bool_]
 
 
-def grow(near: MaskArray, core: MaskArray) -> LabelArray:
+def grow(near: MaskArray, core: MaskArray) -> IndexArray:
     """Connect core points and give border points to the first cluster that reaches them (Ester et al., KDD 1996).
 
     Parameters
@@ -53,7 +53,7 @@ def squared_distances(points: Float64Array) -> Float64Array:
     return squared
 
 
-def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array) -> LabelArray:
+def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array) -> IndexArray:
     """DBSCAN; see `radar_tracking.clustering.dbscan`. Empty ``weights``: all one. Empty result: a coordinate is not finite."""
     if not np.isfinite(points).all():
         return np.empty(0, np.int64)
@@ -69,7 +69,7 @@ def polar(
     angle_reach: float,
     demand: Float64Array,
     weights: Float64Array,
-) -> LabelArray:
+) -> IndexArray:
     """DBSCAN with neighbourhoods that are ellipses in range and cross-range (Wagner, Feger, Stelzer 2015).
 
     Parameters
@@ -100,7 +100,7 @@ def polar(
     return grow(near, _enough(near, weights, demand))
 
 
-def grid(cells: LabelArray, reach: LabelArray, n_around: int, demand: Float64Array, weights: Float64Array) -> LabelArray:
+def grid(cells: IndexArray, reach: IndexArray, n_around: int, demand: Float64Array, weights: Float64Array) -> IndexArray:
     """DBSCAN on the cells of a grid of range, azimuth and range rate (Kellner, Klappstein, Dietmayer 2012; Lim et al. 2018).
 
     Parameters
@@ -144,7 +144,7 @@ def core_distances(points: Float64Array, min_points: int, max_eps: float, weight
     return core
 
 
-def order(points: Float64Array, core: Float64Array, max_eps: float) -> tuple[LabelArray, Float64Array, LabelArray]:
+def order(points: Float64Array, core: Float64Array, max_eps: float) -> tuple[IndexArray, Float64Array, IndexArray]:
     """Visit the points by smallest reachability, the first on ties (Ankerst et al., SIGMOD 1999): ordering, reachability, predecessor."""
     squared = squared_distances(points)
     n = len(points)
@@ -162,7 +162,7 @@ def order(points: Float64Array, core: Float64Array, max_eps: float) -> tuple[Lab
     return ordering, reachability, predecessor
 
 
-def cut(ordering: LabelArray, predecessor: LabelArray, candidates: LabelArray, n_parts: int, least: int) -> tuple[LabelArray, int]:
+def cut(ordering: IndexArray, predecessor: IndexArray, candidates: IndexArray, n_parts: int, least: int) -> tuple[IndexArray, int]:
     """Cut the tree of predecessors until it has ``n_parts`` parts of at least ``least`` points each.
 
     Parameters
@@ -194,7 +194,7 @@ def cut(ordering: LabelArray, predecessor: LabelArray, candidates: LabelArray, n
     return labels, made
 
 
-def lloyd(points: Float64Array, centres: Float64Array, max_iterations: int) -> tuple[LabelArray, Float64Array]:
+def lloyd(points: Float64Array, centres: Float64Array, max_iterations: int) -> tuple[IndexArray, Float64Array]:
     """K-means from given centres (Lloyd 1982); see `radar_tracking.clustering.kmeans`."""
     centres, labels = centres.copy(), np.full(len(points), -1, np.int64)
     for _ in range(max_iterations):

@@ -22,7 +22,7 @@ from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures
 from radar_lab.training.encoder import EncoderConfig, encode
 from radar_sim import Point, Scene, SceneRadar, Simulator
 from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, dbscan, kmeans
-from radar_tracking.clustering import ClusteringConfig, make_clustering, seen_from
+from radar_tracking.clustering import Clustering, ClusteringConfig, seen_from
 from radar_tracking.estimators import Snapshot
 from radar_tracking.estimators.kernels import correct, predict
 from radar_tracking.metrics import ClearMot, ClearMotConfig, GospaConfig, GospaMetric, ObjectSet, OspaConfig, OspaMetric
@@ -99,7 +99,7 @@ def test_the_order_of_points_does_not_matter_to_clusters(seed, name):
     owner = np.repeat([0, 1], 20)
     place = np.array([[3.0, -2.0], [3.0, 2.0]])[owner] + rng.uniform(-0.15, 0.15, (40, 2))
     order = rng.permutation(40)
-    clustering = make_clustering(ClusteringConfig(name=name))
+    clustering = Clustering(ClusteringConfig(name=name))
     plain, other = (clustering.labels(seen_from(points, np.zeros(2))) for points in (place, place[order]))
     same = plain[order][:, None] == plain[order][None]
     np.testing.assert_array_equal(other[:, None] == other[None], same)

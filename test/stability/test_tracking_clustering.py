@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sklearn.cluster import DBSCAN
 
 from radar_core import DataError
-from radar_tracking.clustering import ClusteringConfig, ClusterPoints, dbscan, kmeans, make_clustering, optics, seen_from, split, thin
+from radar_tracking.clustering import Clustering, ClusteringConfig, ClusterPoints, dbscan, kmeans, optics, seen_from, split, thin
 from radar_tracking.clustering.density import dbscan_tree, occupied
 
 NAMES = ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
@@ -18,7 +18,7 @@ ORIGIN = np.zeros(2)
 
 def labels(name: str, position: np.ndarray, rate: np.ndarray | None = None, **knobs) -> np.ndarray:
     """Of the named method; checked for type and shape."""
-    result = make_clustering(ClusteringConfig(name=name, **knobs)).labels(seen_from(position, ORIGIN, rate))
+    result = Clustering(ClusteringConfig(name=name, **knobs)).labels(seen_from(position, ORIGIN, rate))
     assert result.dtype == np.int64
     assert result.shape == (len(position),)
     return result
@@ -162,7 +162,7 @@ def test_not_finite_is_refused_by_name():
     for field in ("range", "azimuth"):
         points = ClusterPoints(np.zeros((1, 2)), **({"range": np.ones(1), "azimuth": np.zeros(1)} | {field: np.array([np.nan])}))
         with pytest.raises(DataError, match=rf"ClusterPoints\.{field}"):
-            make_clustering(ClusteringConfig(name="polar_dbscan")).labels(points)
+            Clustering(ClusteringConfig(name="polar_dbscan")).labels(points)
     for call in (lambda p: dbscan(p, 0.3, 2), lambda p: dbscan(np.repeat(p, 1000, axis=0), 0.3, 2), lambda p: optics(p, 2)):
         with pytest.raises(DataError, match="points"):
             call(bad)

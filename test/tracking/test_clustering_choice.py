@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from sklearn.cluster import DBSCAN
 
 from radar_core import ConfigError, DataError
-from radar_tracking.clustering import ClusteringConfig, ClusterPoints, dbscan, make_clustering, seen_from
+from radar_tracking.clustering import Clustering, ClusteringConfig, ClusterPoints, dbscan, seen_from
 
 NAMES = ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
 ORIGIN = np.zeros(2)
 
 
 def make(name: str, **knobs):
-    return make_clustering(ClusteringConfig(name=name, **knobs))
+    return Clustering(ClusteringConfig(name=name, **knobs))
 
 
 def bodies(seed: int) -> tuple[np.ndarray, np.ndarray]:
