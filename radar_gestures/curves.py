@@ -82,16 +82,16 @@ class CurveConfig:
             raise ConfigError(f"CurveConfig: nearest ({self.nearest:g} m) must be less than farthest ({self.farthest:g} m)")
 
 
-def curve_names(settings: CurveConfig) -> tuple[str, ...]:
+def curve_names(config: CurveConfig) -> tuple[str, ...]:
     """Names of the numbers of a vector, in order: every signal at step 0, then at step 1, ..., then the totals.
 
     ``duration`` [s] is the time from the first to the last frame, ``log_duration`` the logarithm of one second more.
     """
-    return (*(f"{signal}_{step:02d}" for step in range(settings.steps) for signal in SIGNALS), *TOTALS)
+    return (*(f"{signal}_{step:02d}" for step in range(config.steps) for signal in SIGNALS), *TOTALS)
 
 
 CURVE_NAMES: Final[tuple[str, ...]] = curve_names(CurveConfig())
-"""`curve_names` of the default settings; units as in `SIGNALS`."""
+"""`curve_names` of the defaults; units as in `SIGNALS`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def join(events: Sequence[FeatureMaps]) -> EventMaps:
         raise DataError("curves need the feature maps of at least one event, and at least one frame of each")
     speed = events[0].speed
     if any(maps.speed.shape != speed.shape or (maps.speed != speed).any() for maps in events[1:]):
-        raise DataError("these feature maps have different Doppler gates; make all with the same settings")
+        raise DataError("these feature maps have different Doppler gates; make all with the same knobs")
     first = np.cumsum([0, *(len(maps.stamp_ns) for maps in events)])
     time = np.concatenate([(maps.stamp_ns - maps.stamp_ns[0]) * 1e-9 for maps in events])
     layers = [np.concatenate([getattr(maps, name) for maps in events]) for name in ("micro_doppler", "azimuth", "elevation", "distance")]
@@ -170,12 +170,7 @@ def join(events: Sequence[FeatureMaps]) -> EventMaps:
 def locate(events: EventMaps, nearest: float = 0.0, farthest: float = 50.0) -> Float64Array:
     """Find the body in each event: the range at which most is detected, and the middle of what is there.
 
-    Parameters
-    ----------
-    events : EventMaps
-        The feature maps.
-    nearest, farthest : float
-        Bodies are looked for between these ranges [m].
+    Bodies are looked for between the ranges ``nearest`` and ``farthest`` [m].
 
     Returns
     -------
@@ -223,30 +218,17 @@ def _cells(events: EventMaps) -> tuple[Float64Array, Float64Array, Float64Array,
     return weight, distance, ground * np.sin(azimuth), distance * np.sin(elevation)
 
 
-def signals(events: EventMaps, settings: CurveConfig, body: Float64Array | None = None) -> Float64Array:
-    """Compute the signals of every frame.
+def signals(events: EventMaps, config: CurveConfig, body: Float64Array | None = None) -> Float64Array:
+    """Compute the signals of every frame, shape (n_rows, n_signals) = `SIGNALS`; NaN where no gate tells.
 
-    Parameters
-    ----------
-    events : EventMaps
-        The feature maps.
-    settings : CurveConfig
-        The knobs.
-    body : ndarray of float64, shape (n_events, 3), or None
-        Where each person is, as `locate` gives it; None: found from the maps.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_rows, n_signals) = `SIGNALS`
-        NaN where no gate tells.
+    ``body``, shape (n_events, 3), is where each person is, as `locate` gives it; None: found from the maps.
     """
-    weight, places = _beside(
-        events, settings, locate(events, settings.nearest, settings.farthest) if body is None else np.asarray(body, np.float64)
-    )
-    receding, approaching = events.speed > settings.slow, events.speed < -settings.slow
+    body = locate(events, config.nearest, config.farthest) if body is None else np.asarray(body, np.float64)
+    weight, places = _beside(events, config, body)
+    receding, approaching = events.speed > config.slow, events.speed < -config.slow
     gates = (receding | approaching, receding, approaching, ~(receding | approaching))
     columns: list[Float64Array] = []
-    top = np.maximum.reduceat(np.log1p(weight[:, gates[0]].sum(axis=1)), events.first[:-1]) * settings.relative_strength
+    top = np.maximum.reduceat(np.log1p(weight[:, gates[0]].sum(axis=1)), events.first[:-1]) * config.relative_strength
     for group, own in zip(_GROUPS, gates, strict=True):
         columns += _moments(places[1:], own)[: len(PLACES) - 1] if group == "still" else _moments(places, own)
         columns += [np.log1p((weight[:, own] > 0).sum(axis=1)), _strength(events, weight[:, own], top)]
@@ -257,21 +239,21 @@ def signals(events: EventMaps, settings: CurveConfig, body: Float64Array | None 
         outer = edge(np.where(weight[:, own] > 0, speed[:, own], 0.0), axis=1, initial=0.0)
         columns.append(np.where(moves, outer, np.nan))
     for way in (events.speed, -events.speed):
-        band = np.minimum((way - settings.slow) / settings.band, _BANDS - 1)
+        band = np.minimum((way - config.slow) / config.band, _BANDS - 1)
         for k in range(_BANDS):
-            own = (way > settings.slow) & (np.floor(band) == k)
+            own = (way > config.slow) & (np.floor(band) == k)
             columns += [_strength(events, weight[:, own], top), _mean(*places[-1], own)]
     return np.stack(columns, axis=-1)
 
 
-def _beside(events: EventMaps, settings: CurveConfig, body: Float64Array) -> tuple[Float64Array, list[tuple[Float64Array, Float64Array]]]:
+def _beside(events: EventMaps, config: CurveConfig, body: Float64Array) -> tuple[Float64Array, list[tuple[Float64Array, Float64Array]]]:
     """Weight of every cell, 0 where it is not the person's, shape (n_rows, n_speed); for each of `PLACES` its value and own weight."""
     weight, distance, side, height = _cells(events)
     place = body[events.event]
     distance, side = distance - place[:, :1], side - place[:, 1:2]
-    apart = (np.abs(distance) > settings.reach) | (np.abs(side) > settings.side) | (np.abs(height) > settings.height)
+    apart = (np.abs(distance) > config.reach) | (np.abs(side) > config.side) | (np.abs(height) > config.height)
     weight = np.where(apart, 0.0, weight)
-    if settings.relative_height:
+    if config.relative_height:
         height = height - place[:, 2:]
     speed = np.broadcast_to(events.speed.astype(np.float64), weight.shape)
     return weight, [(np.where(np.isfinite(x), x, 0.0), weight * np.isfinite(x)) for x in (speed, distance, side, height)]
@@ -297,35 +279,20 @@ def _strength(events: EventMaps, weight: Float64Array, top: Float64Array) -> Flo
 
 
 def read_curves(
-    events: EventMaps, values: Float64Array, settings: CurveConfig, start: Float64Array | None = None, end: Float64Array | None = None
+    events: EventMaps, values: Float64Array, config: CurveConfig, start: Float64Array | None = None, end: Float64Array | None = None
 ) -> Float64Array:
-    """Read signals at the steps of each event.
+    """Read signals at the steps of each event, shape (n_events, n_features) = `curve_names`, always finite.
 
-    Between frames that know a signal it follows a line; before the first and after the last it stays; where no frame of the event knows
-    it, it is 0.
-
-    Parameters
-    ----------
-    events : EventMaps
-        Whose frames the signals have.
-    values : ndarray of float64, shape (n_rows, n_signals)
-        As `signals` gives them.
-    settings : CurveConfig
-        The knobs.
-    start, end : ndarray of float64, shape (n_events,), or None
-        First and last step, from the first frame [s]; None: the first and the last frame.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_events, n_features) = `curve_names`
-        Always finite.
+    Between frames that know a signal it follows a line; before the first and after the last it stays; where no frame of the event knows it,
+    it is 0. ``values``, shape (n_rows, n_signals), are as `signals` gives them; ``start`` and ``end``, shape (n_events,), the first and
+    last step from the first frame [s], None: the first and the last frame.
     """
     start = np.zeros(len(events)) if start is None else start
     end = events.duration if end is None else end
     offset = np.arange(len(events)) * _FAR
     axis = events.time + offset[events.event]
-    ask = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, settings.steps)
-    read = np.zeros((len(events), settings.steps, values.shape[1]))
+    ask = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, config.steps)
+    read = np.zeros((len(events), config.steps, values.shape[1]))
     for column, value in enumerate(values.T):
         known = np.flatnonzero(np.isfinite(value))
         bounds = np.searchsorted(known, events.first)
@@ -342,35 +309,21 @@ def read_curves(
 class Curves:
     """Turns the feature maps of an event into the vector that a classifier trained on curves takes."""
 
-    def __init__(self, settings: CurveConfig | None = None) -> None:
-        self._settings = settings if settings is not None else CurveConfig()
-        self.names = curve_names(self._settings)
+    def __init__(self, config: CurveConfig | None = None) -> None:
+        self._config = config or CurveConfig()
+        self.names = curve_names(self._config)
 
     def process(self, maps: FeatureMaps, body: tuple[float, float, float] | None = None) -> Float64Array:
-        """Compute the vector of one event.
+        """Compute the vector of one event, shape (n_features,) = `names`, always finite; `DataError` when the maps have no frame.
 
-        Parameters
-        ----------
-        maps : FeatureMaps
-            Of the person, from the event's first to its last frame.
-        body : tuple of float or None
-            Distance [m], azimuth and elevation [rad] of the person's middle seen from the sensor; None: found from the maps.
-
-        Returns
-        -------
-        ndarray of float64, shape (n_features,) = `names`
-            Always finite.
-
-        Raises
-        ------
-        DataError
-            When the maps have no frame.
+        ``maps`` are of the person, from the event's first to its last frame; ``body`` is the distance [m], azimuth and elevation [rad] of
+        the person's middle seen from the sensor, None: found from the maps.
         """
         return np.asarray(self.process_many(join([maps]), None if body is None else _seen_from_sensor(body))[0])
 
     def process_many(self, events: EventMaps, body: Float64Array | None = None) -> Float64Array:
         """Compute the vectors of many events, shape (n_events, n_features); ``body`` as in `signals`."""
-        return read_curves(events, signals(events, self._settings, body), self._settings)
+        return read_curves(events, signals(events, self._config, body), self._config)
 
 
 def _seen_from_sensor(body: tuple[float, float, float]) -> Float64Array:

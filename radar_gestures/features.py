@@ -16,20 +16,9 @@ from radar_core.types import BoolArray, Float64Array
 from radar_gestures.maps import Detections, doppler_gates
 
 FEATURE_NAMES: Final[tuple[str, ...]] = (
-    "zero_crossings",
-    "time_of_max_speed",
-    "time_of_min_speed",
-    "max_speed",
-    "min_speed",
-    "max_azimuth",
-    "min_azimuth",
-    "max_elevation",
-    "min_elevation",
-    "azimuth_at_max_speed",
-    "elevation_at_max_speed",
-    "azimuth_at_min_speed",
-    "elevation_at_min_speed",
-)
+    "zero_crossings", "time_of_max_speed", "time_of_min_speed", "max_speed", "min_speed", "max_azimuth", "min_azimuth", "max_elevation",
+    "min_elevation", "azimuth_at_max_speed", "elevation_at_max_speed", "azimuth_at_min_speed", "elevation_at_min_speed",
+)  # fmt: skip
 """The thirteen features of section 4.2, in the order of `extract` and of ``Gesture.features``.
 
 ``zero_crossings`` is a count, times are s from the start of the event, speeds m/s (positive = receding); azimuths (left positive) and
@@ -100,19 +89,9 @@ def weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating])
 
 
 def weighted_medians(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> list[float]:
-    """Weighted median of every row, between the values where it falls between two.
+    """Weighted median of every row, shape (n_rows, n), between the values where it falls between two; NaN where nothing is left.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n_rows, n)
-        Values; non-finite ones are left out.
-    weights : ndarray, shape (n,)
-        Not negative; a value of weight 0 is left out.
-
-    Returns
-    -------
-    list of float, length n_rows
-        NaN for a row of which nothing is left.
+    Weights, shape (n,), are not negative. Non-finite values and those of weight 0 are left out.
     """
     if not len(weights):
         return [math.nan] * len(rows)
@@ -122,11 +101,9 @@ def weighted_medians(rows: NDArray[np.floating], weights: NDArray[np.floating]) 
     value, weight = rows[row, order].astype(np.float64), np.where(good, weights, 0.0)[row, order]
     total = weight.cumsum(axis=1)
     position, half = total - 0.5 * weight, 0.5 * total[:, -1:]
-    place = (position < half).sum(axis=1).tolist()
-    return [
-        _between(*numbers)
-        for numbers in zip(place, half[:, 0].tolist(), position.tolist(), value.tolist(), good.any(axis=1).tolist(), strict=True)
-    ]
+    place, known = (position < half).sum(axis=1), good.any(axis=1)
+    columns = (column.tolist() for column in (place, half[:, 0], position, value, known))
+    return [_between(*numbers) for numbers in zip(*columns, strict=True)]
 
 
 def _between(place: int, x: float, positions: list[float], values: list[float], known: bool) -> float:
@@ -145,9 +122,9 @@ def summarise(
     """Reduce one cloud's points of one track to a motion sample.
 
     The thesis takes the highest velocity of each frame and the median angle. Here the side (approaching or receding) is the one whose
-    moving gates carry more amplitude times speed, so that a lone false alarm on the other side does not flip the sign, and gates far
-    weaker than the strongest moving one (``weak``) do not count. Detections count as weaker the farther they are beside the body
-    (``lateral``): those far away are more often a neighbour's.
+    moving gates carry more amplitude times speed, so that a lone false alarm on the other side does not flip the sign, and gates far weaker
+    than the strongest moving one (``weak``) do not count. Detections count as weaker the farther they are beside the body (``lateral``):
+    those far away are more often a neighbour's.
 
     Parameters
     ----------
@@ -207,14 +184,9 @@ def _beside(distance: NDArray[np.floating], azimuth: NDArray[np.floating], later
 
 
 class MotionRing:
-    """The last seconds of one track's motion samples; its length is a time, whatever the frame rate.
+    """The last ``window`` seconds of one track's motion samples; its length is a time, whatever the frame rate.
 
-    Parameters
-    ----------
-    window : float
-        Samples older than this [s] are forgotten.
-    max_samples : int
-        Bound for sources that send absurdly fast; the oldest samples go first.
+    ``max_samples`` bounds it for sources that send absurdly fast; the oldest samples go first.
     """
 
     def __init__(self, window: float, max_samples: int = 4096) -> None:
@@ -260,9 +232,8 @@ def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfi
     Returns
     -------
     ndarray of float64, shape (13,) = `FEATURE_NAMES`, or None
-        Always finite, in s, m/s and rad (m with ``angles`` offset).
+        Always finite, in s, m/s and rad (m with ``angles`` offset); None when fewer than ``min_samples`` samples have motion.
 
-        - None when fewer than ``min_samples`` samples have motion (no detections, or all slow): there is nothing to measure then.
         - An angle that is NaN in some samples is averaged over its neighbours within ``smoothing``; where these have none either, it is
           the mean over the event.
         - An angle that is NaN in all samples, as the elevation of a sensor that does not measure it, gives 0 in all its features: with
@@ -279,41 +250,12 @@ def extract(samples: Iterable[MotionSample], start_ns: int, config: FeatureConfi
     angles = [_fill(angle[moving], time, weight, config.smoothing) for angle in _angles(rows, config.angles)]
     speed, lateral, height = running_medians(np.array([speed, *angles]), time, config.median)
     first, last = int(np.argmax(speed)), int(np.argmin(speed))
-    return np.array(
-        [
-            zero_crossings(speed, config.body_speed),
-            time[first],
-            time[last],
-            speed[first],
-            speed[last],
-            lateral.max(),
-            lateral.min(),
-            height.max(),
-            height.min(),
-            lateral[first],
-            height[first],
-            lateral[last],
-            height[last],
-        ]
-    )
+    extremes = (time[first], time[last], speed[first], speed[last], lateral.max(), lateral.min(), height.max(), height.min())
+    return np.array([zero_crossings(speed, config.body_speed), *extremes, lateral[first], height[first], lateral[last], height[last]])
 
 
 def running_medians(rows: Float64Array, time: Float64Array, window: float) -> Float64Array:
-    """Median of every row over a window of time about each sample.
-
-    Parameters
-    ----------
-    rows : ndarray of float64, shape (n_rows, n)
-        Finite values.
-    time : ndarray of float64, shape (n,)
-        Of the values [s].
-    window : float
-        Length [s]; a sample without neighbours within it stays as it is.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_rows, n)
-    """
+    """Median of every row, shape (n_rows, n), over a window of time [s] about each sample; one without neighbours stays as it is."""
     near = np.abs(time[:, None] - time[None, :]) <= window / 2 + 1e-9
     values = np.sort(np.where(near, rows[:, None], np.inf), axis=-1)
     count = near.sum(axis=1)

@@ -59,36 +59,17 @@ class Share:
 
 
 def shares(cloud: PointCloud, owner: NDArray[np.integer], track_ids: Iterable[int]) -> Iterator[Share]:
-    """Give each track its share of a cloud.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        All detections.
-    owner : ndarray of int, shape (n_points,)
-        Track of each detection.
-    track_ids : iterable of int
-        Whose shares, in this order.
-    """
+    """Give each track in turn its share of a cloud; ``owner``, shape (n_points,), is the track of each detection."""
     values = np.array((cloud.radial_speed, cloud.snr, cloud.range, cloud.azimuth, cloud.elevation))
     for track_id in track_ids:
         yield Share(cloud.stamp_ns, *values[:, owner == track_id])
 
 
 def doppler_gates(radial_speed: Float32Array, snr: Float32Array, gate: float) -> NDArray[np.intp]:
-    """Pick the strongest detection of every Doppler gate (section 7.2).
+    """Pick the strongest detection of every Doppler gate (section 7.2): indices, shape (n_gates,), ordered by range rate.
 
-    Parameters
-    ----------
-    radial_speed, snr : ndarray, shape (n_points,)
-        Range rate [m/s] and SNR [dB]; a detection without a range rate is never picked, one without an SNR only when alone.
-    gate : float
-        Width of a gate [m/s].
-
-    Returns
-    -------
-    ndarray of int, shape (n_gates,)
-        Indices into the arrays, ordered by range rate.
+    Range rates [m/s] and SNRs [dB] have shape (n_points,), a gate is ``gate`` wide [m/s]. A detection without a range rate is never picked,
+    one without an SNR only when alone.
     """
     known = np.flatnonzero(np.isfinite(radial_speed))
     number = np.rint(radial_speed[known].astype(np.float64) / gate)
@@ -138,14 +119,9 @@ class FeatureMaps:
 
 
 class GateAxis:
-    """The Doppler gates of a map.
+    """The Doppler gates of a map, ``gate`` wide [m/s].
 
-    Parameters
-    ----------
-    gate : float
-        Width of a gate [m/s].
-    max_speed : float
-        The gates reach from minus to plus this [m/s], or a little farther; what is faster goes to the outermost gate.
+    They reach from minus to plus ``max_speed`` [m/s], or a little farther; what is faster goes to the outermost gate.
 
     Attributes
     ----------
@@ -168,18 +144,10 @@ class GateAxis:
 
 
 class MapRing:
-    """The feature maps of the last seconds of one track, in arrays that are made once; its length is a time, whatever the frame rate.
+    """The feature maps of the last ``window`` seconds of one track, in arrays that are made once, whatever the frame rate.
 
-    Adding a cloud writes its strongest points and nothing else. The arrays double when a source sends so fast that they fill up.
-
-    Parameters
-    ----------
-    window : float
-        Clouds older than this [s] are forgotten.
-    axis : GateAxis
-        The Doppler gates.
-    max_frames : int
-        Bound for sources that send absurdly fast; the oldest clouds go first.
+    Adding a cloud writes its strongest points and nothing else. The arrays double, up to ``max_frames``, when a source sends so fast that
+    they fill up; then the oldest clouds go first.
     """
 
     def __init__(self, window: float, axis: GateAxis, max_frames: int = 4096) -> None:
@@ -196,16 +164,9 @@ class MapRing:
         return self._count
 
     def add(self, cloud: Detections, picked: NDArray[np.intp]) -> None:
-        """Take in one cloud of the track.
+        """Take in one cloud of the track: its points ``picked``, one of every gate, ordered by range rate, see `doppler_gates`.
 
         A cloud that is not later than the last means that time jumped back, and everything before it is forgotten.
-
-        Parameters
-        ----------
-        cloud : Detections
-            Whose stamp, SNR, directions and ranges are kept.
-        picked : ndarray of int, shape (n_gates,)
-            Its points to keep, ordered by range rate: one of every gate, see `doppler_gates`.
         """
         row = self._next_row(cloud.stamp_ns)
         self._stamp[row] = cloud.stamp_ns
@@ -216,14 +177,8 @@ class MapRing:
     def window(self, start_ns: int, end_ns: int, length: float = 0.0) -> FeatureMaps:
         """Copy the maps of the clouds with ``start_ns <= stamp_ns <= end_ns``, in order of time.
 
-        Parameters
-        ----------
-        start_ns, end_ns : int
-            Limits [ns].
-        length : float
-            Make the maps that long [s] from the first cloud on (section 4.2: 1.0 s): frames without detections, at the usual interval of
-            the clouds, follow the last one; a longer window is cut. 0: as long as the window. With one cloud the interval is unknown, and
-            nothing follows it.
+        With a ``length`` (section 4.2: 1.0 s) they are made that long from the first cloud on: frames without detections, at the usual
+        interval of the clouds, follow the last one; a longer window is cut. With one cloud the interval is unknown, and nothing follows it.
         """
         order = (self._first + np.arange(self._count)) % len(self._stamp)
         stamps = self._stamp[order]
@@ -275,16 +230,9 @@ def write(maps: Float32Array, cloud: Detections, picked: NDArray[np.intp], axis:
 
 
 def feature_maps(clouds: Sequence[Detections], gate: float, max_speed: float) -> FeatureMaps:
-    """Put the detections of clouds side by side.
+    """Put the detections of clouds in order of time side by side; of one person, or of the one person in view.
 
-    Parameters
-    ----------
-    clouds : sequence of Detections
-        In order of time; of one person, or of the one person in view.
-    gate : float
-        Width of a Doppler gate [m/s].
-    max_speed : float
-        The maps go from minus to plus this [m/s]; what is faster goes to the outermost gate.
+    Gates are ``gate`` wide and go from minus to plus ``max_speed`` [m/s]; what is faster goes to the outermost one.
     """
     axis = GateAxis(gate, max_speed)
     maps = np.empty((4, len(clouds), len(axis)), np.float32)

@@ -158,15 +158,7 @@ class GestureRecognizer:
         return self._config.publish_random or gesture.label != RANDOM
 
     def name(self, found: TrackEvent, stamp_ns: int) -> Gesture:
-        """Name one event.
-
-        Parameters
-        ----------
-        found : TrackEvent
-            Of `find`.
-        stamp_ns : int
-            Of the cloud with which it ended [ns].
-        """
+        """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns]."""
         probabilities = np.zeros(len(GESTURES))
         opinions = self._opinions(found)
         features = opinions[0].features if opinions else np.full(len(self._model.names), np.nan)
@@ -182,18 +174,9 @@ class GestureRecognizer:
             known = label == RANDOM or (float(own.max()) >= self._config.min_confidence and self._known(found, agreeing, label))
             label = label if known else RANDOM
         return Gesture(
-            stamp_ns,
-            "room",
-            found.track_id,
-            label,
-            GESTURES[label],
-            float(probabilities[label]),
-            probabilities,
-            found.event.start_ns,
-            found.event.end_ns,
-            features,
-            bool(known),
-        )
+            stamp_ns, "room", found.track_id, label, GESTURES[label], float(probabilities[label]), probabilities,
+            found.event.start_ns, found.event.end_ns, features, bool(known),
+        )  # fmt: skip
 
     def _opinions(self, found: TrackEvent) -> list[_Opinion]:
         """Classify every view that has features; the most familiar first."""
@@ -233,21 +216,9 @@ def _differences(trained: Mapping[str, Any], wanted: Mapping[str, Any], prefix: 
 
 
 def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, ...], Extract]:
-    """Make the extractor that a model names.
+    """Make the extractor that a model names: what its features mean, in order, and the function that makes them, see `Extract`.
 
-    Parameters
-    ----------
-    name : str
-        ``"events"``: the thirteen features. ``"curves"``: `radar_gestures.curves`.
-    settings : mapping
-        Of the model; ``curves`` in it are the knobs of the curves.
-
-    Returns
-    -------
-    names : tuple of str
-        What the features mean, in order.
-    extract : callable
-        See `Extract`.
+    ``"events"``: the thirteen features. ``"curves"``: `radar_gestures.curves`, with the knobs ``curves`` in the model's ``settings``.
 
     Raises
     ------

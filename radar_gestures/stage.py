@@ -110,15 +110,9 @@ class EventStage:
 
     A fused cloud (`CloudComposite`) holds what several sensors measured, each from its own place. Range rates of one motion differ from
     sensor to sensor, in sign too, so every sensor has motion samples and maps of its own, with the angles from the body as that sensor sees
-    it. The event is common: it begins and ends with the fastest motion that any sensor sees. Each view is cut to the part in which its
-    own sensor sees fast motion, which with one sensor is the whole event.
-
-    Parameters
-    ----------
-    config : GestureConfig
-        Knobs.
-    mount : Pose
-        Where the sensor of clouds stands that do not name their sensors; angles are taken from there.
+    it. The event is common: it begins and ends with the fastest motion that any sensor sees. Each view is cut to the part in which its own
+    sensor sees fast motion, which with one sensor is the whole event. Angles of clouds that do not name their sensors are taken from
+    ``mount``.
     """
 
     def __init__(self, config: GestureConfig, mount: Pose) -> None:
@@ -139,12 +133,11 @@ class EventStage:
         sensors = list(_by_sensor(tracked, self._mount))
         found = []
         for track, *points in zip(tracks, *(own for _, own in sensors), strict=True):
-            state = self._states.get(track.id)
-            if state is None:
-                state = self._states[track.id] = _TrackState(self._config)
+            if track.id not in self._states:
+                self._states[track.id] = _TrackState(self._config)
             place = np.asarray(track.position)
             seen = {key: (share, _seen_from(key[1], place)) for (key, _), share in zip(sensors, points, strict=True)}
-            event = state.process(seen, track.id)
+            event = self._states[track.id].process(seen, track.id)
             if event is not None and track.status != TrackStatus.TENTATIVE:
                 found.append(event)
         return tuple(found)
@@ -182,19 +175,14 @@ class _TrackState:
         self._memories: dict[_Sensor, _Memory] = {}
 
     def process(self, seen: dict[_Sensor, _Seen], track_id: int) -> TrackEvent | None:
-        for sensor in seen:
-            if sensor not in self._memories:
-                self._memories[sensor] = _Memory(self._config)
+        self._memories |= {sensor: _Memory(self._config) for sensor in seen if sensor not in self._memories}
         samples = [self._memories[sensor].add(points, body) for sensor, (points, body) in seen.items()]
         fastest = max(samples, key=lambda sample: abs(sample.speed))
         event = self._detector.process(fastest.stamp_ns, fastest.speed)
         if event is None:
             return None
-        views = []
-        for (name, _), memory in self._memories.items():
-            part = memory.part_of(event)
-            if part is not None:
-                views.append((memory.strength(part), memory.view(part, name)))
+        parts = [(name, memory, memory.part_of(event)) for (name, _), memory in self._memories.items()]
+        views = [(memory.strength(part), memory.view(part, name)) for name, memory, part in parts if part is not None]
         views.sort(key=lambda entry: (entry[1].features is None, -entry[0]))
         moved = max(memory.walked(event) for memory in self._memories.values())
         return TrackEvent(track_id, event, moved, tuple(view for _, view in views))

@@ -49,9 +49,8 @@ def mahalanobis(
         return np.zeros((len(mean), len(points)))
     distance, singular = _kernel(*(np.ascontiguousarray(a) for a in (mean, covariance, points, each)))
     if singular >= 0:
-        raise SingularError(
-            f"the covariance of track {singular} plus that of a measurement is not positive definite; distances would be rounding errors"
-        )
+        both = f"the covariance of track {singular} plus that of a measurement"
+        raise SingularError(f"{both} is not positive definite; distances would be rounding errors")
     return np.asarray(distance)
 
 

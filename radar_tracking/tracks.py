@@ -157,9 +157,8 @@ class TrackedCloud:
     def __post_init__(self) -> None:
         require_shape("Tracks.point_track_id", self.tracks.point_track_id, (len(self.cloud),))
         if self.cloud.stamp_ns != self.tracks.stamp_ns:
-            raise DataError(
-                f"the cloud's stamp is {self.cloud.stamp_ns} ns but the tracks' is {self.tracks.stamp_ns} ns; pair them by stamp"
-            )
+            stamps = f"the cloud's stamp is {self.cloud.stamp_ns} ns but the tracks' is {self.tracks.stamp_ns} ns"
+            raise DataError(f"{stamps}; pair them by stamp")
         for track in self.tracks.tracks:  # what smooths over places would keep a NaN for ever
             if not all(map(math.isfinite, track.position.tolist())):
                 raise DataError(f"Track.position of track {track.id} is not finite: {track.position}")

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError
 from radar_core.arrays import description
 from radar_core.types import Float32Array, Float64Array
-from radar_gestures.classifiers.perceptron import FORMAT, RANDOM
-from radar_gestures.classifiers.rejection import ByProbability
+from radar_gestures.classifiers.perceptron import FORMAT
+from radar_gestures.classifiers.rejection import Rejecting
 from radar_gestures.curves import TOTALS
 
 CLIP: Final[float] = 6.0
@@ -27,7 +27,7 @@ _ADVICE: Final[str] = "train it again"
 
 
 @dataclass(frozen=True, eq=False)
-class CurveNet:
+class CurveNet(Rejecting):
     """A trained network: standardise, convolutions over the steps with ReLU, hidden layer with ReLU, softmax.
 
     Attributes
@@ -108,23 +108,7 @@ class CurveNet:
         return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in self.weights) + 5 * len(self.labels)
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
-        """Probability of every label.
-
-        Parameters
-        ----------
-        features : ndarray, shape (..., n_features)
-            In the order of ``names``.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., n_labels)
-            In the order of ``labels``; sums to 1 along the last axis.
-
-        Raises
-        ------
-        DataError
-            When a feature is not finite, or their number is wrong.
-        """
+        """Probability of every label, see `Classifier`."""
         x = np.asarray(features)
         if x.shape[-1:] != self.mean.shape:
             raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)}): {', '.join(self.names[:3])}, ...")
@@ -140,19 +124,6 @@ class CurveNet:
             value = (np.maximum(value, 0.0) if number else value) @ weight + bias
         score = np.exp(value.astype(np.float64) - value.max(axis=1, keepdims=True))
         return np.asarray(score / score.sum(axis=1, keepdims=True)).reshape(*x.shape[:-1], -1)
-
-    @property
-    def random(self) -> int | None:
-        """Index of the label "random"; None when the network has none."""
-        return self.labels.index(RANDOM) if RANDOM in self.labels else None
-
-    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
-        """Probability of the most probable gesture, shape (...); see `Classifier.score`."""
-        return ByProbability().score(np.asarray(features), np.asarray(probabilities, np.float64), self.random)
-
-    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
-        """Whether one event is a gesture that the network knows: the most probable label is not "random", its score is high enough."""
-        return int(np.argmax(probabilities)) != self.random and bool(self.score(features, probabilities) >= self.reject)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give everything that the model file must keep; see `from_arrays`.
@@ -192,20 +163,9 @@ class CurveNet:
 
 
 def convolve(wave: Float32Array, kernel: Float32Array, stride: int) -> Float32Array:
-    """Convolve over the steps, zeros beyond the ends.
+    """Convolve over the steps of waves, shape (n, n_steps, n_in), with zeros beyond the ends, shape (n, ceil(n_steps / stride), n_out).
 
-    Parameters
-    ----------
-    wave : ndarray of float32, shape (n, n_steps, n_in)
-        Input.
-    kernel : ndarray of float32, shape (3, n_in, n_out)
-        Taps one step before, at and after.
-    stride : int
-        Steps from one output to the next.
-
-    Returns
-    -------
-    ndarray of float32, shape (n, ceil(n_steps / stride), n_out)
+    Kernels, shape (3, n_in, n_out), have taps one step before, at and after.
     """
     n, steps, width = wave.shape
     padded = np.zeros((n, steps + 2, width), np.float32)

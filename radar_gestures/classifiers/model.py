@@ -43,7 +43,23 @@ class Classifier(Protocol):
         ...
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
-        """Probability of every label, shape (..., n_labels), of features of shape (..., n_features)."""
+        """Probability of every label.
+
+        Parameters
+        ----------
+        features : ndarray, shape (..., n_features)
+            In the order of ``names``.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., n_labels)
+            In the order of ``labels``; sums to 1 along the last axis.
+
+        Raises
+        ------
+        DataError
+            When a feature is not finite, or their number is wrong.
+        """
         ...
 
     def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
@@ -60,14 +76,7 @@ class Classifier(Protocol):
 
 
 def save_model(model: Classifier, path: str | Path) -> None:
-    """Write ``model`` to ``path`` (.npz). The same model gives the same bytes; a killed run leaves no half file.
-
-    Parameters
-    ----------
-    model : Classifier
-        What to write.
-    path : str or Path
-        Target; its folder is made.
+    """Write a model to ``path`` (.npz). The same model gives the same bytes; a killed run leaves no half file.
 
     Raises
     ------

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.arrays import as_float32, description
 from radar_core.types import Float32Array, Float64Array, IndexArray
-from radar_gestures.classifiers.rejection import ByProbability, Rejector, make_rejector
+from radar_gestures.classifiers.rejection import ByProbability, Rejecting, Rejector, make_rejector
 from radar_gestures.features import FEATURE_NAMES
 
 ADVICE: Final[str] = "make a new one with `handwave train`, or name the model that comes with Handwave (gestures)"
 FORMAT: Final[int] = 2
 """Version of the files of all models; a reader refuses every other. 1 had one hidden layer, always, and no calibration."""
-RANDOM: Final[str] = "random"
-"""The label of an event that is no gesture; a model need not have it."""
 _LIMIT: Final[float] = 1e12  # features beyond this are no measurements, and could overflow
 _MOST: Final[int] = 4096  # neurons, labels or features
 _MOST_LAYERS: Final[int] = 16
@@ -30,7 +28,7 @@ _ABOUT: Final[Mapping[str, type]] = {"labels": list, "features": list, "n_layers
 
 
 @dataclass(frozen=True, eq=False)
-class GestureModel:
+class GestureModel(Rejecting):
     """A trained perceptron: standardise, hidden layers with ReLU, output layer with softmax at a temperature, and a limit for rejection.
 
     Arrays of any real type are taken and kept as float32, which is what the file holds; sums are made in double precision.
@@ -120,29 +118,8 @@ class GestureModel:
         layers = sum(2 * a * b for a, b in pairwise(sizes))
         return layers + sum(sizes[1:-1]) + 5 * sizes[-1] - 2
 
-    @property
-    def random(self) -> int | None:
-        """Index of the label `RANDOM`; None when the model has none."""
-        return self.labels.index(RANDOM) if RANDOM in self.labels else None
-
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
-        """Probability of every label.
-
-        Parameters
-        ----------
-        features : ndarray, shape (..., n_features)
-            In the order of ``names``.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., n_labels)
-            In the order of ``labels``; sums to 1 along the last axis.
-
-        Raises
-        ------
-        DataError
-            When a feature is not finite or absurdly large (beyond 1e12), or their number is wrong.
-        """
+        """Probability of every label, see `Classifier`; features beyond 1e12 count as not finite."""
         x = np.asarray(features, np.float64)
         if x.shape == self.mean.shape:
             found = np.empty(len(self.labels))
@@ -164,42 +141,9 @@ class GestureModel:
         return np.asarray(x / x.sum(axis=-1, keepdims=True))
 
     def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
-        """How much each event looks like a gesture that the model knows, by its rejector.
-
-        Parameters
-        ----------
-        features : ndarray, shape (..., n_features)
-            In the order of ``names``.
-        probabilities : ndarray, shape (..., n_labels)
-            What `probabilities` gave for them.
-
-        Returns
-        -------
-        ndarray of float64, shape (...)
-            0 to 1, higher is better known; compare with ``reject``.
-        """
-        x = np.asarray(features, np.float64)
-        p = np.asarray(probabilities, np.float64)
+        """See `Rejecting`; by the model's rejector, to compare with ``reject``."""
+        x, p = np.asarray(features, np.float64), np.asarray(probabilities, np.float64)
         return np.asarray(self.rejector.score((x - self.mean) / self.scale, p, self.random))
-
-    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
-        """Whether one event is a gesture that the model knows.
-
-        Parameters
-        ----------
-        features : ndarray, shape (n_features,)
-            In the order of ``names``.
-        probabilities : ndarray, shape (n_labels,)
-            What `probabilities` gave for them.
-
-        Returns
-        -------
-        bool
-            False when the most probable label is "random", or the event's `score` is below ``reject``.
-        """
-        if int(np.argmax(probabilities)) == self.random:
-            return False
-        return bool(self.score(features, probabilities) >= self.reject)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give everything that the model file must keep; see `from_arrays`."""
@@ -220,20 +164,7 @@ class GestureModel:
 
     @classmethod
     def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> GestureModel:
-        """Make the model of a file again.
-
-        Parameters
-        ----------
-        about : mapping
-            Description of the file.
-        arrays : mapping
-            Its arrays; the numbers of the model are float32.
-
-        Raises
-        ------
-        ConfigError
-            When something is missing or makes no sense.
-        """
+        """Make the model of a file again, from its description and arrays; `ConfigError` when something is missing or makes no sense."""
         try:
             wrong = [name for name, kind in _ABOUT.items() if type(about[name]) is not kind]
             numbers = {name: array for name, array in arrays.items() if name not in ("format", "about")}

@@ -8,11 +8,14 @@ from functools import cached_property
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.types import Float32Array, Float64Array
 
 _ADVICE: Final[str] = "train the model again"
+RANDOM: Final[str] = "random"
+"""The label of an event that is no gesture; a model need not have it."""
 
 
 class Rejector(Protocol):
@@ -57,6 +60,29 @@ class Rejector(Protocol):
     def arrays(self) -> dict[str, Float32Array]:
         """Everything that the model file must keep."""
         ...
+
+
+class Rejecting:
+    """What classifiers with a label "random" and a limit for their `score` have in common."""
+
+    labels: tuple[str, ...]
+    reject: float
+
+    @property
+    def random(self) -> int | None:
+        """Index of the label `RANDOM`; None when the model has none."""
+        return self.labels.index(RANDOM) if RANDOM in self.labels else None
+
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
+        """How much each event looks like a gesture that the model knows, shape (...), 0 to 1: the probability of the most probable one.
+
+        Features have shape (..., n_features), their probabilities shape (..., n_labels).
+        """
+        return ByProbability().score(np.asarray(features), np.asarray(probabilities, np.float64), self.random)
+
+    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
+        """Whether one event is a gesture that the model knows: its most probable label is not "random", and its score is high enough."""
+        return int(np.argmax(probabilities)) != self.random and bool(self.score(features, probabilities) >= self.reject)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
 from radar_gestures.classifiers.model import save_model
-from radar_gestures.classifiers.perceptron import RANDOM, GestureModel
-from radar_gestures.classifiers.rejection import ByProbability, Rejector
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.classifiers.rejection import RANDOM, ByProbability, Rejector
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.samples import MANIFEST, SampleSet, join_samples, load_samples, standing
 from radar_lab.training.calibration import calibration_error, choose_reject, fit_distance, fit_temperature, soften

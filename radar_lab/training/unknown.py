@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
-from radar_gestures.classifiers.perceptron import RANDOM, GestureModel
-from radar_gestures.classifiers.rejection import ByProbability, Rejector
+from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.classifiers.rejection import RANDOM, ByProbability, Rejector
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.calibration import fit_temperature, soften
 from radar_lab.training.training import TrainingConfig, fit, reject_limit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.perceptron import RANDOM
+from radar_gestures.classifiers.rejection import RANDOM
 
 Mask = NDArray[np.bool_]
 Judge = Callable[[Mask, Mask], NDArray[np.floating]]

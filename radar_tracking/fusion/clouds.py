@@ -63,21 +63,14 @@ class _Part:
 class ClockMonitor:
     """Compares the clocks of radars by the smallest delay between stamp and arrival of their clouds.
 
-    A cloud arrives at stamp + delay - (what its radar's clock is ahead). Transport and waiting only add to the delay, so its smallest
-    value over a window is nearly constant (Cristian 1989; Paxson 1998), and what differs between two radars is the offset of their clocks,
-    and the difference of their smallest delays, which cannot be told apart from it. Steps of the clock of arrival concern all radars
-    alike and cancel.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The radars; the first one that is known is what the others are compared with.
-    config : ClockConfig or None
-        Knobs; None: all defaults.
+    A cloud arrives at stamp + delay - (what its radar's clock is ahead). Transport and waiting only add to the delay, so its smallest value
+    over a window is nearly constant (Cristian 1989; Paxson 1998), and what differs between two radars is the offset of their clocks, and
+    the difference of their smallest delays, which cannot be told apart from it. Steps of the clock of arrival concern all radars alike and
+    cancel. The first of ``names`` that is known is what the others are compared with.
     """
 
     def __init__(self, names: Sequence[str], config: ClockConfig | None = None) -> None:
-        self.config = config if config is not None else ClockConfig()
+        self.config = config or ClockConfig()
         self._names = tuple(names)
         self._part_ns = max(round(self.config.window / self.config.parts / _SECOND), 1)
         self.forget()
@@ -88,16 +81,9 @@ class ClockMonitor:
         self._newest = 0
 
     def hear(self, name: str, stamp_ns: int, arrival_ns: int) -> None:
-        """Note when a cloud arrived.
+        """Note when a cloud of a radar arrived, by one clock for all radars, and its stamp, by the radar's clock [ns].
 
-        Parameters
-        ----------
-        name : str
-            Its radar.
-        stamp_ns : int
-            Its stamp, by the radar's clock [ns].
-        arrival_ns : int
-            When it came, by one clock for all radars [ns]; one that goes back by more than a part of the window begins anew.
+        An arrival that goes back by more than a part of the window begins anew.
         """
         number = arrival_ns // self._part_ns
         if number < self._newest - 1:
@@ -122,13 +108,9 @@ class ClockMonitor:
         reference, least = known[0], {name: min(delays[name]) for name in known}
         # of integers before floats: stamps count from 1970, and a double has no nanoseconds there
         spread = {name: float(np.median([delay - least[name] for delay in delays[name]])) for name in known}
+        own = {name: spread[name] if name != reference else 0.0 for name in known}
         return tuple(
-            ClockOffset(
-                name,
-                reference,
-                (least[reference] - least[name]) * _SECOND,
-                (tick + spread[reference] + (spread[name] if name != reference else 0.0)) * _SECOND,
-            )
+            ClockOffset(name, reference, (least[reference] - least[name]) * _SECOND, (tick + spread[reference] + own[name]) * _SECOND)
             for name in known
         )
 
@@ -166,9 +148,8 @@ class FusionConfig:
             if self.radars.count(name) > 1:
                 raise ConfigError(f"FusionConfig.radars has {name!r} twice; every radar needs a namespace of its own")
         if self.solo_after < self.slop:
-            raise ConfigError(
-                f"FusionConfig.solo_after = {self.solo_after:g} s is shorter than slop = {self.slop:g} s; a partner may come that late"
-            )
+            times = f"solo_after = {self.solo_after:g} s is shorter than slop = {self.slop:g} s"
+            raise ConfigError(f"FusionConfig.{times}; a partner may come that late")
 
 
 class RadarPresence:
@@ -221,17 +202,7 @@ class RadarPresence:
         return tuple(name for name in self._names if now - self._newest.get(name, self._since_ns) <= self._solo_ns[name])
 
     def hopeless(self, name: str, stamp_ns: int, waiting: Mapping[str, Sequence[int]]) -> bool:
-        """Whether no partner can come any more for a cloud that waits.
-
-        Parameters
-        ----------
-        name : str
-            The radar it came from.
-        stamp_ns : int
-            Its stamp [ns].
-        waiting : mapping of str to sequence of int
-            Stamps of all clouds that wait [ns], by radar, of those that are waited for.
-        """
+        """Whether no partner can come any more for a cloud of a radar that waits; ``waiting``: stamps [ns] of all that wait, by radar."""
         now = max(self._newest.values(), default=stamp_ns)
         if self.late(name, stamp_ns) or now - stamp_ns > max(self._solo_ns.values()):
             return True
@@ -248,22 +219,11 @@ class RadarPresence:
 
 
 def fused_info(infos: Sequence[RadarInfo], frame_id: str = "fused") -> RadarInfo:
-    """Describe several radars as the one that a fused cloud seems to come from.
+    """Describe several radars, at least one, as the one that a fused cloud seems to come from.
 
     Fused clouds are in ``room`` already and say themselves which sensor measured what. This is for whoever asks from where people are seen
-    and how often: a point amid the radars, in their mean direction, with a field of view that holds all of theirs.
-
-    Parameters
-    ----------
-    infos : sequence of RadarInfo
-        At least one.
-    frame_id : str
-        Name of that point.
-
-    Returns
-    -------
-    RadarInfo
-        Waveform and array are those of the radar that sees farthest, with the longest of the frame intervals: pairs come no faster.
+    and how often: a point amid the radars, named ``frame_id``, in their mean direction, with a field of view that holds all of theirs.
+    Waveform and array are those of the radar that sees farthest, with the longest of the frame intervals: pairs come no faster.
 
     Raises
     ------

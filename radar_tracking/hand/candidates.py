@@ -74,20 +74,9 @@ class Candidates:
 
 
 def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: Float64Array, config: HandConfig) -> Candidates:
-    """Pick the points that may be the hand: the person's own and nobody's, within reach.
+    """Pick the points that may be the hand: the own ones of the person with the track ``parent``, and nobody's, within reach.
 
-    Parameters
-    ----------
-    tracked : TrackedCloud
-        In ``room``.
-    parent : int
-        Id of the person's track.
-    body : ndarray of float64, shape (3,)
-        Where the person is [m].
-    origin : ndarray of float64, shape (3,)
-        Where the sensor stands, for clouds that do not say it themselves [m].
-    config : HandConfig
-        Knobs.
+    ``body``, shape (3,) [m], is where the person is, ``origin``, shape (3,) [m], where the sensor stands, for clouds that do not say it.
     """
     cloud, owner = tracked.cloud, tracked.tracks.point_track_id
     position = cloud.position.astype(np.float64)
@@ -105,9 +94,8 @@ def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: F
     ahead = np.linalg.norm(body[:2] - origins[:, :2], axis=1)[sensor] - np.hypot(away[:, 0], away[:, 1])
     rate = cloud.radial_speed[index].astype(np.float64)
     rate[~(np.abs(rate) <= _FASTEST)] = np.nan
-    error = np.stack(
-        [_known(cloud.range_std[index], 0.0), _angle(cloud.azimuth_std, index, config), _angle(cloud.elevation_std, index, config)]
-    )
+    angles = (np.clip(_known(std[index], config.angle_std), 0.0, 1.0) for std in (cloud.azimuth_std, cloud.elevation_std))
+    error = np.stack([_known(cloud.range_std[index], 0.0), *angles])
     error[1:] *= distance
     return Candidates(
         position, away / far[:, None], sensor, rate, np.clip(_known(cloud.radial_speed_std[index], config.rate_std), 1e-3, 10.0),
@@ -116,14 +104,9 @@ def candidates(tracked: TrackedCloud, parent: int, body: Float64Array, origin: F
 
 
 def outward(position: Float64Array, body: Float64Array, hand: Float64Array) -> Float64Array:
-    """How far out along the arm points are, shape (n,) [m], counted from the shoulder.
+    """How far out along the arm points, shape (n, 3) [m], are, shape (n,) [m], counted from the shoulder.
 
-    Parameters
-    ----------
-    position : ndarray of float64, shape (n, 3)
-        Points [m]; those without z are taken to be as high as the hand.
-    body, hand : ndarray of float64, shape (3,)
-        Where they are [m]; the shoulder is above the middle of the body.
+    Points without z are taken to be as high as the hand; the shoulder is above the middle of the body, shape (3,) both [m].
     """
     shoulder = body + np.array([0.0, 0.0, _SHOULDER])
     arm = hand - shoulder
@@ -134,10 +117,6 @@ def outward(position: Float64Array, body: Float64Array, hand: Float64Array) -> F
 def _known(value: Float32Array, other: Float64Array | float) -> Float64Array:
     """Values that are finite, and ``other`` for the rest."""
     return np.asarray(np.where(np.isfinite(value), value, other), np.float64)
-
-
-def _angle(std: Float32Array, index: IndexArray, config: HandConfig) -> Float64Array:
-    return np.clip(_known(std[index], config.angle_std), 0.0, 1.0)
 
 
 def _amplitude(snr: Float64Array) -> Float64Array:
@@ -153,22 +132,10 @@ def is_body(points: Candidates, config: SplitConfig) -> BoolArray:
 
 
 def split(points: Candidates, body: Float64Array, config: SplitConfig) -> BoolArray:
-    """Split a person's points by 2-means of position and radial speed (7.3).
+    """Split a person's points by 2-means of position and radial speed (7.3): mask of the hand, shape (n,).
 
-    Parameters
-    ----------
-    points : Candidates
-        Of the person.
-    body : ndarray of float64, shape (3,)
-        Where the person is [m]; the first cluster starts there, the second at the point that is farthest out, nearest to its radar and
-        fastest together.
-    config : SplitConfig
-        Knobs.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        The hand; none when the second cluster has too few points that are no body.
+    The first cluster starts at ``body``, shape (3,) [m], the second at the point that is farthest out, nearest to its radar and fastest
+    together. No point is the hand when the second cluster has too few that are no body.
     """
     none = np.zeros(len(points), np.bool_)
     if not len(points):
@@ -185,7 +152,7 @@ def split(points: Candidates, body: Float64Array, config: SplitConfig) -> BoolAr
 def gate(
     points: Candidates, body: Float64Array, mean: Float64Array, covariance: Float64Array, extent: float, rests: bool, config: SplitConfig
 ) -> BoolArray:
-    """Pick the points near the predicted hand that are no body; those without z are compared on the floor plane.
+    """Pick the points near the predicted hand that are no body, shape (n,); those without z are compared on the floor plane.
 
     Parameters
     ----------
@@ -201,10 +168,6 @@ def gate(
         Whether the hand rested: what is seen farther in along the arm is forearm.
     config : SplitConfig
         Knobs.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
     """
     own = np.zeros(len(points), np.bool_)
     if not len(points):

@@ -23,15 +23,7 @@ _ASSUMED_Z_STD = 0.3  # m: where no point measures the height, the hand is assum
 
 @dataclass(frozen=True, eq=False)
 class HandMeasurement:
-    """What one cloud says about the hand.
-
-    Attributes
-    ----------
-    state : VelocityMeasurement
-        Of one track in three dimensions.
-    snapshot : SnapshotVelocity
-        The velocity at the centroid, and how well it is told.
-    """
+    """What one cloud says about the hand: place, range rate and velocity of one track in 3-D, and how well the velocity is told."""
 
     state: VelocityMeasurement
     snapshot: SnapshotVelocity
@@ -45,21 +37,10 @@ class HandMeter:
         self._snapshot: Snapshot | None = None
 
     def process(self, points: Candidates, body: Float64Array, near: Float64Array) -> HandMeasurement:
-        """Measure.
+        """Measure the weighted centroid of the hand's points, at least one, and its velocity.
 
-        Parameters
-        ----------
-        points : Candidates
-            Of the hand, at least one.
-        body : ndarray of float64, shape (3,)
-            Where the person is [m].
-        near : ndarray of float64, shape (3,)
-            About where the hand is [m]: points farther out that way from the shoulder count more, for the hand is the arm's end.
-
-        Returns
-        -------
-        HandMeasurement
-            Place and velocity belong to the weighted centroid.
+        ``body``, shape (3,) [m], is where the person is, ``near``, shape (3,) [m], about where the hand is: points farther out that way
+        from the shoulder count more, for the hand is the arm's end.
         """
         along = outward(points.position, body, near)
         share = points.amplitude * np.exp((along - along.max()) / self._config.hand_length)

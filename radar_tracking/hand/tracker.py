@@ -65,7 +65,7 @@ class HandTracker:
     """
 
     def __init__(self, config: HandConfig | None = None, info: RadarInfo | None = None) -> None:
-        self.config = config if config is not None else HandConfig()
+        self.config = config or HandConfig()
         self._origin = np.zeros(3)
         if info is not None:
             self.seen_from(info)
@@ -102,14 +102,9 @@ class HandTracker:
         return self._measured
 
     def start(self, track_id: int | None, stamp_ns: int) -> None:
-        """Follow the hand of a person from the first cloud at or after ``stamp_ns`` + `trigger_delay`.
+        """Follow the hand of a person from the first cloud at or after ``stamp_ns`` [ns] + `trigger_delay`.
 
-        Parameters
-        ----------
-        track_id : int or None
-            Whose hand; None: of the confirmed track nearest to the radar.
-        stamp_ns : int
-            Stamp of the trigger [ns].
+        ``track_id`` None: of the confirmed track nearest to the radar.
         """
         self._queue(stamp_ns, "start", track_id)
 
@@ -121,16 +116,9 @@ class HandTracker:
             self._queue(stamp_ns, "stop", None)
 
     def gesture(self, name: str, track_id: int, stamp_ns: int) -> None:
-        """Tell of a recognised gesture; the trigger gesture starts (or with `toggle` also ends) the hand track.
+        """Tell that the person of a track performed a gesture, one of `GESTURES`, decided at ``stamp_ns`` [ns].
 
-        Parameters
-        ----------
-        name : str
-            As in ``GESTURES``.
-        track_id : int
-            Who performed it.
-        stamp_ns : int
-            When it was decided [ns].
+        The trigger gesture starts (or with `toggle` also ends) the hand track.
         """
         if name and name == self.config.trigger:
             self._queue(stamp_ns, "trigger", track_id)
@@ -139,17 +127,7 @@ class HandTracker:
         self._pending.append((stamp_ns + round(self.config.trigger_delay / _NANOSECOND), action, track_id))
 
     def process(self, tracked: TrackedCloud) -> HandTrack | None:
-        """Take in one cloud with its tracks.
-
-        Parameters
-        ----------
-        tracked : TrackedCloud
-            In ``room``, not older than the one before.
-
-        Returns
-        -------
-        HandTrack or None
-            None: there is no hand (yet).
+        """Take in one cloud with its tracks; None: there is no hand (yet).
 
         Raises
         ------
@@ -160,9 +138,8 @@ class HandTracker:
         if tracked.cloud.frame_id != "room":
             raise DataError(f"hand tracking needs clouds in 'room', this one is in {tracked.cloud.frame_id!r}")
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
-            raise DataError(
-                f"cloud {tracked.cloud.sequence} is older than the one before; reset() the hand tracker before another recording"
-            )
+            number = tracked.cloud.sequence
+            raise DataError(f"cloud {number} is older than the one before; reset() the hand tracker before another recording")
         dt = 0.0 if self._stamp_ns is None else (stamp_ns - self._stamp_ns) * _NANOSECOND
         self._stamp_ns, self._measured = stamp_ns, None
         ended = self._apply_commands(tracked)

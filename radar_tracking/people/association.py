@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.assignment import assign_tracks, mahalanobis
+from radar_tracking.clustering.base import ClusterPoints
 from radar_tracking.clustering.density import DENSE_LIMIT, cluster, dense, label_dense
 from radar_tracking.clustering.lloyd import kmeans
 from radar_tracking.people.config import AssociationConfig, TrackerConfig
@@ -52,22 +53,15 @@ class Association(Protocol):
 
 
 class Clusters:
-    """Dense clusters of some of a cloud's points, by the method that the configuration names.
-
-    Attributes
-    ----------
-    plain : bool
-        Whether it is DBSCAN of positions, for which there are compiled loops.
-    """
+    """Dense clusters of some of a cloud's points, by the configured method; ``plain``: DBSCAN of positions, with compiled loops."""
 
     def __init__(self, config: AssociationConfig) -> None:
         self._config = config.clustering
         self.plain = config.clustering.name == "dbscan" and config.clustering.rate_weight == 0
         if not self.plain:
-            from radar_tracking.clustering.base import ClusterPoints
-            from radar_tracking.clustering.choose import Clustering
+            from radar_tracking.clustering.choose import Clustering  # with all methods, which the default does without
 
-            self._points, self._method = ClusterPoints, Clustering(config.clustering)
+            self._method = Clustering(config.clustering)
 
     def labels(self, points: Points, index: IndexArray) -> IndexArray:
         """Cluster of each point of ``index``, shape (len(index),); -1: noise."""
@@ -76,7 +70,7 @@ class Clusters:
             return cluster(points.position[index, :2], config.eps, config.min_points, config.max_points)
         away = points.position[index, :2] - points.origins[points.sensor[index], :2]
         azimuth = np.arctan2(away[:, 1], away[:, 0])
-        return self._method.labels(self._points(points.position[index, :2], points.speed[index], points.distance[index], azimuth))
+        return self._method.labels(ClusterPoints(points.position[index, :2], points.speed[index], points.distance[index], azimuth))
 
 
 def nobody(n_points: int) -> IndexArray:
@@ -213,23 +207,10 @@ class GroupTrackingWithClustering:
 
 @_jit
 def share_out(place: Any, distance: Any, size: Any, eps: float, min_points: float) -> Any:
-    """Give every point to the nearest track in whose main cluster it is.
+    """Give every point to the nearest track in whose main cluster it is: the row of each point's track, shape (n_points,), -1: nobody.
 
-    Parameters
-    ----------
-    place : ndarray of float64, shape (n_points, 2)
-        Of the points on the floor plane [m].
-    distance : ndarray of float64, shape (n_tracks, n_points)
-        Of every point from every track; infinite outside the gate.
-    size : ndarray of float64, shape (n_tracks, n_points)
-        How much each point counts for the size of a cluster.
-    eps, min_points : float
-        Of the clustering.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Row of the track of each point, -1: nobody.
+    Places on the floor plane have shape (n_points, 2) [m]; distances from every track, infinite outside the gate, and how much each point
+    counts for the size of a cluster have shape (n_tracks, n_points). ``eps`` and ``min_points`` are those of the clustering.
     """
     n_tracks, n_points = distance.shape
     left, lost = distance.copy(), np.ones(n_points, np.bool_)

@@ -57,18 +57,9 @@ class Background:
         return found
 
     def learn(self, points: Points, owned: BoolArray, stirring: BoolArray, dt: float) -> None:
-        """Take in a cloud after its points have been given to tracks.
+        """Take in a cloud, background included, ``dt`` [s] after the one before, once its points have been given to tracks.
 
-        Parameters
-        ----------
-        points : Points
-            Of the whole cloud, background included.
-        owned : ndarray of bool, shape (n_points,)
-            Points of confirmed tracks.
-        stirring : ndarray of bool, shape (n_points,)
-            Moving points of confirmed tracks that stand.
-        dt : float
-            Since the cloud before [s].
+        ``owned`` are points of confirmed tracks, ``stirring`` moving points of those that stand; shape (n_points,) both.
         """
         if not self.config.enabled:
             return

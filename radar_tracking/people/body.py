@@ -25,15 +25,7 @@ _SHORT = 1e-9  # m
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """What a cloud says about some tracks; every array has one row per track.
-
-    Attributes
-    ----------
-    measurement : Measurement
-        Of the bodies' centres.
-    away : ndarray of float64, shape (n_tracks, 2)
-        Unit vectors on the floor plane from the sensor to the body.
-    """
+    """What a cloud says of some tracks: their centres, and unit vectors on the floor plane from the sensor to them, shape (n_tracks, 2)."""
 
     measurement: Measurement
     away: Float64Array
@@ -42,7 +34,7 @@ class Bodies:
 def measure(
     points: Points, own: IndexArray, group: IndexArray, n: int, weight: Float64Array, offset: Float64Array, config: FilterConfig
 ) -> Bodies:
-    """Measure bodies by the weighted centroids of their points.
+    """Measure ``n`` bodies by the weighted centroids of their points.
 
     A radar sees the surface that is turned to it: the centre lies behind the centroid by ``offset``. The covariance comes from the points'
     spread, number and distance. An unmeasured height is assumed.
@@ -51,10 +43,8 @@ def measure(
     ----------
     points : Points
         Of the cloud.
-    own : ndarray of int64, shape (n_own,)
-        Which of them to use.
-    group : ndarray of int64, shape (n_own,)
-        Row of the track each belongs to, 0 to n - 1; every track has one at least.
+    own, group : ndarray of int64, shape (n_own,)
+        Which of them to use, and the row of the track each belongs to, 0 to n - 1; every track has one at least.
     n : int
         Number of tracks.
     weight : ndarray of float64, shape (n_own,)
@@ -103,13 +93,7 @@ class Centres(NamedTuple):
 
 @_jit
 def centre(position: Any, cross: Any, speed: Any, sensor: Any, origins: Any, group: Any, weight: Any, n: int) -> Any:
-    """Average the points of each group; arguments are the columns of `Points`, the group of each point, its weight, and how many groups.
-
-    Returns
-    -------
-    tuple
-        The fields of `Centres`.
-    """
+    """Average the points of each of ``n`` groups: the fields of `Centres`, from columns of `Points`, each point's group and weight."""
     # written out in loops: expressions of whole arrays take seconds to compile
     m, n_sensors = len(group), len(origins)
     share, column = np.empty(m), np.empty(m)

@@ -56,18 +56,9 @@ class Gating:
 
 
 def gate_points(table: TrackTable, kinematics: tuple[Float64Array, Float64Array], points: Points, config: AssociationConfig) -> Gating:
-    """Compare all tracks with all points.
+    """Compare all tracks with all points of a cloud.
 
-    Parameters
-    ----------
-    table : TrackTable
-        The tracks.
-    kinematics : tuple of ndarray, shapes (n_tracks, 6), (n_tracks, 6, 6)
-        Predicted position and velocity, and their covariance.
-    points : Points
-        Of this cloud.
-    config : AssociationConfig
-        Gate and arms.
+    ``kinematics`` are predicted position and velocity, shape (n_tracks, 6), and their covariance, shape (n_tracks, 6, 6).
     """
     mean, covariance = kinematics
     centre = mean[:, :2]

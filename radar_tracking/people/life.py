@@ -22,15 +22,7 @@ _DISPERSION = 0.15**2  # m^2: of a new track's main cluster, along each axis of 
 
 
 class Birth:
-    """Finds where new tracks may start, and makes their rows.
-
-    Parameters
-    ----------
-    config : TrackerConfig
-        Its parts ``life``, ``filter``, ``association`` and ``zones`` count.
-    estimator : Estimator
-        Of the tracks.
-    """
+    """Finds where new tracks may start, and makes their rows."""
 
     def __init__(self, config: TrackerConfig, estimator: Estimator) -> None:
         self._life, self._filter = config.life, config.filter
@@ -53,11 +45,6 @@ class Birth:
             Centres of all tracks on the floor plane [m].
         age : float
             Time since the first cloud [s].
-
-        Returns
-        -------
-        list of ndarray of int64
-            Points of each new track.
         """
         life, index = self._life, np.flatnonzero(free)
         if len(index) < life.birth_points:
@@ -134,23 +121,10 @@ class TrackManagement:
         self._close_ns: dict[tuple[int, int], int] = {}
 
     def process(self, table: TrackTable, centre: Float64Array, inside: BoolArray, stamp_ns: int) -> tuple[Deleted, ...]:
-        """Confirm and delete after a cloud.
+        """Confirm and delete tracks after the cloud at ``stamp_ns``; changes the table and returns who is gone, in the order of ids.
 
-        Parameters
-        ----------
-        table : TrackTable
-            The tracks; changed in place.
-        centre : ndarray of float64, shape (n_tracks, 2)
-            Where they are [m].
-        inside : ndarray of bool, shape (n_tracks,)
-            Which of them the radar can see, and people can be.
-        stamp_ns : int
-            Of the cloud [ns].
-
-        Returns
-        -------
-        tuple of Deleted
-            Those who are gone, in the order of their ids.
+        ``centre``, shape (n_tracks, 2) [m], is where they are, ``inside``, shape (n_tracks,), which of them are where the radar sees and
+        people can be.
         """
         self._confirm(table, stamp_ns)
         reasons = self._overdue(table, inside, stamp_ns)
@@ -159,9 +133,8 @@ class TrackManagement:
         gone = np.array([reason is not None for reason in reasons], np.bool_)
         if not gone.any():
             return ()
-        deleted = tuple(
-            Deleted(int(table.id[row]), reason, bool(table.confirmed[row])) for row, reason in enumerate(reasons) if reason is not None
-        )
+        rows = zip(table.id.tolist(), reasons, table.confirmed.tolist(), strict=True)
+        deleted = tuple(Deleted(number, reason, confirmed) for number, reason, confirmed in rows if reason is not None)
         table.keep(~gone)
         return deleted
 
@@ -186,10 +159,7 @@ class TrackManagement:
         late = unseen > patience
         reasons: list[Reason | None] = [None] * len(table)
         for row in np.flatnonzero(late):
-            if not confirmed[row]:
-                reasons[row] = Reason.NOT_CONFIRMED
-            else:
-                reasons[row] = Reason.UNSEEN if inside[row] else Reason.LEFT
+            reasons[row] = Reason.NOT_CONFIRMED if not confirmed[row] else Reason.UNSEEN if inside[row] else Reason.LEFT
         idle = confirmed & ~table.walked & (stamp_ns - table.stirred_ns > whole_ns(config.delete_idle_after))
         for row in np.flatnonzero(idle & ~late):
             reasons[row] = Reason.IDLE

@@ -34,12 +34,12 @@ class Pairs:
     def process(
         self, table: TrackTable, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
     ) -> tuple[Matched, list[IndexArray]]:
-        """Take in whose the points of a cloud seem to be.
+        """Take in whose the points of a cloud seem to be; ``pair`` in the table is changed.
 
         Parameters
         ----------
         table : TrackTable
-            The tracks; ``pair`` is changed.
+            The tracks.
         points : Points
             Of the cloud.
         matched : Matched
@@ -114,10 +114,7 @@ def _offsets(points: Points, own: IndexArray, centre: Float64Array) -> Float64Ar
 def _takes(place: Float64Array, seen: Float64Array, centre: Float64Array, unseen: BoolArray) -> tuple[int, int]:
     """Find the unseen track that takes one of two heaps, so that it and the seen track together are nearest to theirs.
 
-    Returns
-    -------
-    row, heap : int
-        Of the track, -1: none is within reach; which heap it takes.
+    Gives the row of the track, -1: none is within reach, and which heap it takes.
     """
     rows = np.flatnonzero(unseen)
     if len(rows) == 0:
@@ -132,21 +129,8 @@ def _takes(place: Float64Array, seen: Float64Array, centre: Float64Array, unseen
 def two_heaps(group: IndexArray, value: Float64Array, weight: Float64Array, n: int, distance: float) -> Float64Array:
     """Find groups whose values fall into two compact heaps.
 
-    Parameters
-    ----------
-    group : ndarray of int64, shape (n_values,)
-        Of each value, 0 to n - 1.
-    value, weight : ndarray of float64, shape (n_values,)
-        Weights are positive.
-    n : int
-        Number of groups.
-    distance : float
-        Of the heaps' means, at least.
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Value between the two heaps (of least variance within them); NaN: there are not two.
+    Gives for each of ``n`` groups the value between the two heaps of least variance within them, shape (n,); NaN: there are not two. Groups
+    and values, with positive weights, have shape (n_values,); the heaps' means are at least ``distance`` apart.
     """
     found: Float64Array = _two_heaps(np.argsort(value, kind="stable"), group, value, weight, n, distance)
     return found
@@ -190,8 +174,8 @@ def separate_tracks(
 ) -> Belief:
     """Push tracks apart that are nearer to each other than people can be, and stop their approach.
 
-    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts; without separation
-    the coasting one would run through the other. Of a pair, the track with the larger position variance moves more.
+    When two people stand so near that the radar sees one echo between them, one track takes it and the other coasts; without separation the
+    coasting one would run through the other. Of a pair, the track with the larger position variance moves more.
 
     Parameters
     ----------
@@ -205,11 +189,6 @@ def separate_tracks(
         Least distance of two people's centres on the floor plane [m].
     dimensions : int
         d.
-
-    Returns
-    -------
-    Belief
-        The same object where nobody is too near.
     """
     rows = np.flatnonzero(solid)
     if len(rows) < 2 or width <= 0:

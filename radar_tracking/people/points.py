@@ -71,17 +71,8 @@ class Points:
 class Admission:
     """Takes of every cloud what a tracker can use.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        Knobs.
-    origin : ndarray of float64, shape (3,)
-        Where the sensor stands, for clouds that do not say it themselves [m].
-
-    Attributes
-    ----------
-    dropped : int
-        Points without position, or absurdly far away, so far.
+    ``origin``, shape (3,) [m], is where the sensor stands, for clouds that do not say it. ``dropped`` counts points without position, or
+    absurdly far away.
     """
 
     def __init__(self, config: TrackerConfig, origin: Float64Array) -> None:
@@ -90,18 +81,7 @@ class Admission:
         self.dropped = 0
 
     def process(self, cloud: PointCloud) -> Points:
-        """Pick the points that have a position within the tracker's bounds and may move.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-            In ``room``.
-
-        Raises
-        ------
-        DataError
-            When the cloud is not in ``room`` or holds an infinity.
-        """
+        """Pick points with a position in bounds that may move; `DataError` where a cloud is not in ``room`` or holds an infinity."""
         if cloud.frame_id != "room":
             raise DataError(f"tracking needs clouds in 'room', this one is in {cloud.frame_id!r}; level it with PointCloud.to_room(mount)")
         if np.isinf(np.concatenate([getattr(cloud, name) for name in _USED])).any():

@@ -22,15 +22,8 @@ class Reflections:
     """Scores how much each track has lately looked like another one's reflection (``reflection_score`` in the track table).
 
     One leg of a reflection's way is straight, the other by the wall: it is as far as half of both, in the direction of the person or of the
-    mirror image, and between the two where the array cannot tell them apart. Where the walls are not known, whatever is farther than its
-    cause may be a reflection. In either case it is weaker than its cause, for its range.
-
-    Parameters
-    ----------
-    config : LifeConfig
-        Knobs.
-    walls : tuple of float
-        Four numbers a wall: x and y of both ends [m].
+    mirror image, and between the two where the array cannot tell them apart. Where the walls, four numbers each, x and y of both ends [m],
+    are not known, whatever is farther than its cause may be a reflection. In either case it is weaker than its cause, for its range.
     """
 
     def __init__(self, config: LifeConfig, walls: tuple[float, ...] = ()) -> None:
@@ -43,19 +36,7 @@ class Reflections:
         self._stamp_ns = 0
 
     def process(self, table: TrackTable, centre: Float64Array, origins: Float64Array, stamp_ns: int) -> None:
-        """Take in a cloud.
-
-        Parameters
-        ----------
-        table : TrackTable
-            The tracks; ``reflection_score`` is changed.
-        centre : ndarray of float64, shape (n_tracks, 2)
-            Where they are [m].
-        origins : ndarray of float64, shape (n_sensors, 2)
-            Where the sensors stand [m].
-        stamp_ns : int
-            Of the cloud [ns].
-        """
+        """Take in a cloud: where tracks are, shape (n_tracks, 2), and where the sensors stand, shape (n_sensors, 2) [m]."""
         share = 1.0 - math.exp((self._stamp_ns - stamp_ns) * 1e-9 / self._config.reflection_time)
         self._stamp_ns = stamp_ns
         cause = np.flatnonzero(stamp_ns - table.seen_ns <= _KNOWN_NS)
@@ -95,19 +76,9 @@ class Reflections:
 def detours(place: Float64Array, walls: Float64Array) -> tuple[Float64Array, Float64Array]:
     """How much farther, and in which direction, walls make a sensor at the origin see bodies.
 
-    Parameters
-    ----------
-    place : ndarray of float64, shape (n, 2)
-        Of the bodies on the floor plane [m].
-    walls : ndarray of float64, shape (n_walls, 4)
-        x and y of both ends [m].
-
-    Returns
-    -------
-    half : ndarray of float64, shape (n, n_walls)
-        Half the way there by the wall and back straight [m]; NaN: that wall does not mirror that body.
-    turn : ndarray of float64, shape (n, n_walls)
-        Azimuth of the mirror image beyond that of the body [rad].
+    Bodies on the floor plane have shape (n, 2), walls, x and y of both ends, shape (n_walls, 4) [m]. Gives half the way there by the wall
+    and back straight [m], NaN where that wall does not mirror that body, and the azimuth of the mirror image beyond that of the body [rad],
+    shape (n, n_walls) each.
     """
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     length = np.hypot(along[:, 0], along[:, 1])

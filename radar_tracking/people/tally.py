@@ -21,7 +21,7 @@ class TrackConsistencyConfig(ConsistencyConfig):
     """When the filter of people counts as inconsistent.
 
     The errors of one body's echoes hang together for tenths of a second, so that a filter which is right about its position expects far
-    more change from one cloud to the next than it sees: with the default settings the NIS per degree of freedom of simulated people lies
+    more change from one cloud to the next than it sees: with the defaults the NIS per degree of freedom of simulated people lies
     between 0.03 and 0.35. Only what lies far below says that the noise is set too high.
     """
 

@@ -18,15 +18,7 @@ _jit = numba.njit(cache=True, nogil=True)
 
 
 class Column(Generic[T]):
-    """One column of a `TrackTable`: reading gives a view of shape (n_tracks, *shape), assignment writes into it.
-
-    Parameters
-    ----------
-    dtype : type
-        Of one number.
-    *shape : int
-        Of one row's entry; none: a number.
-    """
+    """One column of a `TrackTable`: reading gives a view of shape (n_tracks, *shape), assignment writes into it."""
 
     def __init__(self, dtype: type[T], *shape: int) -> None:
         self.dtype = dtype
@@ -47,12 +39,7 @@ class Column(Generic[T]):
 
 
 class TrackTable:
-    """Columns and beliefs of the live tracks; rows are in the order of their ids.
-
-    Parameters
-    ----------
-    n_tracks : int
-        Rows to begin with, all zero.
+    """Columns and beliefs of the live tracks; rows are in the order of their ids, ``n_tracks`` to begin with, all zero.
 
     Attributes
     ----------
@@ -122,12 +109,8 @@ class Matched:
     ----------
     rows : ndarray of int64, shape (n_rows,)
         Tracks that have such points, ascending.
-    own : ndarray of int64, shape (n_own,)
-        Indices of the points.
-    row : ndarray of int64, shape (n_own,)
-        Track of each point.
-    group : ndarray of int64, shape (n_own,)
-        Index into ``rows`` of each point's track.
+    own, row, group : ndarray of int64, shape (n_own,)
+        Indices of the points, the track of each, and its index in ``rows``.
     """
 
     rows: IndexArray
@@ -169,22 +152,10 @@ class TorsoPoints(NamedTuple):
 def update_torsos(
     records: Any, rows: Any, group: Any, points: Any, keep: Any, keep_activity: Any, fast: float, low: float, high: float
 ) -> None:
-    """Smooth offset, range, range rate, power and Doppler residual of each track's torso, and its activity.
+    """Smooth offset, range, range rate, power and Doppler residual of each track's torso, and its activity, in ``records``.
 
-    Parameters
-    ----------
-    records : ndarray of `RECORD`, shape (n_tracks,)
-        Changed in place.
-    rows, group : ndarray of int64, shapes (n_rows,), (n_own,)
-        As in `Matched`.
-    points : TorsoPoints
-        What they say.
-    keep, keep_activity : ndarray of float64, shape (n_rows,)
-        Share of the old value that stays; the second is that of the activity.
-    fast : float
-        Points with at least this range rate move [m/s]. Points without Doppler count as moving.
-    low, high : float
-        Bounds of the torso's offset from its track's centre [m].
+    ``keep`` and ``keep_activity``, shape (n_rows,), are the shares of the old values that stay. Points with a range rate of at least
+    ``fast`` [m/s], or none, move. ``low`` and ``high`` [m] bound the torso's offset from its track's centre.
     """
     total, depth, away, loud, moves, share, drift, rate = _sum_torsos(len(rows), group, points, fast)
     for k in range(len(rows)):
@@ -220,18 +191,10 @@ def _sum_torsos(n: int, group: Any, points: Any, fast: float) -> Any:
 
 @_jit
 def update_extents(records: Any, row: Any, step: Any, keep: Any) -> None:
-    """Smooth spread and dispersion of each track's points.
+    """Smooth spread and dispersion of each track's points in ``records``.
 
-    Parameters
-    ----------
-    records : ndarray of `RECORD`, shape (n_tracks,)
-        Changed in place.
-    row : ndarray of int64, shape (n_own,)
-        Track of each point that belongs to one.
-    step : ndarray of float64, shape (n_own, 3)
-        From the track's centre to the point [m]; NaN heights are not measured.
-    keep : ndarray of float64, shape (n_tracks,)
-        Share of the old value that stays.
+    ``row``, shape (n_own,), is the track of each point, ``step``, shape (n_own, 3) [m], the way from its centre to the point, NaN heights
+    not measured; ``keep``, shape (n_tracks,), the share of the old value that stays.
     """
     n = len(records)
     count, square, xy = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)

@@ -51,21 +51,20 @@ class PeopleTracker:
         Knobs.
     info : RadarInfo or None
         The radar: where it stands and how far it sees. None: at the room's origin, and it sees everything.
-
-    Attributes
-    ----------
-    dropped_points : int
-        Points without position, or absurdly far away, since the last `reset`.
     """
 
     def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
-        self.config = config if config is not None else TrackerConfig()
+        self.config = config or TrackerConfig()
         self._view = View(info)
         self._zones = Zones(self.config.zones)
         self._known: tuple[Belief, tuple[Float64Array, Float64Array]] | None = None
         self._use(self.config)
         self._pairs = Pairs(self.config.life)
-        self._reflections = self._make_reflections()
+        self._reflections: Reflections | None = None
+        if self.config.life.reflection_after > self.config.life.confirm_after:
+            from radar_tracking.people.reflections import Reflections
+
+            self._reflections = Reflections(self.config.life, self.config.zones.walls)
         self._management = TrackManagement(self.config.life)
         self.reset()
 
@@ -76,21 +75,8 @@ class PeopleTracker:
         self._association = make_association(config)
         self._birth = Birth(config, self._estimator)
 
-    def _make_reflections(self) -> Reflections | None:
-        """Reflections of people, where the configuration asks for them."""
-        if self.config.life.reflection_after <= self.config.life.confirm_after:
-            return None
-        from radar_tracking.people.reflections import Reflections
-
-        return Reflections(self.config.life, self.config.zones.walls)
-
     def change(self, config: TrackerConfig) -> None:
         """Work on with another tracker, association or estimator, and with the tracks that there are.
-
-        Parameters
-        ----------
-        config : TrackerConfig
-            Differs from the present one in ``tracker``, ``association`` and ``filter`` only.
 
         Raises
         ------
@@ -209,10 +195,7 @@ class PeopleTracker:
     ) -> tuple[BoolArray, Gating | None, list[IndexArray]]:
         """Give points to tracks and update those that got some.
 
-        Returns
-        -------
-        tuple
-            Which points are nobody's; where they lie beside the tracks, None: there is no track; the points of second people in tracks.
+        Gives which points are nobody's; where they lie beside the tracks, None: there is no track; the points of second people in tracks.
         """
         table, everybody = self._table, np.ones(len(points), bool)
         if table.belief is None or len(table) == 0 or len(points) == 0:
@@ -337,9 +320,8 @@ class PeopleTracker:
             return ()
         mean, covariance = self._kinematics(table.belief)
         # columns as plain numbers: one by one they cost several times as much
-        number, confirmed, n_points, nis, dof = (
-            column.tolist() for column in (table.id, table.confirmed, table.n_points, table.nis, table.dof)
-        )
+        columns = (table.id, table.confirmed, table.n_points, table.nis, table.dof)
+        number, confirmed, n_points, nis, dof = (column.tolist() for column in columns)
         age, unseen = (((stamp_ns - column) * _NANOSECOND).tolist() for column in (table.born_ns, table.seen_ns))
         position, velocity, covariance, extent = mean[:, :3].copy(), mean[:, 3:].copy(), covariance.copy(), np.sqrt(table.spread)
         status = map(_status, confirmed, unseen)
@@ -348,6 +330,4 @@ class PeopleTracker:
 
 
 def _status(confirmed: bool, unseen: float) -> TrackStatus:
-    if not confirmed:
-        return TrackStatus.TENTATIVE
-    return TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED
+    return TrackStatus.TENTATIVE if not confirmed else TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED

@@ -16,18 +16,12 @@ _ALONE = 10  # of these show one person: arrays of one row are contiguous where 
 _APART = 30  # before this one the two are 0.9 m apart
 
 
-def warm_up(settings: TrackerConfig) -> None:
-    """Compile what the settings need, by following two made-up people; a node that subscribes only then loses no cloud meanwhile.
-
-    Parameters
-    ----------
-    settings : TrackerConfig
-        Those of the tracker that is to be fast; zones and bounds make no difference.
-    """
-    everywhere = TrackerConfig(tracker=settings.tracker, association=settings.association, filter=settings.filter)
+def warm_up(config: TrackerConfig) -> None:
+    """Compile what a tracker of that configuration needs, by following two made-up people, so that a node loses no cloud meanwhile."""
+    everywhere = TrackerConfig(tracker=config.tracker, association=config.association, filter=config.filter)  # no zones, no bounds
     tracker = PeopleTracker(everywhere)
     rng = np.random.default_rng(1)
-    with contextlib.suppress(HandwaveError):  # what is wrong with the settings is said when they are used
+    with contextlib.suppress(HandwaveError):  # what is wrong with the configuration is said when it is used
         for k in range(_WARM_UP):
             tracker.process(_made_up(rng, k))
 

@@ -80,18 +80,7 @@ def _rows(values: tuple[float, ...]) -> Float64Array:
 
 
 class Zones:
-    """Answer what a tracker asks about places, and count people.
-
-    Parameters
-    ----------
-    config : ZonesConfig or None
-        Knobs; None: no zones, everything is allowed everywhere.
-
-    Attributes
-    ----------
-    boundaries, entries, counted : ndarray of float64, shape (n_boxes, 4)
-        The boxes, (x_low, x_high, y_low, y_high) [m] in ``room``.
-    """
+    """Answer what a tracker asks about places, and count people; without a configuration everything is allowed everywhere."""
 
     def __init__(self, config: ZonesConfig | None = None) -> None:
         self.config = config if config is not None else ZonesConfig()
@@ -100,36 +89,18 @@ class Zones:
         self.counted = _rows(self.config.counted_boxes)
 
     def inside(self, points: NDArray[np.floating]) -> BoolArray:
-        """Whether positions lie where people can be.
+        """Whether positions, shape (..., 2) or (..., 3) in ``room`` [m], lie where people can be, shape (...); heights do not matter.
 
-        Parameters
-        ----------
-        points : ndarray, shape (..., 2) or (..., 3)
-            Positions (x, y) or (x, y, z) in ``room`` [m]. Heights do not matter.
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
-            True everywhere, NaN included, without boundaries; with them, a NaN in x or y lies in no box.
+        True everywhere, NaN included, without boundaries; with them, a NaN in x or y lies in no box.
         """
         if not len(self.boundaries):
             return np.ones(np.shape(points)[:-1], np.bool_)
         return np.asarray(_in_boxes(points, self.boundaries).any(axis=-1))
 
     def may_enter(self, position: NDArray[np.floating], age: float) -> bool:
-        """Whether a new track may begin at a place.
+        """Whether a new track may begin at a place, shape (2,) or (3,) in ``room`` [m], ``age`` [s] after the tracker's first cloud.
 
-        Parameters
-        ----------
-        position : ndarray, shape (2,) or (3,)
-            In ``room`` [m].
-        age : float
-            Time since the tracker's first cloud [s].
-
-        Returns
-        -------
-        bool
-            Never outside the boundaries. Inside, anywhere without entries and during the first ``settle`` seconds, else in an entry.
+        Never outside the boundaries. Inside, anywhere without entries and during the first ``settle`` seconds, else in an entry.
         """
         if not bool(self.inside(position)):
             return False
@@ -138,17 +109,9 @@ class Zones:
         return bool(_in_boxes(position, self.entries).any())
 
     def process(self, tracks: Tracks) -> dict[str, int]:
-        """Count the people in each counted zone.
+        """Count the people in each counted zone, in the order of ``counted``.
 
-        Parameters
-        ----------
-        tracks : Tracks
-            After one cloud; tentative tracks count for nobody, coasting ones for somebody.
-
-        Returns
-        -------
-        dict of str to int
-            People by zone, in the order of ``counted``. Zones may overlap: whoever stands in two is counted in both.
+        Tentative tracks count for nobody, coasting ones for somebody. Zones may overlap: whoever stands in two is counted in both.
         """
         people = [track.position for track in tracks.tracks if track.status != TrackStatus.TENTATIVE]
         if not people:
@@ -165,17 +128,9 @@ def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> BoolArray:
 
 
 class View:
-    """The part of the room that a radar sees.
+    """The part of the room that a radar sees; None: one at the room's origin that sees everything.
 
-    Parameters
-    ----------
-    info : RadarInfo or None
-        The radar; None: one at the room's origin that sees everything.
-
-    Attributes
-    ----------
-    origin : ndarray of float64, shape (3,)
-        Where it stands in ``room`` [m].
+    ``origin``, shape (3,), is where it stands in ``room`` [m].
     """
 
     def __init__(self, info: RadarInfo | None = None) -> None:
@@ -184,13 +139,7 @@ class View:
         self.origin = self._mount.origin
 
     def sees(self, position: Float64Array) -> BoolArray:
-        """Whether bodies are in view, shape (n,); elevation is left out, because some part of a body mostly is.
-
-        Parameters
-        ----------
-        position : ndarray of float64, shape (n, 3)
-            In ``room`` [m].
-        """
+        """Whether bodies at positions, shape (n, 3) in ``room`` [m], are in view, shape (n,); not by elevation: some part mostly is."""
         x, y, z = self._mount.from_room(position).T
         return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
 
