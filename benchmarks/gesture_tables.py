@@ -31,7 +31,7 @@ from radar_lab.training.cnn_training import cnn_judge, train_cnn
 from radar_lab.training.training import TrainingConfig, fit, train_on, validate
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator
-from radar_sim.motions.library import library_hash
+from radar_sim.motions.strokes import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud
 
 _PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")

@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_sim.bodies.base import BONES, PARENTS, REACH, Pose, Posture
-from radar_sim.bodies.limbs import FOLDED, STRAIGHT
-from radar_sim.bodies.mesh import MeshBody
 from radar_sim.bodies.shadows import MARGIN
-from radar_sim.bodies.skeleton import Skeleton
-from radar_sim.bodies.skin import facets
+from radar_sim.bodies.skeleton import FOLDED, STRAIGHT, Skeleton
+from radar_sim.bodies.skin import MeshBody, facets
 from radar_sim.bodies.subject import Subject
 from radar_sim.scatterers import Float64Array
 
@@ -89,7 +87,7 @@ class BlenderBody(MeshBody):
         """Pose the arms with Blender's inverse kinematics, all else with the skeleton.
 
         Each arm has an inverse kinematics constraint with two bones: shoulder to elbow, and elbow to the middle of the hand. Its target is
-        the wanted hand, kept within the same reach as in `radar_sim.bodies.limbs.bend`; its pole lies beyond the elbow of
+        the wanted hand, kept within the same reach as in `radar_sim.bodies.skeleton.bend`; its pole lies beyond the elbow of
         `radar_sim.bodies.skeleton.Skeleton`. How far the elbow bends, and how the arm turns, is Blender's answer.
 
         Parameters

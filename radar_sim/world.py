@@ -7,7 +7,8 @@ import numpy as np
 from radar_core import NO_GESTURE, Waveform
 from radar_sim.bodies.base import Pose
 from radar_sim.bodies.make import Figure, make_figure
-from radar_sim.motions.script import Segment, Timeline
+from radar_sim.motions.planner import Segment
+from radar_sim.motions.script import Timeline
 from radar_sim.room import Things
 from radar_sim.scatterers import Float64Array, Scatterers
 from radar_sim.scene import Scene, SceneRadar

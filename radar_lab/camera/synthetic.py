@@ -20,7 +20,7 @@ from radar_lab.camera.pinhole import CameraModel, CameraMount
 from radar_lab.camera.pose import RgbdFrame
 from radar_sim.bodies.base import BONES, Pose
 from radar_sim.bodies.make import Figure, make_figure
-from radar_sim.bodies.mesh import MeshBody, at
+from radar_sim.bodies.skin import MeshBody, at
 from radar_sim.scene import Scene
 from radar_sim.world import World
 
@@ -82,7 +82,7 @@ class SyntheticCameraConfig:
 class SyntheticCamera:
     """Take pictures of a scene's people; the first one wears the markers.
 
-    Everybody is drawn as the mesh of `radar_sim.bodies.mesh`, whatever the scene says for the radar: motion and size are the same.
+    Everybody is drawn as the mesh of `radar_sim.bodies.skin`, whatever the scene says for the radar: motion and size are the same.
 
     Parameters
     ----------

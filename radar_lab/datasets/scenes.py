@@ -26,7 +26,7 @@ from radar_lab.datasets.training_scenes import training_scene
 from radar_lab.datasets.workers import work_through
 from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator, Truth
-from radar_sim.motions.library import library_hash
+from radar_sim.motions.strokes import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
 
 BASEBANDS: Final = (BasebandConfig(), dataclasses.replace(BasebandConfig(), doa=DoaConfig(method="dml2")))

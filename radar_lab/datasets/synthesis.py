@@ -46,7 +46,7 @@ from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample, named_p
 from radar_lab.datasets.workers import work_through
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_sim import Scene, SimulatedFrame, Simulator
-from radar_sim.motions.library import library_hash
+from radar_sim.motions.strokes import library_hash
 from radar_sim.people import BodyKind
 from radar_tracking import TrackerConfig
 

@@ -30,7 +30,8 @@ from radar_sim import (
     Variation,
     Walk,
 )
-from radar_sim.motions.script import Segment, Timeline
+from radar_sim.motions.planner import Segment
+from radar_sim.motions.script import Timeline
 from radar_sim.people import BodyKind, Sex, Side
 from radar_sim.scene import Model
 

@@ -28,38 +28,22 @@ class Posture:
     """What a motion asks of a body at T times; lengths are relative to the body, so that every subject can do it.
 
     The person's frame has its origin on the floor below the pelvis, x forward (heading), y left, z up. Sides are (left, right).
-
-    Attributes
-    ----------
-    place : ndarray, shape (T, 2)
-        Origin of the person's frame in the room [m].
-    heading : ndarray, shape (T,)
-        From the room's x towards its y [rad].
-    hands : ndarray, shape (T, 2, 3)
-        Wanted middle of each hand from its shoulder, along the axes of the person's frame, in units of the arm's reach (`REACH` x stature).
-    feet : ndarray, shape (T, 2, 3)
-        Wanted ankle of each foot from where it is when the person stands at ease, along the person's axes, in units of the leg (`LEG` x
-        stature).
-    pelvis : ndarray, shape (T, 3)
-        Shift of the pelvis from where it is when the person stands, along the person's axes, in units of the leg: down when sitting.
-    trunk : ndarray, shape (T, 3)
-        Rotation of the trunk over the pelvis: forward pitch, roll to the left, twist to the left [rad].
-    head : ndarray, shape (T, 2)
-        Turn to the left and nod (down positive) of the head over the trunk [rad].
-    breath : ndarray, shape (T,)
-        How far the front of the chest stands out from its mean [m].
-    rotation : ndarray, shape (T, 22, 3, 3), or None
-        Motion capture: rotation of every bone from its rest pose to the person's frame; hands, feet, trunk and head then do not count.
     """
 
-    place: Float64Array
-    heading: Float64Array
+    place: Float64Array  # origin of the person's frame in the room, shape (T, 2) [m]
+    heading: Float64Array  # from the room's x towards its y, shape (T,) [rad]
+    # Wanted middle of each hand from its shoulder, along the person's axes, in units of the arm's reach (`REACH` x stature): (T, 2, 3).
     hands: Float64Array
+    # Wanted ankle of each foot from where it is when the person stands at ease, along the person's axes, in units of the leg (`LEG` x
+    # stature): (T, 2, 3).
     feet: Float64Array
+    # Shift of the pelvis from where it is when the person stands, likewise: down when sitting; (T, 3).
     pelvis: Float64Array
-    trunk: Float64Array
-    head: Float64Array
-    breath: Float64Array
+    trunk: Float64Array  # rotation of the trunk over the pelvis: forward pitch, roll to the left, twist to the left, shape (T, 3) [rad]
+    head: Float64Array  # turn to the left and nod (down positive) of the head over the trunk, shape (T, 2) [rad]
+    breath: Float64Array  # how far the front of the chest stands out from its mean, shape (T,) [m]
+    # Motion capture: rotation of every bone from its rest pose to the person's frame, shape (T, 22, 3, 3); hands, feet, trunk and head
+    # then do not count.
     rotation: Float64Array | None = None
 
 
@@ -67,26 +51,15 @@ class Posture:
 class Pose:
     """A skeleton at T times, in ``room``.
 
-    Attributes
-    ----------
-    joint : ndarray of float64, shape (T, 22, 3)
-        Head (the end nearer to the pelvis) of every bone [m].
-    rotation : ndarray of float64, shape (T, 22, 3, 3)
-        Of every bone from its rest pose (feet on z = 0, facing +x, arms as in the mesh's file, turned to face +x): a point x of the rest
-        pose is now at ``rotation @ (x - rest_joint) + joint``.
-    hand : ndarray of float64, shape (T, 2, 3)
-        Middle of the left and of the right hand [m].
-    centre : ndarray of float64, shape (T, 3)
-        Centre of the body: the middle between hips and shoulders [m].
-    breath : ndarray of float64, shape (T,)
-        As in `Posture` [m].
+    At rest feet are on z = 0, facing +x, with arms as in the mesh's file. A point x of the rest pose is now at
+    ``rotation @ (x - rest_joint) + joint``.
     """
 
-    joint: Float64Array
-    rotation: Float64Array
-    hand: Float64Array
-    centre: Float64Array
-    breath: Float64Array
+    joint: Float64Array  # head (the end nearer to the pelvis) of every bone, shape (T, 22, 3) [m]
+    rotation: Float64Array  # of every bone from its rest pose, shape (T, 22, 3, 3)
+    hand: Float64Array  # middle of the left and of the right hand, shape (T, 2, 3) [m]
+    centre: Float64Array  # centre of the body: the middle between hips and shoulders, shape (T, 3) [m]
+    breath: Float64Array  # as in `Posture`, shape (T,) [m]
 
 
 class Body(Protocol):

@@ -7,26 +7,18 @@ from functools import lru_cache
 
 from radar_sim.bodies.base import Body
 from radar_sim.bodies.ellipsoids import EllipsoidBody
-from radar_sim.bodies.mesh import MeshBody
 from radar_sim.bodies.skeleton import Skeleton
+from radar_sim.bodies.skin import MeshBody
 from radar_sim.bodies.subject import Subject
 from radar_sim.people import Person
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """What moves and what echoes of one person.
+    """What moves and what echoes of one person."""
 
-    Attributes
-    ----------
-    skeleton : Skeleton
-        Postures to poses.
-    body : Body
-        Poses to scatterers.
-    """
-
-    skeleton: Skeleton
-    body: Body
+    skeleton: Skeleton  # postures to poses
+    body: Body  # poses to scatterers
 
 
 @lru_cache(maxsize=16)
@@ -36,15 +28,6 @@ def make_figure(person: Person, seed: int) -> Figure:
     Figures do not change, so several simulators of one scene share them: laying 800 elements on 18 ellipsoids takes 0.1 s.
     """
     subject = Subject.of(person)
-    return Figure(Skeleton(subject), _make(person, subject, seed))
-
-
-def make_body(person: Person, seed: int) -> Body:
-    """Make the body that a person of a scene names; ``seed`` is the scene's."""
-    return _make(person, Subject.of(person), seed)
-
-
-def _make(person: Person, subject: Subject, seed: int) -> Body:
     if person.body == "mesh":
-        return MeshBody(subject, person.reflectivity)
-    return EllipsoidBody(subject, person.reflectivity, (seed, person.id))
+        return Figure(Skeleton(subject), MeshBody(subject, person.reflectivity))
+    return Figure(Skeleton(subject), EllipsoidBody(subject, person.reflectivity, (seed, person.id)))

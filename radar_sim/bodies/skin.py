@@ -1,4 +1,4 @@
-"""Surfaces that follow a skeleton: compiled loops, and the same with numpy as their reference."""
+"""Surfaces that follow a skeleton, and the fine body: the mesh of 5,889 faces. `oracles.skin` in the tests does the same with numpy."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_sim.bodies.base import Pose
-from radar_sim.scatterers import Float64Array
+from radar_sim.bodies.base import BONES, Pose
+from radar_sim.bodies.subject import Subject
+from radar_sim.scatterers import Float64Array, Hull, Motion, Scatterers, Triangles
 
 Int32Array = NDArray[np.int32]
 _jit = numba.njit(cache=True, nogil=True)
@@ -66,25 +67,9 @@ def _blend(points: Any, swell: Any, bone: Any, weight: Any, rotation: Any, shift
     return moved
 
 
-def blend_numpy(
-    points: Float64Array, swell: Float64Array, bone: Int32Array, weight: Float64Array, rest: Float64Array, pose: Pose
-) -> Float64Array:
-    """Do what `blend` does, with numpy."""
-    at = points + pose.breath[:, None, None] * swell
-    offset = at[:, :, None, :] - rest[bone]
-    moved = (pose.rotation[:, bone] @ offset[..., None])[..., 0] + pose.joint[:, bone]
-    result: Float64Array = (weight[..., None] * moved).sum(2)
-    return result
-
-
-def turn(normals: Float64Array, bone: Int32Array, rotation: Float64Array) -> Float64Array:
-    """Turn normals (n, 3) with one bone each (n,), by rotations of the bones (22, 3, 3)."""
-    turned: Float64Array = _turn(normals, bone, rotation)
-    return turned
-
-
 @_jit
-def _turn(normals: Any, bone: Any, rotation: Any) -> Any:
+def turn(normals: Any, bone: Any, rotation: Any) -> Any:
+    """Turn normals (n, 3) with one bone each (n,), by rotations of the bones (22, 3, 3)."""
     turned = np.empty_like(normals)
     for i in range(len(normals)):
         by = rotation[bone[i]]
@@ -93,13 +78,8 @@ def _turn(normals: Any, bone: Any, rotation: Any) -> Any:
     return turned
 
 
-def turn_numpy(normals: Float64Array, bone: Int32Array, rotation: Float64Array) -> Float64Array:
-    """Do what `turn` does, with numpy."""
-    turned: Float64Array = (rotation[bone] @ normals[:, :, None])[..., 0]
-    return turned
-
-
-def facets(vertices: Float64Array, faces: Int32Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+@_jit
+def facets(vertices: Any, faces: Any) -> Any:
     """Middles of triangles at several times; normals and areas at the time in the middle.
 
     Parameters
@@ -114,12 +94,7 @@ def facets(vertices: Float64Array, faces: Int32Array) -> tuple[Float64Array, Flo
     tuple of ndarray of float64
         Centroids (T, n_face, 3) [m], outward unit normals (n_face, 3), areas (n_face,) [m^2]; a triangle without area has a normal of 0.
     """
-    centroid, normal, area = _facets(vertices, faces, len(vertices) // 2)
-    return centroid, normal, area
-
-
-@_jit
-def _facets(vertices: Any, faces: Any, middle: int) -> Any:
+    middle = len(vertices) // 2
     n = len(faces)
     centroid, normal, area = np.empty((len(vertices), n, 3)), np.empty((n, 3)), np.empty(n)
     for t in range(len(vertices)):
@@ -140,11 +115,49 @@ def _facets(vertices: Any, faces: Any, middle: int) -> Any:
     return centroid, normal, area
 
 
-def facets_numpy(vertices: Float64Array, faces: Int32Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Do what `facets` does, with numpy."""
-    corner = vertices[:, faces]
-    at = corner[len(vertices) // 2]
-    across = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
-    double = np.sqrt((across**2).sum(-1))
-    normal = np.divide(across, double[:, None], out=np.zeros_like(across), where=double[:, None] > 0.0)
-    return corner.mean(2), normal, 0.5 * double
+class MeshBody:
+    """A person as a mesh of triangles that follows the skeleton by linear blend skinning; every triangle echoes from its centroid.
+
+    Parameters
+    ----------
+    subject : Subject
+        Whose body.
+    reflectivity : float
+        Share of the power that skin and clothes reflect.
+    """
+
+    def __init__(self, subject: Subject, reflectivity: float) -> None:
+        self.subject, self._reflectivity = subject, reflectivity
+        chest = (subject.weight * (subject.bone == BONES.index("spine_03"))).sum(1)
+        front = chest * np.maximum(subject.normals[:, 0], 0.0)
+        self._swell = front[:, None] * np.array([1.0, 0.0, 0.0])
+
+    def surface(self, pose: Pose, span: float, owner: int) -> Scatterers:
+        """Surface elements of the whole body, both sides of it, seen or not: see `radar_sim.bodies.base.Body`."""
+        vertices = self._skin(pose)
+        centroid, normal, area = facets(vertices, self.subject.faces)
+        owners = np.full(len(area), owner, np.int32)
+
+        def hull() -> Triangles:
+            return Triangles(vertices[len(vertices) // 2][self.subject.faces])
+
+        return Scatterers(Motion.through(centroid, span), normal, area * self._reflectivity, owners, (hull,))
+
+    def hull(self, pose: Pose) -> Hull:
+        """Return what the body hides with, in the middle of the frame; not computed before it is called."""
+        return lambda: Triangles(self.vertices(at(pose, len(pose.joint) // 2))[self.subject.faces])
+
+    def vertices(self, pose_at_one_time: Pose) -> Float64Array:
+        """Places of the skin's vertices in ``room`` for a pose at one time, shape (n_vertex, 3) [m]."""
+        vertices: Float64Array = self._skin(pose_at_one_time)[0]
+        return vertices
+
+    def _skin(self, pose: Pose) -> Float64Array:
+        subject = self.subject
+        return blend(subject.vertices, self._swell, subject.bone, subject.weight, subject.joint, pose)
+
+
+def at(pose: Pose, index: int) -> Pose:
+    """Keep one of a pose's times."""
+    one = slice(index, index + 1)
+    return Pose(pose.joint[one], pose.rotation[one], pose.hand[one], pose.centre[one], pose.breath[one])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.paths import find_config
-from radar_sim.bodies.base import BONES, PARENTS
+from radar_sim.bodies.base import BONES
 from radar_sim.people import Person
 from radar_sim.scatterers import Float64Array
 
@@ -25,24 +25,12 @@ _FLIP = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """The mesh's file, facing +x.
+    """The mesh's file, facing +x."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (n_point, 3)
-        Vertices, then heads, then tails of the bones, of the mean body [m].
-    basis : ndarray, shape (n_component, n_point, 3)
-        What each shape component adds [m].
-    coef : ndarray, shape (n_corner, n_component)
-        Components of the corner bodies.
-    corner : ndarray, shape (n_corner, 5)
-        Sex (0 female), age (0 young adult), muscle, weight, height (0..2) of each corner body.
-    """
-
-    mean: Float64Array
-    basis: Float64Array
-    coef: Float64Array
-    corner: NDArray[np.int8]
+    mean: Float64Array  # vertices, then heads, then tails of the bones, of the mean body, shape (n_point, 3) [m]
+    basis: Float64Array  # what each shape component adds, shape (n_component, n_point, 3) [m]
+    coef: Float64Array  # components of the corner bodies, shape (n_corner, n_component)
+    corner: NDArray[np.int8]  # sex (0 female), age (0 young adult), muscle, weight, height (0..2) of each, shape (n_corner, 5)
     faces: NDArray[np.int32]
     bone: NDArray[np.int32]
     weight: Float64Array
@@ -57,46 +45,21 @@ def _shape() -> _Shape:
     mean, basis = (np.stack([-x[..., 1], x[..., 0], x[..., 2]], -1).astype(np.float64) for x in ends)
     weight = data["w"].astype(np.float64)
     weight /= weight.sum(1, keepdims=True)
-    return _Shape(
-        mean,
-        basis,
-        data["coef"].astype(np.float64),
-        data["corners"],
-        data["faces"].astype(np.int32),
-        data["widx"].astype(np.int32),
-        weight,
-    )
+    coef, faces, bone = data["coef"].astype(np.float64), data["faces"].astype(np.int32), data["widx"].astype(np.int32)
+    return _Shape(mean, basis, coef, data["corners"], faces, bone, weight)
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """The shape of one person at rest: feet on z = 0, pelvis above the origin, facing +x, arms half raised.
+    """The shape of one person at rest: feet on z = 0, pelvis above the origin, facing +x, arms half raised."""
 
-    Attributes
-    ----------
-    stature : float
-        Height of the top of the head [m].
-    joint : ndarray, shape (22, 3)
-        Head of every bone [m].
-    hand : ndarray, shape (2, 3)
-        Middle of the left and of the right hand, on the line through elbow and wrist [m].
-    vertices : ndarray, shape (n_vertex, 3)
-        Skin [m].
-    faces : ndarray of int32, shape (n_face, 3)
-        Vertices of each triangle, anticlockwise seen from outside.
-    bone : ndarray of int32, shape (n_vertex, 4)
-        Bones that move each vertex.
-    weight : ndarray, shape (n_vertex, 4)
-        By how much; rows sum to 1.
-    """
-
-    stature: float
-    joint: Float64Array
-    hand: Float64Array
-    vertices: Float64Array
-    faces: NDArray[np.int32]
-    bone: NDArray[np.int32]
-    weight: Float64Array
+    stature: float  # height of the top of the head [m]
+    joint: Float64Array  # head of every bone, shape (22, 3) [m]
+    hand: Float64Array  # middle of the left and of the right hand, on the line through elbow and wrist, shape (2, 3) [m]
+    vertices: Float64Array  # skin, shape (n_vertex, 3) [m]
+    faces: NDArray[np.int32]  # vertices of each triangle, anticlockwise seen from outside, shape (n_face, 3)
+    bone: NDArray[np.int32]  # bones that move each vertex, shape (n_vertex, 4)
+    weight: Float64Array  # by how much; rows sum to 1, shape (n_vertex, 4)
 
     @classmethod
     def of(cls, person: Person) -> Subject:
@@ -133,10 +96,8 @@ def _coefficients(shape: _Shape, person: Person) -> Float64Array:
     weight = _between(2.0 * person.build)
     muscle = _between(max(2.0 * person.build, 1.0))  # slim, not starved: body-mass indices from 19 to 30
     levels = [_mix(shape, {(sex, 0, m, w, h): a * b for m, a in muscle for w, b in weight}) for h in range(3)]
-    statures = []
-    for level in levels:
-        z = (np.tensordot(level, shape.basis[..., 2], 1) + shape.mean[:, 2])[: len(shape.weight)]
-        statures.append(float(np.ptp(z)))
+    n_vertex = len(shape.weight)
+    statures = [float(np.ptp((np.tensordot(level, shape.basis[..., 2], 1) + shape.mean[:, 2])[:n_vertex])) for level in levels]
     at = float(np.interp(person.height, statures, [0.0, 1.0, 2.0]))
     total: Float64Array = sum((a * levels[h] for h, a in _between(at)), np.zeros(shape.coef.shape[1]))
     return total
@@ -158,10 +119,7 @@ def _mix(shape: _Shape, shares: dict[tuple[int, ...], float]) -> Float64Array:
 def _arms(joint: Float64Array, vertices: Float64Array, shape: _Shape, stature: float) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Stretch the arms along their bones; size the hands and turn them into line with the forearms.
 
-    Returns
-    -------
-    tuple of ndarray
-        New heads of the bones (22, 3), what to multiply offsets from the old heads by (22, 3, 3), and the middles of the hands (2, 3).
+    Gives new heads of the bones (22, 3), what to multiply offsets from the old heads by (22, 3, 3), and the middles of the hands (2, 3).
     """
     moved, linear = joint.copy(), np.tile(np.eye(3), (len(BONES), 1, 1))
     middle = np.empty((2, 3))
@@ -189,13 +147,3 @@ def between(start: Float64Array, end: Float64Array) -> Float64Array:
     cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
     rotation: Float64Array = np.eye(3) + cross + cross @ cross / (1.0 + start @ end)
     return rotation
-
-
-def ancestors() -> Float64Array:
-    """Matrix (22, 22) that sums what belongs to a bone and all bones before it, up to the pelvis."""
-    total = np.zeros((len(BONES), len(BONES)))
-    for bone, parent in enumerate(PARENTS):
-        total[bone, bone] = 1.0
-        if parent >= 0:
-            total[bone] += total[parent]
-    return total

@@ -18,55 +18,28 @@ _CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Z
 
 @dataclass
 class Joint:
-    """One joint of a file's skeleton.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    parent : int
-        Index of the joint it hangs on; -1: the root.
-    line : int
-        Where the file defines it.
-    offset : tuple of float
-        From its parent, in the file's units.
-    channels : list of str
-        What the motion says of it, in the file's order.
-    tip : tuple of float or None
-        Offset of its End Site.
-    """
+    """One joint of a file's skeleton."""
 
     name: str
-    parent: int
-    line: int
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    channels: list[str] = field(default_factory=list)
-    tip: tuple[float, float, float] | None = None
+    parent: int  # index of the joint it hangs on; -1: the root
+    line: int  # where the file defines it
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from its parent, in the file's units
+    channels: list[str] = field(default_factory=list)  # what the motion says of it, in the file's order
+    tip: tuple[float, float, float] | None = None  # offset of its End Site
 
 
 @dataclass(frozen=True, eq=False)
 class Bvh:
     """A motion capture as the file has it: its own units and axes.
 
-    Attributes
-    ----------
-    source : str
-        The file.
-    joints : tuple of Joint
-        Parents first.
-    interval : float
-        Between frames [s].
-    root : ndarray, shape (n_frame, 3)
-        Place of the root; its offset where the file gives no channels for it.
-    rotation : ndarray, shape (n_frame, n_joint, 3, 3)
-        Of every joint against its parent. Position channels of other joints than the root are not kept: bones do not stretch.
+    Position channels of other joints than the root are not kept: bones do not stretch.
     """
 
-    source: str
-    joints: tuple[Joint, ...]
-    interval: float
-    root: Float64Array
-    rotation: Float64Array
+    source: str  # the file
+    joints: tuple[Joint, ...]  # parents first
+    interval: float  # between frames [s]
+    root: Float64Array  # place of the root, shape (n_frame, 3); its offset where the file gives no channels for it
+    rotation: Float64Array  # of every joint against its parent, shape (n_frame, n_joint, 3, 3)
 
     @property
     def duration(self) -> float:
@@ -75,12 +48,7 @@ class Bvh:
 
 
 def load_bvh(path: str | Path) -> Bvh:
-    """Read a motion capture.
-
-    Parameters
-    ----------
-    path : str or Path
-        A .bvh file; channels may come in any order.
+    """Read a motion capture, a .bvh file; channels may come in any order.
 
     Raises
     ------

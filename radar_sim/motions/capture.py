@@ -65,17 +65,6 @@ class Capture:
     subject : Subject
         Whose skeleton.
 
-    Attributes
-    ----------
-    duration : float
-        From first to last frame [s].
-    yaw : ndarray, shape (n_frame,)
-        Direction the pelvis faces, unwrapped [rad].
-    travel : ndarray, shape (n_frame, 2)
-        Way of the pelvis over the floor [m].
-    height : ndarray, shape (n_frame,)
-        Pelvis over where it is at rest [m].
-
     Raises
     ------
     DataError
@@ -83,7 +72,7 @@ class Capture:
     """
 
     def __init__(self, bvh: Bvh, subject: Subject) -> None:
-        self._interval, self.duration = bvh.interval, bvh.duration
+        self._interval, self.duration = bvh.interval, bvh.duration  # of all [s]
         index = {joint.name: i for i, joint in enumerate(bvh.joints)}
         missing = [name for bone, name in JOINTS.items() if name not in index and bone not in _OPTIONAL]
         if missing:
@@ -165,18 +154,7 @@ class Capture:
 class Playing:
     """A capture as a step of a script: it comes in and goes out softly, from and to standing at ease.
 
-    Parameters
-    ----------
-    start : Carriage
-        How the person stood before.
-    capture : Capture
-        What is played.
-    begin, duration : float
-        Part of the capture [s].
-    travel : bool
-        Whether the person goes where the capture goes.
-    height : float
-        Body height [m].
+    The part of the capture from ``begin`` for ``duration`` [s]; ``travel``: whether the person, of that height [m], goes where it goes.
     """
 
     def __init__(self, start: Carriage, capture: Capture, begin: float, duration: float, travel: bool, height: float) -> None:
@@ -215,15 +193,7 @@ class Playing:
         return self._start._replace(x=x, y=y, heading=heading, pelvis=(0.0, 0.0, raised))
 
     def rotation(self, times: Float64Array, standing: Float64Array | None) -> Float64Array:
-        """Rotation of every bone, shape (T, 22, 3, 3).
-
-        Parameters
-        ----------
-        times : ndarray, shape (T,)
-            Since the start [s].
-        standing : ndarray, shape (T, 22, 3, 3), or None
-            What it is mixed with; None: nothing.
-        """
+        """Rotation of every bone, shape (T, 22, 3, 3), at times (T,) since the start [s], mixed with that of ``standing`` if given."""
         played = self._capture.rotation(self._begin + times)
         if standing is None:
             return played

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from radar_sim.bodies.base import LEG
@@ -23,36 +24,18 @@ _BACK = -0.06  # rad: of somebody who sits
 
 
 class Carriage(NamedTuple):
-    """The body at one time; feet, pelvis, trunk as in `Posture`.
+    """The body at one time; feet, pelvis, trunk as in `Posture`."""
 
-    Attributes
-    ----------
-    x, y, heading : float
-        Person's frame in the room [m], [rad].
-    left, right : Vector
-        Feet from where they are when standing at ease [leg].
-    pelvis : Vector
-        Shift [leg].
-    trunk : Vector
-        Pitch, roll, twist [rad].
-    other : Vector
-        The hand that does not act, as if it were a right hand [reach].
-    swings : tuple of Vector
-        Added to the left and to the right hand [reach].
-    free : float
-        1 standing, 0 seated: how far the pelvis can sway.
-    """
-
-    x: float
+    x: float  # person's frame in the room [m]
     y: float
-    heading: float
-    left: Vector = ZERO
+    heading: float  # [rad]
+    left: Vector = ZERO  # feet from where they are when standing at ease [leg]
     right: Vector = ZERO
-    pelvis: Vector = ZERO
-    trunk: Vector = ZERO
-    other: Vector = REST
-    swings: tuple[Vector, Vector] = (ZERO, ZERO)
-    free: float = 1.0
+    pelvis: Vector = ZERO  # shift [leg]
+    trunk: Vector = ZERO  # pitch, roll, twist [rad]
+    other: Vector = REST  # the hand that does not act, as if it were a right hand [reach]
+    swings: tuple[Vector, Vector] = (ZERO, ZERO)  # added to the left and to the right hand [reach]
+    free: float = 1.0  # 1 standing, 0 seated: how far the pelvis can sway
 
 
 class Whole(Protocol):
@@ -63,33 +46,19 @@ class Whole(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class Still:
-    """Nothing changes.
+    """Nothing changes."""
 
-    Parameters
-    ----------
-    carriage : Carriage
-        How the body is carried.
-    """
-
-    def __init__(self, carriage: Carriage) -> None:
-        self._carriage = carriage
+    carriage: Carriage
 
     def at(self, time: float) -> Carriage:
         """Return always the same."""
-        return self._carriage
+        return self.carriage
 
 
 def seated(standing: Carriage, height: float) -> Carriage:
-    """Carriage of sitting upright, feet where they were, hands on the thighs.
-
-    Parameters
-    ----------
-    standing : Carriage
-        How the person stood.
-    height : float
-        Body height [m].
-    """
+    """Carriage of sitting upright, feet where they were, hands on the thighs, of somebody of that height [m] who stood so."""
     leg = LEG * height
     down = leg - max(min(SEAT + _HIP_OVER_SEAT, leg), _LOWEST * leg)
     # Thighs about level: the pelvis goes back by a thigh.
@@ -97,15 +66,7 @@ def seated(standing: Carriage, height: float) -> Carriage:
 
 
 class Seating:
-    """Sitting down or standing up: the trunk leans forward while the pelvis goes down or up, so that the weight stays over the feet.
-
-    Parameters
-    ----------
-    start, end : Carriage
-        Before and after.
-    duration : float
-        How long it takes [s].
-    """
+    """Sitting down or standing up: the trunk leans forward while the pelvis goes down or up, so that the weight stays over the feet."""
 
     def __init__(self, start: Carriage, end: Carriage, duration: float) -> None:
         self._start, self._end, self._duration = start, end, duration

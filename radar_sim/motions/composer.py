@@ -1,23 +1,24 @@
-"""Parts of a motion put together to postures."""
+"""Parts of a motion put together to postures; and what is always there: nobody is ever quite still."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from radar_sim.bodies.base import LEG, REACH, Posture
 from radar_sim.bodies.skeleton import Skeleton
 from radar_sim.bodies.subject import Subject
-from radar_sim.motions.alive import Life
 from radar_sim.motions.carriage import Carriage
 from radar_sim.motions.curves import Vector, within_reach
 from radar_sim.motions.strokes import REST
 from radar_sim.people import Person
 from radar_sim.scatterers import Float64Array
 
-NO_LIFE = Life(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _LEAN = (0.06, 0.03, 0.05)
 """How far the trunk pitches forward, rolls and twists with the acting hand [rad per reach]."""
 _GAZE = 0.5
@@ -25,24 +26,47 @@ _GAZE = 0.5
 _WIDTH = 24
 
 Row = tuple[float, ...]
+_BREATH = 0.003  # m
+_SWAY = ((0.008, 0.31), (0.004, 0.83), (0.007, 0.24))  # m, Hz: forward twice, aside
+_HEAD = ((0.10, 0.11), (0.05, 0.29), (0.05, 0.17))  # rad, Hz: turn twice, nod
+_TRUNK = ((0.006, 0.21), (0.005, 0.27))  # rad, Hz: pitch, roll
+
+
+class Life(NamedTuple):
+    """What nobody can leave: breath, sway, and a head that looks about."""
+
+    forward: float  # pelvis [m]
+    aside: float
+    breath: float  # chest out [m]
+    turn: float  # head [rad]
+    nod: float
+    pitch: float  # trunk [rad]
+    roll: float
+
+
+class Alive:
+    """What person number ``person`` of a scene with that seed always does; ``amount`` is `Variation.sway`, 0: a statue."""
+
+    def __init__(self, seed: int, person: int, amount: float) -> None:
+        rng = np.random.default_rng([seed, person, 0xB0D])
+        waves = [(_BREATH, float(rng.uniform(0.22, 0.32))), *_SWAY, *_HEAD, *_TRUNK]
+        phases = rng.uniform(0, 2 * math.pi, len(waves)).tolist()
+        self._waves = [(amount * size, 2 * math.pi * rate, phase) for (size, rate), phase in zip(waves, phases, strict=True)]
+
+    def at(self, time: float) -> Life:
+        """Return everything at a scene time [s]."""
+        breath, fast, slow, aside, turn, glance, nod, pitch, roll = (a * math.sin(w * time + p) for a, w, p in self._waves)
+        return Life(fast + slow, aside, breath, turn + glance, nod, pitch, roll)
+
+
+NO_LIFE = Life(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Composer:
     """Postures of one person.
 
-    Parameters
-    ----------
-    person : Person
-        Who.
-
-    Attributes
-    ----------
-    reach, leg : float
-        Units of `Posture` [m].
-    acting : int
-        Index of the acting hand: 0 left, 1 right.
-    side : float
-        +1 where that is left, else -1.
+    ``reach`` and ``leg`` are the units of `Posture` [m], ``acting`` is the index of the acting hand (0 left, 1 right), ``side`` is +1 where
+    it is the left one, else -1.
     """
 
     def __init__(self, person: Person) -> None:
@@ -111,14 +135,5 @@ class Composer:
     def standing(self, posture: Posture) -> Float64Array:
         """Rotation of every bone from rest to the person's frame, shape (T, 22, 3, 3), by inverse kinematics."""
         n = len(posture.heading)
-        upright = Posture(
-            np.zeros((n, 2)),
-            np.zeros(n),
-            posture.hands,
-            posture.feet,
-            posture.pelvis,
-            posture.trunk,
-            posture.head,
-            posture.breath,
-        )
+        upright = replace(posture, place=np.zeros((n, 2)), heading=np.zeros(n), rotation=None)
         return self.skeleton.pose(upright).rotation

@@ -8,12 +8,11 @@ way s that the body has gone, so it starts and stops with the body. The ankle of
 
 from __future__ import annotations
 
-import bisect
 import math
 
 from radar_sim.bodies.base import LEG
 from radar_sim.motions.carriage import ZERO, Carriage, turned
-from radar_sim.motions.curves import Vector, cruise, minimum_jerk, window, wrap
+from radar_sim.motions.curves import Sequence3, Vector, cruise, minimum_jerk, window, wrap
 from radar_sim.motions.strokes import REST
 
 RAMP = 0.4
@@ -41,37 +40,40 @@ def stride(speed: float, height: float) -> float:
 
 
 class Footsteps:
-    """Where one foot is, in the room, over the progress of a way.
+    """Where the feet are over the progress of a way, as carriages say it; a frame is the person's (x, y, heading) in the room.
 
     Parameters
     ----------
-    place : tuple of float
-        (x, y) of its ankle before the first step [m].
+    frame : Vector
+        Where the person stands at ease before the first step [m, m, rad].
+    height, lift : float
+        Body height [m]; how high ankles rise [leg].
     """
 
-    def __init__(self, place: tuple[float, float]) -> None:
-        self._place = self._last = place
-        self._starts: list[float] = []
-        self._steps: list[tuple[float, tuple[float, float], tuple[float, float], float]] = []
+    def __init__(self, frame: Vector, height: float, lift: float) -> None:
+        self._height, self._lift = height, lift
+        self._feet = tuple(Sequence3(self._ankle(frame, side), lambda u: cruise(u, _EVEN)[0]) for side in (1.0, -1.0))
 
-    def add(self, start: float, end: float, place: tuple[float, float], lift: float) -> None:
-        """Step to a place while the progress goes from ``start`` to ``end``; ``lift`` is in legs."""
-        self._starts.append(start)
-        self._steps.append((end, self._last, place, lift))
-        self._last = place
+    def add(self, foot: int, start: float, end: float, frame: Vector) -> None:
+        """Step, with the left foot (0) or the right one (1), to where it is in a frame, while the progress goes from start to end."""
+        self._feet[foot].add(start, end, self._ankle(frame, 1.0 - 2.0 * foot))
 
-    def at(self, progress: float) -> Vector:
-        """(x, y) in the room [m] and height over the floor [leg]."""
-        row = bisect.bisect_right(self._starts, progress) - 1
-        if row < 0:
-            return (*self._place, 0.0)
-        end, a, b, lift = self._steps[row]
-        if progress >= end:
-            return (*b, 0.0)
-        u = (progress - self._starts[row]) / (end - self._starts[row])
-        way, v = cruise(u, _EVEN)[0], 1.0 - u
+    def at(self, progress: float, frame: Vector) -> tuple[Vector, Vector]:
+        """Left and right foot from where they are at ease, along the axes of a frame [leg]."""
+        left, right = (self._foot(foot, progress, side, frame) for foot, side in zip(self._feet, (1.0, -1.0), strict=True))
+        return left, right
+
+    def _ankle(self, frame: Vector, side: float) -> Vector:
+        """Place of an ankle at ease on the floor of the room."""
+        dx, dy = turned(EASE[0] * self._height, side * EASE[1] * self._height, frame[2])
+        return (frame[0] + dx, frame[1] + dy, 0.0)
+
+    def _foot(self, foot: Sequence3, progress: float, side: float, frame: Vector) -> Vector:
+        (x, y, _), u, leg = foot(progress), foot.progress(progress), LEG * self._height
         # Highest soon after the toes have left the floor; 198.9 makes that 1.
-        return (a[0] + way * (b[0] - a[0]), a[1] + way * (b[1] - a[1]), lift * 198.9 * u**3 * v**5)
+        up = 0.0 if u is None else self._lift * 198.9 * u**3 * (1.0 - u) ** 5
+        forward, aside = turned(x - frame[0], y - frame[1], -frame[2])
+        return ((forward - EASE[0] * self._height) / leg, (aside - side * EASE[1] * self._height) / leg, up)
 
 
 class Walking:
@@ -81,14 +83,10 @@ class Walking:
     ----------
     start : Carriage
         How the person stood before.
-    to : tuple of float
-        (x, y) where it goes [m].
-    heading : float
-        Where the person faces afterwards [rad].
-    speed, duration : float
-        Between the ramps [m/s], and of the whole walk [s].
-    height : float
-        Body height [m].
+    to, heading : tuple of float, float
+        (x, y) where it goes [m]; where the person faces afterwards [rad].
+    speed, duration, height : float
+        Between the ramps [m/s], of the whole walk [s]; body height [m].
     """
 
     def __init__(self, start: Carriage, to: tuple[float, float], heading: float, speed: float, duration: float, height: float) -> None:
@@ -124,7 +122,7 @@ class Walking:
         x, y = self._start.x + done * self._way[0], self._start.y + done * self._way[1]
         heading = self._heading(time)
         progress = done * self._length
-        left, right = (_foot(f.at(progress), side, (x, y, heading), self._height) for f, side in zip(self._feet, (1.0, -1.0), strict=True))
+        left, right = self._feet.at(progress, (x, y, heading))
         if self._step <= 0.0:
             return Carriage(x, y, heading, left, right)
         phase = math.pi * progress / self._step
@@ -149,21 +147,16 @@ class Walking:
         first = before * window(time, 1.25 * into, 0.5 * into)
         return _DIP * (first + after * window(self._duration - time, 1.25 * out, 0.5 * out))
 
-    def _plan(self) -> tuple[Footsteps, Footsteps]:
-        d, n = self._step, self._n
-        x, y, height = self._start.x, self._start.y, self._height
-        feet = tuple(Footsteps(_ankle((x, y, self._start.heading), side, height)) for side in (1.0, -1.0))
-        if d > 0.0:
-            for k in range(1, n + 2):
-                foot = (self._first + k - 1) % 2
-                begin = max((k - 2 + _REAR) * d, 0.0)
-                down = min((k - _FRONT) * d, self._length)
-                share = min(k / n, 1.0)
-                # The foot points where the body faces when it passes over it.
-                heading = self._heading(self._time(share))
-                place = (x + share * self._way[0], y + share * self._way[1], heading)
-                feet[foot].add(begin, down, _ankle(place, 1.0 - 2.0 * foot, height), _LIFT * self._full)
-        return feet[0], feet[1]
+    def _plan(self) -> Footsteps:
+        d, n, x, y = self._step, self._n, self._start.x, self._start.y
+        feet = Footsteps((x, y, self._start.heading), self._height, _LIFT * self._full)
+        for k in range(1, n + 2) if d > 0.0 else ():
+            begin, down = max((k - 2 + _REAR) * d, 0.0), min((k - _FRONT) * d, self._length)
+            share = min(k / n, 1.0)
+            # The foot points where the body faces when it passes over it.
+            place = (x + share * self._way[0], y + share * self._way[1], self._heading(self._time(share)))
+            feet.add((self._first + k - 1) % 2, begin, down, place)
+        return feet
 
     def _time(self, share: float) -> float:
         """When the body has done a share of the way [s]."""
@@ -175,28 +168,16 @@ class Walking:
 
 
 class Turning:
-    """Turning on the spot with small steps.
-
-    Parameters
-    ----------
-    start : Carriage
-        How the person stood before.
-    heading : float
-        Where the person faces afterwards [rad].
-    height : float
-        Body height [m].
-    """
+    """Turning on the spot with small steps, to another heading [rad]; ``height`` is the body's [m], ``duration`` how long it takes [s]."""
 
     def __init__(self, start: Carriage, heading: float, height: float) -> None:
-        self._start, self._angle, self._height = start, wrap(heading - start.heading), height
+        self._start, self._angle = start, wrap(heading - start.heading)
         n = 1 + max(1, math.ceil(abs(self._angle) / _TURN_STEP))
         self.duration = max(0.8, abs(self._angle) / _TURN_SPEED)
-        place = start.x, start.y
-        self._feet = tuple(Footsteps(_ankle((*place, start.heading), side, height)) for side in (1.0, -1.0))
+        self._feet = Footsteps((start.x, start.y, start.heading), height, 0.5 * _LIFT)
         for k in range(1, n + 1):
-            foot = (k - 1 + (self._angle < 0)) % 2
             goal = start.heading + self._angle * min(k / (n - 1), 1.0)
-            self._feet[foot].add((k - 1) / n, k / n, _ankle((*place, goal), 1.0 - 2.0 * foot, height), 0.5 * _LIFT)
+            self._feet.add((k - 1 + (self._angle < 0)) % 2, (k - 1) / n, k / n, (start.x, start.y, goal))
 
     @property
     def end(self) -> Carriage:
@@ -207,27 +188,13 @@ class Turning:
         """Body and feet ``time`` seconds after the start."""
         u = time / self.duration
         heading = self._start.heading + self._angle * minimum_jerk(u)
-        frame = (self._start.x, self._start.y, heading)
-        left, right = (_foot(f.at(u), side, frame, self._height) for f, side in zip(self._feet, (1.0, -1.0), strict=True))
+        left, right = self._feet.at(u, (self._start.x, self._start.y, heading))
         return self._start._replace(heading=heading, left=left, right=right)
 
 
 def walk_time(distance: float, speed: float) -> float:
     """How long a walk takes [s]."""
     return max(distance / speed + RAMP, 2 * RAMP)
-
-
-def _ankle(frame: Vector, side: float, height: float) -> tuple[float, float]:
-    """(x, y) in the room of an ankle at ease; ``frame`` is (x, y, heading)."""
-    dx, dy = turned(EASE[0] * height, side * EASE[1] * height, frame[2])
-    return frame[0] + dx, frame[1] + dy
-
-
-def _foot(place: Vector, side: float, frame: Vector, height: float) -> Vector:
-    """Foot from where it is at ease, in legs, along the person's axes."""
-    leg = LEG * height
-    forward, aside = turned(place[0] - frame[0], place[1] - frame[1], -frame[2])
-    return ((forward - EASE[0] * height) / leg, (aside - side * EASE[1] * height) / leg, place[2])
 
 
 def _swung(angle: float) -> Vector:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from radar_core import GESTURES, ConfigError
-from radar_sim.motions.arm import move_path, move_time
+from radar_sim.motions.arm import Fidgeting, move_path, move_time
 from radar_sim.motions.bvh import load_bvh
 from radar_sim.motions.capture import Capture, Playing
 from radar_sim.motions.carriage import RISE_TIME, SEATED, SIT_TIME, Carriage, Seating, Still, Whole, seated
 from radar_sim.motions.composer import Composer
 from radar_sim.motions.curves import Path, Vector, cruise, line, window, wrap
-from radar_sim.motions.fidget import Fidgeting
 from radar_sim.motions.gait import Turning, Walking, walk_time
-from radar_sim.motions.segment import Segment
 from radar_sim.motions.strokes import DRAW_LENGTH, REST, STROKES, Performance, draw_position, perform, random_stroke
 from radar_sim.people import GESTURE_DURATION, Action, Draw, Person, Play, Reach
 
@@ -30,28 +29,27 @@ _WITH_BODY = 1.6  # how much longer a hand takes that goes with a moving body, s
 _FEW = 0.01  # rad: not worth a step
 
 
+@dataclass(frozen=True)
+class Segment:
+    """One thing a person does, from when to when."""
+
+    # walk, turn, stand (stay still, standing or sitting), sit (down), rise, fidget, move (the hand, slowly), gesture, draw, reach (hold the
+    # hand there) or play
+    kind: str
+    start: float  # scene time [s]
+    end: float
+    # Of the acting hand as if it were a right hand, from its shoulder in units of the reach, for u = 0..1 over the segment.
+    hand: Path = field(repr=False)
+    whole: Whole = field(repr=False)  # what the rest of the body does
+    gesture: int | None = None  # index into `GESTURES`
+    index: int = 0  # counts the gestures of this person
+    variant: int = 0  # which way of performing the gesture
+
+
 class Planner:
-    """Lay out one person's script.
+    """Lay out one person's script as ``segments`` in time; ``radar`` is the (x, y) of what the person faces [m].
 
-    Parameters
-    ----------
-    person : Person
-        Who.
-    seed : int
-        Of the scene.
-    radar : tuple of float
-        (x, y) of what the person faces [m].
-    composer : Composer
-        Of the person.
-
-    Attributes
-    ----------
-    segments : list of Segment
-        The script in time.
-    body, hand : Carriage, Vector
-        How the body is carried, and where the acting hand is, after the last segment.
-    time : float
-        End of the last segment [s].
+    ``body`` and ``hand`` are how the body is carried and where the acting hand is after the last segment, ``time`` is its end [s].
     """
 
     def __init__(self, person: Person, seed: int, radar: tuple[float, float], composer: Composer) -> None:
@@ -63,9 +61,8 @@ class Planner:
         x, y = person.position
         self.body = Carriage(x, y, self._facing(x, y))
         for number, action in enumerate(person.script):
-            self._add(
-                action, f"person {person.id}, step {number + 1} of the script", np.random.default_rng([seed, person.id, number, 0xF1D])
-            )
+            rng = np.random.default_rng([seed, person.id, number, 0xF1D])
+            self._add(action, f"person {person.id}, step {number + 1} of the script", rng)
         self._move(self._rest)
 
     @property
@@ -170,20 +167,18 @@ class Planner:
         if self._sits:
             raise ConfigError(f"{where}: the person sits already; to stay seated use 'stand: {stay:g}', to sit down again rise first")
         self._wait(at, 0.0, where)
-        down = seated(self.body, self._person.height)
-        duration = max(SIT_TIME, _WITH_BODY * self._move_time(SEATED))
-        self._push("sit", duration, move_path(self.hand, SEATED), Seating(self.body, down, duration))
-        self.body = down
-        self._push("stand", stay, line(self.hand, self.hand))
+        self._seat("sit", seated(self.body, self._person.height), SIT_TIME, SEATED, stay)
 
     def _rise(self, at: float | None, stay: float, where: str) -> None:
         if not self._sits:
             raise ConfigError(f"{where}: the person stands already; leave 'rise' out, or use 'stand: {stay:g}'")
         self._wait(at, 0.0, where)
-        up = Carriage(self.body.x, self.body.y, self.body.heading)
-        duration = max(RISE_TIME, _WITH_BODY * self._move_time(REST))
-        self._push("rise", duration, move_path(self.hand, REST), Seating(self.body, up, duration))
-        self.body = up
+        self._seat("rise", Carriage(self.body.x, self.body.y, self.body.heading), RISE_TIME, REST, stay)
+
+    def _seat(self, kind: str, after: Carriage, least: float, hand: Vector, stay: float) -> None:
+        duration = max(least, _WITH_BODY * self._move_time(hand))
+        self._push(kind, duration, move_path(self.hand, hand), Seating(self.body, after, duration))
+        self.body = after
         self._push("stand", stay, line(self.hand, self.hand))
 
     def _gesture(self, action: Action, name: str, where: str) -> None:

@@ -9,15 +9,11 @@ import numpy as np
 
 from radar_core import DataError
 from radar_sim.bodies.base import BONES, Posture
-from radar_sim.motions.alive import Alive
 from radar_sim.motions.capture import Playing
-from radar_sim.motions.composer import Composer, Row
-from radar_sim.motions.planner import Planner
-from radar_sim.motions.segment import Segment
+from radar_sim.motions.composer import Alive, Composer, Row
+from radar_sim.motions.planner import Planner, Segment
 from radar_sim.people import Person
 from radar_sim.scatterers import Float64Array
-
-__all__ = ["Segment", "Timeline"]
 
 
 class Timeline:
@@ -40,6 +36,8 @@ class Timeline:
     ----------
     segments : list of Segment
         One after the other, without gaps, from time 0.
+    end : float
+        When the script is over and the arm hangs again [s].
 
     Raises
     ------
@@ -57,13 +55,8 @@ class Timeline:
         self.segments: list[Segment] = plan.segments
         self._starts = [s.start for s in self.segments]
         self._after = plan.body, plan.hand
-        self._end = plan.time
+        self.end = plan.time
         self._plays = any(s.kind == "play" for s in self.segments)
-
-    @property
-    def end(self) -> float:
-        """When the script is over and the arm hangs again [s]."""
-        return self._end
 
     def at(self, time: float) -> Segment | None:
         """Return what is being done; None: the script is over or empty."""
@@ -100,25 +93,20 @@ class Timeline:
 
     def _with_captures(self, times: list[float], posture: Posture) -> Posture:
         """Put motion captures' rotations in where one is played; where times are inside and outside of one, all get rotations."""
-        playing: dict[int, list[int]] = {}
-        for row, time in enumerate(times):
-            number = bisect.bisect_right(self._starts, time) - 1
-            if number >= 0 and time < self.segments[number].end and isinstance(self.segments[number].whole, Playing):
-                playing.setdefault(number, []).append(row)
-        if not playing:
+        played: list[tuple[Playing, Float64Array, list[int]]] = []  # captures, times since their start, and rows of those times
+        segments = [self.at(time) for time in times]
+        for segment in self.segments:
+            rows = [row for row, doing in enumerate(segments) if doing is segment]
+            if rows and isinstance(segment.whole, Playing):
+                played.append((segment.whole, np.array([times[row] - segment.start for row in rows]), rows))
+        if not played:
             return posture
         rotation = np.empty((len(times), len(BONES), 3, 3))
         standing: Float64Array | None = None
-        if sum(map(len, playing.values())) < len(times) or not all(self._pure(number, times, rows) for number, rows in playing.items()):
+        pure = all(whole.weight(time) == 1.0 for whole, since, _ in played for time in since.tolist())
+        if sum(len(rows) for _, _, rows in played) < len(times) or not pure:
             standing = self._composer.standing(posture)
             rotation[:] = standing
-        for number, rows in playing.items():
-            start, whole = self.segments[number].start, self.segments[number].whole
-            assert isinstance(whole, Playing)
-            rotation[rows] = whole.rotation(np.array([times[row] - start for row in rows]), None if standing is None else standing[rows])
+        for whole, since, rows in played:
+            rotation[rows] = whole.rotation(since, None if standing is None else standing[rows])
         return dataclasses.replace(posture, rotation=rotation)
-
-    def _pure(self, number: int, times: list[float], rows: list[int]) -> bool:
-        """Whether a capture alone says what the body does at some times."""
-        start, whole = self.segments[number].start, self.segments[number].whole
-        return isinstance(whole, Playing) and all(whole.weight(times[row] - start) == 1.0 for row in rows)

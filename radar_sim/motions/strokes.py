@@ -8,31 +8,33 @@ rotate have a second variant each, because that is where the thesis found that p
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from radar_core import GESTURES
 from radar_sim.motions.curves import Path, Vector, bump, cruise, line, minimum_jerk, through, within_reach
+from radar_sim.people import GESTURE_DURATION, SHAPES, VARIANTS
+from radar_sim.scatterers import Float64Array
 
 CENTRE: Vector = (0.62, 0.0, -0.05)
 """What the size of a gesture is measured from, and the pivot of its tilt."""
 REST: Vector = (0.06, 0.0, -0.93)
 """The hanging arm."""
+GRID = 65
+"""Times at which every stroke is sampled, evenly from start to end."""
+ROUNDING = 1e-6
+"""Places are rounded to that much of the reach: 0.7 micrometres of a hand's way."""
+_RANDOM = 8  # random strokes that count
 
 
-def _arc_sideways(start: float, end: float, radius: float) -> Path:
+def _arc(start: float, end: float, *, upwards: bool) -> Path:
     def path(u: float) -> Vector:
         angle = start + (end - start) * minimum_jerk(u)
-        return (radius * math.cos(angle), radius * math.sin(angle), -0.05)
-
-    return path
-
-
-def _arc_upwards(start: float, end: float, radius: float) -> Path:
-    def path(u: float) -> Vector:
-        angle = start + (end - start) * minimum_jerk(u)
-        return (radius * math.cos(angle), 0.0, radius * math.sin(angle))
+        forward, across = 0.9 * math.cos(angle), 0.9 * math.sin(angle)
+        return (forward, 0.0, across) if upwards else (forward, across, -0.05)
 
     return path
 
@@ -67,10 +69,10 @@ _HIP, _OUT = (0.16, -0.1, -0.55), (0.84, -0.28, 0.12)
 STROKES: dict[str, tuple[Path, ...]] = {
     "pull": (line(_FAR, _NEAR), line(_OUT, _HIP)),
     "push": (line(_NEAR, _FAR), line(_HIP, _OUT)),
-    "swipe_up": (_arc_upwards(-1.05, 0.8, 0.9),),
-    "swipe_down": (_arc_upwards(0.8, -1.05, 0.9),),
-    "swipe_right": (_arc_sideways(0.8, -1.05, 0.9),),
-    "swipe_left": (_arc_sideways(-1.05, 0.8, 0.9),),
+    "swipe_up": (_arc(-1.05, 0.8, upwards=True),),
+    "swipe_down": (_arc(0.8, -1.05, upwards=True),),
+    "swipe_right": (_arc(0.8, -1.05, upwards=False),),
+    "swipe_left": (_arc(-1.05, 0.8, upwards=False),),
     "rotate": (_circle(0.0, 0.33), _circle(0.7, 0.35)),
     "wave": (_wave,),
     "push_pull": (_push_pull,),
@@ -98,25 +100,13 @@ def random_stroke(rng: np.random.Generator) -> Path:
 
 @dataclass(frozen=True)
 class Performance:
-    """How one performance of a stroke differs from the library's.
+    """How one performance of a stroke differs from the library's."""
 
-    Attributes
-    ----------
-    size : float
-        Amplitude relative to the usual.
-    tilt : float
-        Turn about the forward axis, left side up [rad].
-    shift, bend : tuple of float
-        Of the whole path, and of its middle [reach].
-    warp : float
-        Time runs ahead by this over 2 pi in the first half of the stroke, and behind in the second.
-    """
-
-    size: float = 1.0
-    tilt: float = 0.0
-    shift: Vector = (0.0, 0.0, 0.0)
-    bend: Vector = (0.0, 0.0, 0.0)
-    warp: float = 0.0
+    size: float = 1.0  # amplitude relative to the usual
+    tilt: float = 0.0  # turn about the forward axis, left side up [rad]
+    shift: Vector = (0.0, 0.0, 0.0)  # of the whole path [reach]
+    bend: Vector = (0.0, 0.0, 0.0)  # of its middle [reach]
+    warp: float = 0.0  # time runs ahead by this over 2 pi in the first half of the stroke, and behind in the second
 
 
 def perform(path: Path, how: Performance) -> Path:
@@ -146,3 +136,41 @@ def draw_position(shape: str, phase: float, size: float) -> Vector:
 
 DRAW_LENGTH = {"circle": 2 * math.pi, "line_up": 4.0, "line_side": 4.0, "eight": 6.10}
 """Length of one round of a shape over its size."""
+
+
+def library_samples() -> dict[str, Float64Array]:
+    """Every gesture and variant sampled on a grid, and every shape that a hand draws.
+
+    Returns
+    -------
+    dict of ndarray, shape (65, 3)
+        Places of the hand in units of the reach, by names such as ``push/1``.
+    """
+    grid = np.linspace(0.0, 1.0, GRID).tolist()
+    samples: dict[str, Float64Array] = {}
+    for name in GESTURES:
+        if name == "random":
+            paths = [random_stroke(np.random.default_rng(seed)) for seed in range(_RANDOM)]
+        else:
+            paths = list(STROKES[name][: VARIANTS.get(name, 1)])
+        for number, path in enumerate(paths):
+            samples[f"{name}/{number}"] = np.array([path(u) for u in grid])
+    for shape in SHAPES:
+        samples[f"draw/{shape}"] = np.array([draw_position(shape, 2 * np.pi * u, 0.5) for u in grid])
+    return samples
+
+
+def library_hash() -> str:
+    """SHA-256 over the sampled library and the usual durations, as hexadecimal digits.
+
+    Machines and versions of a mathematics library differ in the last bits of sines and cosines, by about 1e-16 of the reach. Samples are
+    rounded to 1e-6 before they are hashed, so that only a value within 1e-16 of the middle between two roundings could come out
+    differently; a test holds that no sample of the library is within 1e-11 of one.
+    """
+    digest = hashlib.sha256()
+    for name, path in library_samples().items():
+        digest.update(name.encode())
+        digest.update(np.rint(path / ROUNDING).astype("<i8").tobytes())
+    for name in GESTURES:
+        digest.update(f"{name} {round(GESTURE_DURATION[name] * 1000)} ms".encode())
+    return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""What hides what, by brute force with numpy: the reference of `radar_sim.bodies.shadow_kernels`."""
+"""What hides what, by brute force with numpy: the reference of `radar_sim.bodies.shadows`."""
 
 from __future__ import annotations
 

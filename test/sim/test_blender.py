@@ -14,10 +14,9 @@ from figures import GESTURES, SPAN, posture
 from radar_core import ConfigError, DataError
 from radar_lab.blender import BlenderBody
 from radar_sim.bodies.base import BONES, REACH, stand
-from radar_sim.bodies.mesh import MeshBody
 from radar_sim.bodies.shadows import View
 from radar_sim.bodies.skeleton import Skeleton
-from radar_sim.bodies.skin import facets
+from radar_sim.bodies.skin import MeshBody, facets
 from radar_sim.bodies.subject import Subject
 from radar_sim.people import Person
 from radar_sim.scatterers import Triangles

@@ -7,16 +7,15 @@ import pytest
 from figures import GESTURES, HANGING, SPAN, posture, ring
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import skin as oracle
 
 from radar_sim.bodies import skin
 from radar_sim.bodies.base import BONES, LEG, PARENTS, REACH, Pose, stand
-from radar_sim.bodies.ellipsoids import EllipsoidBody
-from radar_sim.bodies.lattice import sphere, spread
-from radar_sim.bodies.limbs import STRAIGHT
-from radar_sim.bodies.make import make_body, make_figure
-from radar_sim.bodies.mesh import MeshBody
+from radar_sim.bodies.ellipsoids import EllipsoidBody, sphere, spread
+from radar_sim.bodies.make import make_figure
 from radar_sim.bodies.shadows import View
-from radar_sim.bodies.skeleton import Skeleton
+from radar_sim.bodies.skeleton import STRAIGHT, Skeleton
+from radar_sim.bodies.skin import MeshBody
 from radar_sim.bodies.subject import MIRROR, Subject
 from radar_sim.people import Person
 from radar_sim.scatterers import Motion, Scatterers, Triangles
@@ -323,13 +322,13 @@ def test_kernels_equal_numpy(subject, skeleton):
     pose = skeleton.pose(posture(GESTURES["raised"], (1, 2), 0.5, breath=0.01))
     rng = np.random.default_rng(0)
     args = (subject.vertices, rng.normal(size=subject.vertices.shape), subject.bone, subject.weight, subject.joint, pose)
-    np.testing.assert_allclose(skin.blend(*args), skin.blend_numpy(*args), atol=1e-12)
+    np.testing.assert_allclose(skin.blend(*args), oracle.blend_numpy(*args), atol=1e-12)
     bones = subject.bone[:, 0]
     np.testing.assert_allclose(
-        skin.turn(subject.vertices, bones, pose.rotation[1]), skin.turn_numpy(subject.vertices, bones, pose.rotation[1]), atol=1e-12
+        skin.turn(subject.vertices, bones, pose.rotation[1]), oracle.turn_numpy(subject.vertices, bones, pose.rotation[1]), atol=1e-12
     )
     vertices = skin.blend(*args)
-    for got, wanted in zip(skin.facets(vertices, subject.faces), skin.facets_numpy(vertices, subject.faces), strict=True):
+    for got, wanted in zip(skin.facets(vertices, subject.faces), oracle.facets_numpy(vertices, subject.faces), strict=True):
         np.testing.assert_allclose(got, wanted, atol=1e-9)
 
 
@@ -455,7 +454,7 @@ def test_bodies_are_chosen_by_name_and_seeded():
     pose = make_figure(Person(), 0).skeleton.pose(stand(np.zeros(3)))
 
     def surface(seed=0, **more):
-        return make_body(Person(**more), seed).surface(pose, SPAN, 0)
+        return make_figure(Person(**more), seed).body.surface(pose, SPAN, 0)
 
     np.testing.assert_array_equal(surface().motion.position, surface().motion.position)
     assert not np.array_equal(surface().motion.position[:5], surface(seed=1).motion.position[:5])

@@ -15,9 +15,8 @@ from radar_sim.bodies.subject import Subject
 from radar_sim.motions.arm import elbow
 from radar_sim.motions.curves import bump, cruise, minimum_jerk, through, window, within_reach
 from radar_sim.motions.gait import EASE
-from radar_sim.motions.library import ROUNDING, library_hash, library_samples
 from radar_sim.motions.script import Timeline
-from radar_sim.motions.strokes import DRAW_LENGTH, STROKES, draw_position, random_stroke
+from radar_sim.motions.strokes import DRAW_LENGTH, ROUNDING, STROKES, draw_position, library_hash, library_samples, random_stroke
 from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Reach, Variation, Walk
 
 RADAR = np.array([0.0, 0.0, 1.2])

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from oracles.shadows import hidden_by_ellipsoids, hidden_by_triangles
 
 from radar_core.pose import Pose as Mount
-from radar_sim.bodies.lattice import sphere, spread
+from radar_sim.bodies.ellipsoids import sphere, spread
 from radar_sim.bodies.make import make_figure
-from radar_sim.bodies.shadow_kernels import angle
-from radar_sim.bodies.shadows import MARGIN, View
+from radar_sim.bodies.shadows import MARGIN, View, angle
 from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.effects.sight import Occlusion

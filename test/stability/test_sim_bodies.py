@@ -7,13 +7,11 @@ import pytest
 from oracles.shadows import hidden_by_triangles
 
 from radar_sim.bodies.base import BONES, stand
-from radar_sim.bodies.ellipsoids import EllipsoidBody
-from radar_sim.bodies.lattice import spread
+from radar_sim.bodies.ellipsoids import EllipsoidBody, spread
 from radar_sim.bodies.make import make_figure
-from radar_sim.bodies.mesh import MeshBody
 from radar_sim.bodies.shadows import MARGIN, View
 from radar_sim.bodies.skeleton import Skeleton
-from radar_sim.bodies.skin import facets
+from radar_sim.bodies.skin import MeshBody, facets
 from radar_sim.bodies.subject import Subject
 from radar_sim.effects import config
 from radar_sim.effects.base import Moment, Setting
