@@ -30,14 +30,7 @@ _BROKEN = (
 def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], what: str) -> None:
     """Write arrays to a compressed ``.npz``; it appears under its name only when complete, and the same arrays give the same bytes.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its folder is made.
-    arrays : mapping
-        By name; they need no pickle to be read.
-    what : str
-        What the file is, for the message, e.g. ``"model"``.
+    Its folder is made. Arrays need no pickle to be read. ``what`` says what the file is, for the message, e.g. ``"model"``.
 
     Raises
     ------
@@ -57,23 +50,10 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], what: str) -> No
 
 
 def load_arrays(path: Path, what: str, advice: str, most_bytes: int = 8_000_000) -> dict[str, NDArray[Any]]:
-    """Read a file that `save_arrays` wrote. Nothing in it is executed, and sizes are checked before anything is unpacked.
+    """Read a file that `save_arrays` wrote: arrays by name. Nothing in it is executed, sizes are checked before anything is unpacked.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    what : str
-        What it should be, for the message, e.g. ``"gesture model"``.
-    advice : str
-        What to do when it is not, for the message.
-    most_bytes : int
-        A larger content is refused.
-
-    Returns
-    -------
-    dict of str to ndarray
-        By name.
+    Messages say ``what`` it should be, e.g. ``"gesture model"``, and as ``advice`` what to do when it is not. Content of more than
+    ``most_bytes`` is refused.
 
     Raises
     ------
@@ -108,10 +88,8 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most_bytes: int) -
 
 def description(version: int, about: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Give the arrays with which a model file begins: ``format``, its version, and ``about``, a description as JSON."""
-    return {
-        "format": np.array(version, np.int64),
-        "about": np.frombuffer(json.dumps(dict(about), sort_keys=True).encode(), np.uint8),
-    }
+    text = json.dumps(dict(about), sort_keys=True)
+    return {"format": np.array(version, np.int64), "about": np.frombuffer(text.encode(), np.uint8)}
 
 
 def read_description(arrays: Mapping[str, NDArray[Any]], version: int, advice: str) -> dict[str, Any]:

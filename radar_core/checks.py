@@ -11,17 +11,7 @@ from radar_core.errors import DataError
 
 
 def require_shape(name: str, array: NDArray[np.generic], shape: Sequence[int | None]) -> None:
-    """Raise `DataError` unless ``array`` has the given shape; None stands for any length.
-
-    Parameters
-    ----------
-    name : str
-        Name of the field, for the message.
-    array : ndarray
-        The array to look at.
-    shape : sequence of (int or None)
-        Wanted length of each axis.
-    """
+    """Raise `DataError`, naming the field, unless ``array`` has the given shape; None stands for any length of an axis."""
     if len(array.shape) != len(shape) or any(w is not None and w != g for w, g in zip(shape, array.shape, strict=True)):
         wanted = tuple("any" if w is None else w for w in shape)
         raise DataError(f"{name} has shape {array.shape}, expected {wanted}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radar_core.checks import require_every, require_shape
 from radar_core.errors import DataError
-from radar_core.pose import Pose
+from radar_core.geometry import Pose
 
 Float32Array = NDArray[np.float32]
 _FLOAT32 = np.dtype(np.float32)

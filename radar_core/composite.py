@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from radar_core.checks import require_shape
 from radar_core.cloud import ARRAY_FIELDS, PointCloud, Quality
 from radar_core.errors import ConfigError, DataError
-from radar_core.pose import Pose
+from radar_core.geometry import Pose
 
 _SECOND = 1_000_000_000  # ns
 
@@ -27,10 +29,6 @@ class CloudSource:
     sequence: int
     quality: Quality
     every: int = 1
-
-
-def _nobody() -> NDArray[np.int32]:
-    return np.empty(0, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +54,7 @@ class CloudComposite(PointCloud):
         The sensors, in the order of the merged clouds.
     """
 
-    sensor: NDArray[np.int32] = field(default_factory=_nobody)
+    sensor: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     sources: tuple[CloudSource, ...] = ()
 
     def __post_init__(self) -> None:
@@ -115,15 +113,12 @@ def merge(clouds: Sequence[PointCloud], mounts: Sequence[Pose], tolerance: float
     _refuse_apart(together, tolerance)
     levelled = [cloud.to_room(mount) for cloud, mount in zip(clouds, mounts, strict=True)]
     first = np.cumsum([0, *map(len, sources)])  # number of each cloud's first source
-    quality = Quality.GOOD
-    for source in together:
-        quality |= source.quality
     return CloudComposite(
         stamp_ns=max(source.stamp_ns for source in together),
         sequence=together[0].sequence,
         frame_id="room",
         **{name: np.concatenate([getattr(cloud, name) for cloud in levelled]) for name in ARRAY_FIELDS},
-        quality=quality,
+        quality=reduce(or_, (source.quality for source in together)),
         every=max(cloud.every for cloud in clouds),
         sensor=np.concatenate([start + _sensor(cloud) for start, cloud in zip(first, clouds, strict=False)]).astype(np.int32),
         sources=tuple(together),

@@ -16,12 +16,7 @@ class HandwaveError(ValueError):
 class ConfigError(HandwaveError):
     """A configuration value, parameter or scene file that does not make sense.
 
-    Parameters
-    ----------
-    message : str
-        What was wrong, where, and what to do.
-    key : sequence of (str or int)
-        Place of the value within what was checked, so that the message of a file can name its line.
+    ``key`` is the place of the value within what was checked, so that the message of a file can name its line.
     """
 
     def __init__(self, message: str, key: Sequence[str | int] = ()) -> None:
@@ -36,12 +31,7 @@ class DataError(HandwaveError):
 class DeviceError(HandwaveError):
     """A device that is not there, does not answer, or answers what it should not.
 
-    Parameters
-    ----------
-    message : str
-        What was wrong, where, and what to do.
-    gone : bool
-        Whether the device has to be opened anew before anything else can work: it was unplugged, or its link is in an unknown state.
+    ``gone`` says that it has to be opened anew before anything else can work: it was unplugged, or its link is in an unknown state.
     """
 
     def __init__(self, message: str, *, gone: bool = False) -> None:

@@ -11,7 +11,7 @@ from radar_core.antenna import AntennaArray
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.errors import ConfigError, DataError
-from radar_core.pose import Pose
+from radar_core.geometry import Pose
 from radar_core.waveform import Waveform
 
 
@@ -41,10 +41,6 @@ class RadarInfo:
         return (self.waveform.n_tx, self.waveform.n_chirp, self.array.n_rx, self.waveform.n_sample)
 
 
-def _none() -> NDArray[np.uint32]:
-    return np.empty(0, np.uint32)
-
-
 @dataclass(frozen=True, eq=False)
 class RadarFrame:
     """One measurement frame of raw baseband data.
@@ -70,7 +66,7 @@ class RadarFrame:
     stamp_ns: int
     sequence: int
     frame_id: str
-    missing: NDArray[np.uint32] = field(default_factory=_none)
+    missing: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
 
     def __post_init__(self) -> None:
         require_shape("RadarFrame.cube", self.cube, (None, None, None, None))

@@ -20,22 +20,12 @@ _MOST_FAILURES: Final = 6  # waiting grows 64-fold at most
 
 @dataclass(frozen=True)
 class Step:
-    """A change of level.
+    """A change of level."""
 
-    Attributes
-    ----------
-    before, after : int
-        Numbers of levels, 0: the most accurate one.
-    measured_ms : float
-        What a frame of the radar took on average at the level before [ms]; NaN: not measured yet.
-    expected_ms : float
-        What it should take from now on [ms].
-    """
-
-    before: int
+    before: int  # numbers of levels, 0: the most accurate one
     after: int
-    measured_ms: float
-    expected_ms: float
+    measured_ms: float  # what a frame of the radar took on average at the level before [ms]; NaN: not measured yet
+    expected_ms: float  # what it should take from now on [ms]
 
 
 class Governor:
@@ -116,9 +106,7 @@ class Governor:
         if not trying and now - self._ratios[0][0] < 0.5 * self._config.window:
             return None
         self._slower = median_low(ratio for _, ratio in self._ratios)
-        if self.expected_ms > self._budget:
-            return self._down(now)
-        return self._up(now)
+        return self._down(now) if self.expected_ms > self._budget else self._up(now)
 
     def _down(self, now: float) -> Step | None:
         self._fits_since = math.nan

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,30 +22,17 @@ _BETTER: Final = ("lower", "higher")
 class Level:
     """One way to run a stage.
 
-    Attributes
-    ----------
-    name : str
-        For people.
-    knobs : mapping of str to value
-        Dotted names of the knobs that it sets apart from the stage's configuration.
-    every : int
-        Only one frame in so many is processed; the others are left out on purpose.
-    time_ms : float
-        Median time of a frame that is processed [ms].
-    accuracy : float
-        Measured with it; `Ladder.figure` says what.
-
     Raises
     ------
     DataError
         When a number makes no sense.
     """
 
-    name: str
-    knobs: Mapping[str, Any]
-    every: int
-    time_ms: float
-    accuracy: float
+    name: str  # for people
+    knobs: Mapping[str, Any]  # by dotted name, those that it sets apart from the stage's configuration
+    every: int  # only one frame in so many is processed; the others are left out on purpose
+    time_ms: float  # median time of a frame that is processed [ms]
+    accuracy: float  # measured with it; `Ladder.figure` says what
 
     def __post_init__(self) -> None:
         if not (self.time_ms > 0 and math.isfinite(self.time_ms)):
@@ -63,29 +52,18 @@ class Level:
 class Ladder:
     """What a stage can do, from the most accurate level down to the quickest.
 
-    Attributes
-    ----------
-    stage : str
-        Name of the node.
-    figure, unit, better : str
-        What accuracy means, its unit, and whether ``lower`` or ``higher`` is better.
-    levels : tuple of Level
-        Each quicker per frame of the radar than the one before.
-    machine : str
-        Where it was measured.
-
     Raises
     ------
     DataError
         When there is no level, or levels are not in order.
     """
 
-    stage: str
-    figure: str
+    stage: str  # name of the node
+    figure: str  # what accuracy means
     unit: str
-    better: str
-    levels: tuple[Level, ...]
-    machine: str = ""
+    better: str  # ``lower`` or ``higher``
+    levels: tuple[Level, ...]  # each quicker per frame of the radar than the one before
+    machine: str = ""  # where it was measured
 
     def __post_init__(self) -> None:
         if not self.levels:
@@ -133,3 +111,18 @@ def load_ladders(path: str | Path) -> dict[str, Ladder]:
 
 def _ladder(stage: dict[str, Any]) -> Ladder:
     return Ladder(**{**stage, "levels": tuple(Level(**level) for level in stage["levels"])})
+
+
+@cache
+def machine() -> str:
+    """Name processor, number of cores, system and Python: what measured times depend on and what does not change while it runs."""
+    return f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith(("model name", "Model"))]
+    return names[0] if names else platform.processor() or "unknown processor"

@@ -31,14 +31,12 @@ def balanced(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     Parameters
     ----------
     matrix : ndarray, shape (..., n, n)
-        Positive definite.
+        A, positive definite.
 
     Returns
     -------
-    scaled : ndarray, shape (..., n, n)
-        D A D, symmetric.
-    scale : ndarray, shape (..., n)
-        Diagonal of D.
+    tuple of ndarray
+        D A D, symmetric, shape (..., n, n), and the diagonal of D, shape (..., n).
 
     Raises
     ------
@@ -55,7 +53,7 @@ def balanced(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def solve_spd(matrix: NDArray[np.float64], rhs: NDArray[np.float64], *, max_condition: float = 1e12) -> NDArray[np.float64]:
-    """Solve A x = b for symmetric positive definite A, refusing ill-conditioned ones.
+    """Solve A x = b for symmetric positive definite A, refusing ill-conditioned ones; shape (..., n, k).
 
     Parameters
     ----------
@@ -65,11 +63,6 @@ def solve_spd(matrix: NDArray[np.float64], rhs: NDArray[np.float64], *, max_cond
         b.
     max_condition : float
         Largest accepted 2-norm condition number of the equilibrated matrix.
-
-    Returns
-    -------
-    ndarray, shape (..., n, k)
-        x.
 
     Raises
     ------
@@ -96,11 +89,6 @@ def first_max(values: NDArray[Any], axis: int = -1, *, tolerance: float = 1e-9) 
         Axis of length n.
     tolerance : float
         Difference, over the largest magnitude along the axis, below which two values are equal.
-
-    Returns
-    -------
-    ndarray of intp, shape (..., ...)
-        Without the axis.
     """
     largest, size = values.max(axis, keepdims=True), np.abs(values).max(axis, keepdims=True)
     return np.asarray((values >= largest - tolerance * size).argmax(axis))

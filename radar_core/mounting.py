@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radar_core.config import config, knob, load_file, plain
 from radar_core.errors import ConfigError
 from radar_core.frame import RadarInfo
-from radar_core.pose import Pose
+from radar_core.geometry import Pose
 
 Float64Array = NDArray[np.float64]
 Row = tuple[float, float, float]

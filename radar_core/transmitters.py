@@ -14,14 +14,7 @@ def one_transmitter(info: RadarInfo, tx: int = 0) -> RadarInfo:
     """Describe the radar that a single transmitter and all receivers make.
 
     Its chirps come when they did: the pause after each grows by the turns of the others, so that frame interval, unambiguous speed and
-    Doppler bins stay, and half of the virtual channels (of two transmitters) are gone.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        The whole radar.
-    tx : int
-        Which transmitter stays.
+    Doppler bins stay, and half of the virtual channels (of two transmitters) are gone. ``tx`` says which transmitter stays.
 
     Raises
     ------
@@ -41,21 +34,9 @@ def one_transmitter(info: RadarInfo, tx: int = 0) -> RadarInfo:
 
 
 def one_transmitter_frame(frame: RadarFrame, info: RadarInfo, tx: int = 0) -> RadarFrame:
-    """Keep one transmitter's chirps of a raw frame.
+    """Keep one transmitter's chirps of a raw frame: that of the radar that `one_transmitter` describes.
 
-    Parameters
-    ----------
-    frame : RadarFrame
-        Of the whole radar.
-    info : RadarInfo
-        The whole radar.
-    tx : int
-        Which transmitter stays.
-
-    Returns
-    -------
-    RadarFrame
-        Of the radar that `one_transmitter` describes; its stamp is when the first of the chirps starts.
+    Its stamp is when the first of the chirps starts.
 
     Raises
     ------

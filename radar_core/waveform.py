@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,6 @@ SPEED_OF_LIGHT: Final[float] = 299_792_458.0
 """Speed of light in vacuum [m/s]."""
 
 
-MODULATIONS = ("fmcw", "cw", "ofdm")
-
-
 @config
 class Waveform:
     """What one measurement frame transmits; the defaults are table 3.1's radar.
@@ -26,7 +23,7 @@ class Waveform:
     has ``n_sample`` carriers spaced by ``1 / chirp_duration``, so its ``bandwidth`` has to be ``n_sample / chirp_duration``.
     """
 
-    modulation: str = knob("fmcw", choices=MODULATIONS, doc="fmcw: chirp sequence; cw: a tone, no range; ofdm: coded carriers")
+    modulation: Literal["fmcw", "cw", "ofdm"] = knob("fmcw", doc="fmcw: chirp sequence; cw: a tone, no range; ofdm: coded carriers")
     code_seed: int = knob(0, low=0, high=(1 << 32) - 1, doc="ofdm: which known symbols the carriers transmit")
     carrier: float = knob(76.75e9, unit="Hz", low=1e9, high=1e12, doc="centre frequency of the sweep")
     bandwidth: float = knob(1.5e9, unit="Hz", low=1e6, high=1e11, doc="bandwidth swept while a chirp is sampled")
@@ -109,5 +106,4 @@ def known_symbols(waveform: Waveform) -> NDArray[np.complex64]:
     """
     shape = (waveform.n_tx, waveform.n_chirp, waveform.n_sample)
     quarter = np.random.PCG64(waveform.code_seed).random_raw(math.prod(shape)).reshape(shape) >> np.uint64(62)
-    symbols: NDArray[np.complex64] = np.array([1, 1j, -1, -1j], np.complex64)[quarter]
-    return symbols
+    return np.asarray(np.array([1, 1j, -1, -1j], np.complex64)[quarter])

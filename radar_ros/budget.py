@@ -133,8 +133,7 @@ class Budget(Generic[T]):
             return None
         if self._node.reliable:
             raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
-        from radar_core.ladder import load_ladders
-        from radar_core.machine import machine
+        from radar_core.ladder import load_ladders, machine
 
         stage, path = self._node.stage, config.budget.tuning
         ladders = load_ladders(path)

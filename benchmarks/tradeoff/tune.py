@@ -17,8 +17,7 @@ from benchmarks.tradeoff.people import Judge, frames, scenes, visible
 from benchmarks.tradeoff.stages import StudyConfig
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_core.config import flat, load, nest
-from radar_core.ladder import Ladder, Level, save_ladders
-from radar_core.machine import machine
+from radar_core.ladder import Ladder, Level, machine, save_ladders
 from radar_dsp import Baseband, BasebandConfig
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_ros.messages.tracks import tracks_to_msg

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core.pose import Pose
+from radar_core import Pose
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.effects.config import MultipathConfig
 from radar_sim.effects.physics import amplitudes, leg_length

@@ -20,8 +20,7 @@ import radar_ros.nodes.baseband
 import radar_ros.nodes.tracking
 from radar_core import ConfigError, DataError, RadarInfo
 from radar_core.config import override
-from radar_core.ladder import Ladder, Level, save_ladders
-from radar_core.machine import machine
+from radar_core.ladder import Ladder, Level, machine, save_ladders
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_to_msg

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from radar_core import AntennaArray, Waveform
-from radar_core.pose import Pose
+from radar_core import AntennaArray, Pose, Waveform
 from radar_sim.effects import config, phase_noise
 from radar_sim.effects.base import Moment, Setting, Signal
 from radar_sim.scatterers import Echoes, Motion

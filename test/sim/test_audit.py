@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.effects import apart, chain, deviation, unshared
-from radar_core import RadarInfo
-from radar_core.pose import Pose
+from radar_core import Pose, RadarInfo
 from radar_sim import Effects, MultipathConfig, Person, Point, Scene, SceneRadar, Simulator, Wall, load_scene
 from radar_sim.audit import audit, called_for, everything, ours, real, table
 from radar_sim.auto import CANDIDATES, choose_effects

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, RadarInfo, Waveform
+from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, Pose, RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
-from radar_core.pose import Pose
 from radar_sim.effects import config, echo, multipath, physics, sight
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.people import Person

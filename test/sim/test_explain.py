@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from truths import a_scene, first_cube, point_scene
 
-from radar_core import ConfigError, RadarInfo, Waveform
-from radar_core.pose import Pose
+from radar_core import ConfigError, Pose, RadarInfo, Waveform
 from radar_sim import Effects, InterferenceConfig, NoiseConfig, Person, PhaseNoiseConfig, Scene, SceneRadar, Simulator, Wall
 from radar_sim.audit import explain
 from radar_sim.auto import CANDIDATES, choose_effects

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.shadows import hidden_by_ellipsoids, hidden_by_triangles
 
-from radar_core.pose import Pose as Mount
+from radar_core import Pose as Mount
 from radar_sim.bodies.ellipsoids import sphere, spread
 from radar_sim.bodies.make import make_figure
 from radar_sim.bodies.shadows import MARGIN, View, angle

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from truths import a_scene, expected_cube, first_cube, point_scene
 
-from radar_core import SPEED_OF_LIGHT, RadarInfo
-from radar_core.pose import Pose
+from radar_core import SPEED_OF_LIGHT, Pose, RadarInfo
 from radar_sim import Effects, Fidelity, NoiseConfig, Simulator
 
 INFO = RadarInfo(mount=Pose(z=0.0))

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radar_core import RadarInfo, Waveform
-from radar_core.pose import Pose
+from radar_core import Pose, RadarInfo, Waveform
 from radar_sim.room import TILE, Things, trihedral_rcs
 from radar_sim.scatterers import Triangles
 from radar_sim.scene import Scene, SceneRadar

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from truths import ALL_PHYSICS, a_scene, first_cube, point_scene
 
-from radar_core import ConfigError, DataError, RadarInfo
+from radar_core import ConfigError, DataError, Pose, RadarInfo
 from radar_core.config import load, plain
-from radar_core.pose import Pose
 from radar_sim import (
     ChirpFaultsConfig,
     ConverterConfig,

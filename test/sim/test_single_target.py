@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from truths import ALL_PHYSICS, a_scene, expected_cube, first_cube, peak, point_scene
 
-from radar_core import RadarInfo, Waveform
+from radar_core import Pose, RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
-from radar_core.pose import Pose
 from radar_sim import Effects, Fidelity, NoiseConfig, Point, Simulator
 
 INFO = RadarInfo(mount=Pose(z=0.0))

@@ -7,8 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from radar_core import RadarInfo, Waveform
-from radar_core.pose import Pose
+from radar_core import Pose, RadarInfo, Waveform
 from radar_sim import (
     Action,
     CouplingConfig,

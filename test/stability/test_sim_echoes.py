@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radar_core import AntennaArray, RadarInfo
-from radar_core.pose import Pose
+from radar_core import AntennaArray, Pose, RadarInfo
 from radar_sim.effects import config, echo, multipath, physics, sight
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.people import Person

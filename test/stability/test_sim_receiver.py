@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import AntennaArray, Waveform
-from radar_core.pose import Pose
+from radar_core import AntennaArray, Pose, Waveform
 from radar_sim.effects import config, echo, interference, noise, receiver, transmitter
 from radar_sim.effects import phase_noise as phase
 from radar_sim.effects.base import Moment, Setting, Signal

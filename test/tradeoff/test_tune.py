@@ -11,8 +11,7 @@ from benchmarks.tradeoff.people import Judge
 from benchmarks.tradeoff.tune import LEVELS, Candidate, Tuned, candidates, ladder, losses
 from radar_app.cli import app
 from radar_core.config import load, nest
-from radar_core.ladder import load_ladders
-from radar_core.machine import machine
+from radar_core.ladder import load_ladders, machine
 from radar_dsp import BasebandConfig
 from radar_tracking import TrackerConfig
 
