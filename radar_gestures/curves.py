@@ -62,19 +62,13 @@ class CurveConfig:
     steps: int = knob(14, low=2, high=64, doc="instants at which each signal is read, evenly from the event's first frame to its last")
     slow: float = knob(0.2, unit="m/s", low=0.0, high=10.0, doc="slower gates are still")
     band: float = knob(0.35, unit="m/s", low=0.01, high=10.0, doc="width of a band of speed; five begin at slow, the last is open")
-    nearest: float = knob(
-        0.0, unit="m", low=0.0, high=20.0, doc="people who gesture stand at least that far away; nearer bodies are not looked for"
-    )
-    farthest: float = knob(
-        50.0, unit="m", low=0.1, high=1e3, doc="people who gesture stand at most that far away; farther bodies are not looked for"
-    )
+    nearest: float = knob(0.0, unit="m", low=0.0, high=20.0, doc="least distance of people who gesture; nearer bodies are ignored")
+    farthest: float = knob(50.0, unit="m", low=0.1, high=1e3, doc="largest distance of people who gesture; farther bodies are ignored")
     reach: float = knob(1.0, unit="m", low=0.1, high=10.0, doc="detections that much nearer or farther than the body are not the person's")
     side: float = knob(0.9, unit="m", low=0.1, high=10.0, doc="detections that far to the left or right of the body are not the person's")
     height: float = knob(1.6, unit="m", low=0.1, high=10.0, doc="detections that far above or below the sensor are not the person's")
     relative_height: bool = knob(True, doc="count heights from the body's middle; otherwise from the sensor")
-    relative_strength: bool = knob(
-        True, doc="count strengths from all that moves in the strongest frame of the event, so that they do not tell the distance"
-    )
+    relative_strength: bool = knob(True, doc="strengths are relative to the event's strongest frame: they do not tell the distance")
 
     def validate(self) -> None:
         """Raise `ConfigError` when nobody could stand anywhere."""

@@ -14,9 +14,7 @@ class EventConfig:
 
     threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion starts")
     release: float = knob(0.45, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion that lasts min_duration goes on")
-    min_duration: float = knob(
-        0.16, unit="s", low=0.0, high=10.0, doc="an event starts when the motion has lasted that long; each cloud counts for one interval"
-    )
+    min_duration: float = knob(0.16, unit="s", low=0.0, high=10.0, doc="motion before an event starts; each cloud counts one interval")
     quiet: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="an event ends when there was no motion for that long")
     bridge: float = knob(0.15, unit="s", low=0.0, high=10.0, doc="longest pause that does not interrupt a motion that is still starting")
     max_duration: float = knob(1.4, unit="s", low=0.1, high=10.0, doc="a longer event is closed; the next one needs a quiet time first")
@@ -27,9 +25,7 @@ class EventConfig:
         if self.release > self.threshold:
             raise ConfigError(f"EventConfig: release ({self.release:g} m/s) must not be above threshold ({self.threshold:g} m/s)")
         if self.min_duration >= self.max_duration:
-            raise ConfigError(
-                f"EventConfig: min_duration ({self.min_duration:g} s) must be shorter than max_duration ({self.max_duration:g} s)"
-            )
+            raise ConfigError(f"EventConfig: min_duration ({self.min_duration:g} s) must be below max_duration ({self.max_duration:g} s)")
 
 
 @dataclass(frozen=True)

@@ -45,12 +45,8 @@ class FeatureConfig:
         doc="what the azimuth and elevation features hold: offsets from the track in metres, angles from it in rad, or sensor angles",
     )
     smoothing: float = knob(0.06, unit="s", low=0.0, high=1.0, doc="length of the window over which angles are averaged, weighted by SNR")
-    median: float = knob(
-        0.1, unit="s", low=0.0, high=1.0, doc="length of the window over which speed and angles are medians: a neighbour's few points go"
-    )
-    lateral: float = knob(
-        0.35, unit="m", low=0.05, high=100.0, doc="moving detections count less the farther beside the body (standard deviation)"
-    )
+    median: float = knob(0.1, unit="s", low=0.0, high=1.0, doc="window of the medians of speed and angles, against a neighbour's points")
+    lateral: float = knob(0.35, unit="m", low=0.05, high=100.0, doc="moving detections beside the body count less (standard deviation)")
 
 
 @dataclass(frozen=True)

@@ -84,12 +84,8 @@ def doppler_gates(radial_speed: Float32Array, snr: Float32Array, gate: float) ->
 class MapConfig:
     """How large the maps of an event are; their gates are those of the features."""
 
-    max_speed: float = knob(
-        4.2, unit="m/s", low=0.1, high=100.0, doc="maps reach from minus to plus this; the outermost gates hold what is faster"
-    )
-    length: float = knob(
-        0.0, unit="s", low=0.0, high=20.0, doc="maps of an event are that long, empty where it is over (the thesis: 1 s); 0: as long as it"
-    )
+    max_speed: float = knob(4.2, unit="m/s", low=0.1, high=100.0, doc="maps reach from minus to plus this; outer gates hold what is faster")
+    length: float = knob(0.0, unit="s", low=0.0, high=20.0, doc="length of an event's maps, empty after its end; 0: as long as it")
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,9 +117,8 @@ class GestureRecognizer:
             raise ConfigError(f"the gesture model was trained with other settings: {different}; set these, or train another model")
         names, self._extract = make_extractor(model.extractor, model.settings)
         if model.names != names:
-            raise ConfigError(
-                f"the gesture model takes other features ({', '.join(model.names[:3])}, ...) than its extractor {model.extractor!r} makes"
-            )
+            first = ", ".join(model.names[:3])
+            raise ConfigError(f"the gesture model takes other features ({first}, ...) than its extractor {model.extractor!r} makes")
         strange = [label for label in model.labels if label not in GESTURES]
         if strange:
             raise ConfigError(f"the gesture model names {', '.join(strange)}; a recogniser can publish only {', '.join(GESTURES)}")

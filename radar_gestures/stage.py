@@ -35,18 +35,10 @@ class GestureConfig:
     events: EventConfig = EventConfig()
     maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
-    walk_distance: float = knob(
-        0.6, unit="m", low=0.0, high=100.0, doc="an event after which the person stands farther from where they were is random: they walk"
-    )
-    step_distance: float = knob(
-        0.25, unit="m", low=0.0, high=100.0, doc="after a push or pull this far from where they were, a person may have made a step instead"
-    )
-    step_score: float = knob(
-        0.6, low=0.0, high=1.0, doc="such a push or pull less familiar to the model is unknown; 0: one that the model knows never is"
-    )
-    min_confidence: float = knob(
-        0.0, low=0.0, high=1.0, doc="a gesture less probable than this is unknown, whatever the model's own limit says; random, that is"
-    )
+    walk_distance: float = knob(0.6, unit="m", low=0.0, high=100.0, doc="a person who is farther away after an event walked: it is random")
+    step_distance: float = knob(0.25, unit="m", low=0.0, high=100.0, doc="a push or pull that ends this far from its start may be a step")
+    step_score: float = knob(0.6, low=0.0, high=1.0, doc="a push or pull like that with a lower score is unknown; 0: off")
+    min_confidence: float = knob(0.0, low=0.0, high=1.0, doc="a less probable gesture is unknown (random), whatever the model's limit")
     publish_random: bool = knob(True, doc="publish events that are no gesture, with label 0 (random)")
 
 

@@ -223,9 +223,8 @@ def _check_words(what: str, words: tuple[str, ...]) -> None:
 
 def _check_number(what: str, value: Any, above: float = -math.inf) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
-        raise ConfigError(
-            f"gesture model: {what} is {value!r}, expected a finite number{f' above {above:g}' if above > -math.inf else ''}; {ADVICE}"
-        )
+        limit = f" above {above:g}" if above > -math.inf else ""
+        raise ConfigError(f"gesture model: {what} is {value!r}, expected a finite number{limit}; {ADVICE}")
 
 
 def _checked(name: str, array: Any, shape: tuple[int, ...]) -> Float32Array:
@@ -235,9 +234,7 @@ def _checked(name: str, array: Any, shape: tuple[int, ...]) -> Float32Array:
 def _checked_layers(weights: Any, biases: Any, n_features: int, n_labels: int) -> tuple[tuple[Float32Array, ...], tuple[Float32Array, ...]]:
     """Return weights and biases of the layers as float32, each as wide as the one before asks for."""
     if not 0 < len(weights) == len(biases) <= _MOST_LAYERS:
-        raise ConfigError(
-            f"gesture model: {len(weights)} layers of weights and {len(biases)} of biases, expected the same number; {ADVICE}"
-        )
+        raise ConfigError(f"gesture model: {len(weights)} layers of weights and {len(biases)} of biases, expected as many; {ADVICE}")
     done, n_in = [], n_features
     for number, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         last = number == len(weights) - 1

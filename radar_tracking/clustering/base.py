@@ -25,9 +25,7 @@ class ClusteringConfig:
     max_eps: float = knob(2.0, unit="m", low=0.01, high=1000.0, doc="optics: farthest neighbours in the reachability plot")
     n_clusters: int = knob(2, low=1, high=100, doc="kmeans: number of clusters")
     max_iterations: int = knob(20, low=1, high=1000, doc="kmeans: stop here if it has not converged")
-    angle_reach: float = knob(
-        0.1, unit="rad", low=0.0, high=3.15, doc="grid and polar: points this near in azimuth are neighbours, however far apart in metres"
-    )
+    angle_reach: float = knob(0.1, unit="rad", low=0.0, high=3.15, doc="grid and polar: points this near in azimuth are always neighbours")
     reference_range: float = knob(2.0, unit="m", low=0.1, high=100.0, doc="grid and polar: min_points holds up to this range")
     density_exponent: float = knob(1.0, low=0.0, high=4.0, doc="grid and polar: farther away min_points falls with this power of the range")
     min_points_far: int = knob(2, low=1, high=1000, doc="grid and polar: but not below this")

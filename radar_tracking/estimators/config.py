@@ -25,14 +25,10 @@ class EstimatorConfig:
 
     name: Literal["linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"] = knob("linear", doc="estimator")
     motion: Motion = knob("constant_velocity", doc="motion model of an estimator with one model")
-    process_noise: float = knob(
-        1.0, unit="m^2/s^3", low=1e-9, high=1e6, doc="spectral density of the acceleration that drives constant velocity and turns"
-    )
+    process_noise: float = knob(1.0, unit="m^2/s^3", low=1e-9, high=1e6, doc="spectral density of acceleration, for velocity and turns")
     jerk_noise: float = knob(5.0, unit="m^2/s^5", low=1e-9, high=1e6, doc="spectral density of the jerk that drives constant acceleration")
     turn_noise: float = knob(1.0, unit="rad^2/s^3", low=1e-9, high=1e3, doc="spectral density of the turn rate's drift")
-    height_noise: float = knob(
-        1e-4, low=0.0, high=1.0, doc="noise of the height relative to that on the floor plane: people hardly move up and down"
-    )
+    height_noise: float = knob(1e-4, low=0.0, high=1.0, doc="vertical over horizontal process noise: people hardly move up and down")
     acceleration_std: float = knob(2.0, unit="m/s^2", low=1e-3, high=1e3, doc="how far a target's acceleration is from zero when unknown")
     turn_std: float = knob(1.0, unit="rad/s", low=1e-3, high=100.0, doc="how far a target's turn rate is from zero when unknown")
     filter: Filter = knob("linear", doc="filter of every mode of imm and mmae")
@@ -61,6 +57,4 @@ class SnapshotConfig:
     spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
     huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
     iterations: int = knob(4, low=1, high=50, doc="rounds of weighing and solving; 1: no point is an outlier")
-    max_std: float = knob(
-        0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain than this are not given"
-    )
+    max_std: float = knob(0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain are not given")

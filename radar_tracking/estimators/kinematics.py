@@ -101,9 +101,7 @@ class ConstantAcceleration(_Chain):
 def check_density(density: Sequence[float]) -> None:
     """Raise `ConfigError` unless there are two or three densities, finite and not negative."""
     if len(density) not in (2, 3) or not all(math.isfinite(q) and q >= 0 for q in density):
-        raise ConfigError(
-            f"the spectral densities of a motion's noise are {tuple(density)}; give 2 or 3 finite numbers that are not negative"
-        )
+        raise ConfigError(f"the spectral densities of a motion's noise are {tuple(density)}; give 2 or 3 finite numbers, none negative")
 
 
 @lru_cache(maxsize=64)

@@ -24,9 +24,7 @@ _OPPOSED = 0.1  # resultant of unit vectors below which the radars look in no co
 class ClockConfig:
     """How the offset between the clocks of radars is looked for."""
 
-    window: float = knob(
-        10.0, unit="s", low=0.1, high=3600.0, doc="time over which the smallest delay of each radar is looked for; known after that long"
-    )
+    window: float = knob(10.0, unit="s", low=0.1, high=3600.0, doc="time over which each radar's smallest delay is looked for")
     parts: int = knob(5, low=2, high=100, doc="parts of the window, whose own smallest delays say how sure that of the whole is")
     least: int = knob(3, low=1, high=1000, doc="clouds of each radar that every part must hold; fewer say nothing")
 
@@ -130,12 +128,8 @@ class FusionConfig:
 
     radars: tuple[str, ...] = knob(("left", "right"), doc="namespaces of the radars whose clouds are fused")
     slop: float = knob(0.02, unit="s", low=1e-4, high=10.0, doc="clouds whose stamps differ by less than this belong together")
-    solo_after: float = knob(
-        0.5, unit="s", low=0.0, high=600.0, doc="a radar behind the others by more than this (and by two of its frames) is not waited for"
-    )
-    max_clock_offset: float = knob(
-        0.005, unit="s", low=1e-4, high=10.0, doc="radars whose clocks are farther apart than this are warned of; they pair wrong clouds"
-    )
+    solo_after: float = knob(0.5, unit="s", low=0.0, high=600.0, doc="a radar this (and two of its frames) behind others is not waited for")
+    max_clock_offset: float = knob(0.005, unit="s", low=1e-4, high=10.0, doc="clocks farther apart are warned of: wrong clouds are paired")
     clocks: ClockConfig = ClockConfig()
 
     def validate(self) -> None:

@@ -9,10 +9,4 @@ if TYPE_CHECKING:
     from radar_tracking.hand.tracker import HandTracker
 
 __all__ = ["HandConfig", "HandTracker", "SplitConfig", "ValueConfig"]
-__getattr__ = lazily(
-    __name__,
-    {
-        "HandConfig SplitConfig ValueConfig": "config",
-        "HandTracker": "tracker",
-    },
-)
+__getattr__ = lazily(__name__, {"HandConfig SplitConfig ValueConfig": "config", "HandTracker": "tracker"})

@@ -15,21 +15,13 @@ class SplitConfig:
 
     reach: float = knob(0.9, unit="m", low=0.1, high=3.0, doc="largest horizontal distance of the hand from the body")
     gate: float = knob(0.4, unit="m", low=0.02, high=3.0, doc="points farther from the predicted hand than this are not its own")
-    inward: float = knob(
-        0.2, unit="m", low=0.0, high=3.0, doc="points that much farther in along the arm than a resting hand are forearm, never hand"
-    )
+    inward: float = knob(0.2, unit="m", low=0.0, high=3.0, doc="points that much farther in along the arm than a resting hand are forearm")
     gate_sigmas: float = knob(4.0, low=0.5, high=100.0, doc="the same in standard deviations")
     body_radius: float = knob(0.12, unit="m", low=0.01, high=1.0, doc="slow points this near to the body's axis are body, never hand")
-    torso_depth: float = knob(
-        0.2, unit="m", low=0.0, high=1.0, doc="slow points no nearer to their radar than the body's axis by this are body, never hand"
-    )
+    torso_depth: float = knob(0.2, unit="m", low=0.0, high=1.0, doc="slow points not so much nearer to the radar than the axis are body")
     body_speed: float = knob(0.25, unit="m/s", low=0.0, high=5.0, doc="radial speed up to which a point is slow")
-    hand_radius: float = knob(
-        0.2, unit="m", low=0.01, high=1.0, doc="a point is the hand's if it is nearer to it in units of this than to the body"
-    )
-    find_speed: float = knob(
-        0.5, unit="m/s", low=0.0, high=5.0, doc="a hand that rested is found again elsewhere only when it moves faster: it had to get there"
-    )
+    hand_radius: float = knob(0.2, unit="m", low=0.01, high=1.0, doc="a hand's points are nearer to it, in units of this, than to the body")
+    find_speed: float = knob(0.5, unit="m/s", low=0.0, high=5.0, doc="a hand that rested is found elsewhere only when it moves faster")
     find_points: int = knob(2, low=1, high=100, doc="points that a hand must have to be found (to be followed, one is enough)")
     speed_scale: float = knob(0.25, unit="s", low=0.0, high=10.0, doc="k-means: 1 m/s of radial speed counts as much as this many metres")
 
@@ -60,24 +52,16 @@ class HandConfig:
     """Everything that `HandTracker` can be told (thesis, 7.3)."""
 
     trigger: str = knob("rotate", doc="name of the gesture that starts the hand track of who performs it; empty: none does")
-    trigger_delay: float = knob(
-        0.1, unit="s", low=0.0, high=10.0, doc="a trigger takes effect this long after its stamp, so that message order does not matter"
-    )
+    trigger_delay: float = knob(0.1, unit="s", low=0.0, high=10.0, doc="a trigger acts this long after its stamp, in any message order")
     toggle: bool = knob(False, doc="the trigger gesture also ends the hand track; off, because circles drawn by the hand look like it")
     lost_after: float = knob(1.0, unit="s", low=0.05, high=60.0, doc="the hand track ends when a hand that moved is unseen for longer")
-    rest_after: float = knob(
-        10.0, unit="s", low=0.05, high=600.0, doc="the same for a hand that rested: it gives no echo that moves, and to go it has to move"
-    )
+    rest_after: float = knob(10.0, unit="s", low=0.05, high=600.0, doc="the same for a hand that rested, which gives no moving echo")
     rest_speed: float = knob(0.25, unit="m/s", low=0.0, high=5.0, doc="a hand slower than this rests")
     reacquire_after: float = knob(0.1, unit="s", low=0.0, high=60.0, doc="unseen for longer, the hand is looked for anywhere within reach")
     split: SplitConfig = SplitConfig()
-    hand_length: float = knob(
-        0.08, unit="m", low=0.01, high=1.0, doc="points this much farther in than the outermost count 1/e: the forearm"
-    )
+    hand_length: float = knob(0.08, unit="m", low=0.01, high=1.0, doc="points this much farther in than the outermost count 1/e (forearm)")
     position_std: float = knob(0.04, unit="m", low=1e-3, high=1.0, doc="how far the centroid of many points of a hand is from the hand")
-    bias_std: float = knob(
-        0.02, unit="m", low=0.0, high=1.0, doc="the part of that error that lasts and no filter averages out: it is in the covariance told"
-    )
+    bias_std: float = knob(0.02, unit="m", low=0.0, high=1.0, doc="the lasting part of that error, which no filter averages out")
     extent: float = knob(0.08, unit="m", low=0.0, high=1.0, doc="how far one point of a hand is from their centroid")
     angle_std: float = knob(0.03, unit="rad", low=0.0, high=1.0, doc="direction error of one point, for clouds that carry no own estimate")
     rate_std: float = knob(0.05, unit="m/s", low=1e-3, high=5.0, doc="range-rate error of one point, for clouds that carry no own estimate")

@@ -82,10 +82,9 @@ def distances(truth: ObjectSet, estimate: ObjectSet) -> Float64Array:
     """
     if not len(truth) or not len(estimate):
         return np.empty((len(truth), len(estimate)))
-    if truth.position.shape[1] != estimate.position.shape[1]:
-        raise DataError(
-            f"truth has {truth.position.shape[1]} coordinates but the estimate {estimate.position.shape[1]}; compare both in the same space"
-        )
+    d, other = truth.position.shape[1], estimate.position.shape[1]
+    if d != other:
+        raise DataError(f"truth has {d} coordinates but the estimate {other}; compare both in the same space")
     with np.errstate(over="ignore"):  # what overflows is cut on the next line: far is far
         apart = truth.position[:, None] - estimate.position[None]
     apart = np.clip(apart, -_FAR, _FAR)

@@ -73,11 +73,7 @@ class Tally:
         found = self._consistency
         if found is None or not found.samples:
             return {**values, "nis_ratio": "unknown", "nis_accepted": "unknown", "consistency": "unknown"}, []
-        values |= {
-            "nis_ratio": f"{found.ratio:.3g}",
-            "nis_accepted": f"{found.low:.3g} to {found.high:.3g}",
-            "consistency": found.state,
-        }
+        values |= {"nis_ratio": f"{found.ratio:.3g}", "nis_accepted": f"{found.low:.3g} to {found.high:.3g}", "consistency": found.state}
         return values, [found.warning] if found.warning else []
 
 

@@ -94,9 +94,7 @@ class TrackTable:
             self.belief = self.belief.select(mask)
 
 
-_COLUMNS: list[tuple[Any, ...]] = [
-    (name, column.dtype, column.shape) for name, column in vars(TrackTable).items() if isinstance(column, Column)
-]
+_COLUMNS: Any = [(name, column.dtype, column.shape) for name, column in vars(TrackTable).items() if isinstance(column, Column)]
 RECORD = np.dtype(_COLUMNS)
 """One row of a `TrackTable`."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from radar_core.config import config, knob
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.tracks import Tracks, TrackStatus
 
+_boxes = partial(knob, unit="m", low=-1e4, high=1e4)
 _BOX = 4  # numbers of a box: x_low, x_high, y_low, y_high
 
 
@@ -19,30 +21,12 @@ _BOX = 4  # numbers of a box: x_low, x_high, y_low, y_high
 class ZonesConfig:
     """Boxes on the floor of ``room``, four numbers each (x_low, x_high, y_low, y_high), one after the other; edges belong to a box."""
 
-    boundaries: tuple[float, ...] = knob(
-        (),
-        unit="m",
-        low=-1e4,
-        high=1e4,
-        doc="boxes x_low, x_high, y_low, y_high: what lies outside all of them is nobody; empty: everywhere",
-    )
-    entries: tuple[float, ...] = knob(
-        (), unit="m", low=-1e4, high=1e4, doc="boxes in which new tracks may begin (doors, and what is seen only later); empty: anywhere"
-    )
-    settle: float = knob(
-        2.0, unit="s", low=0.0, high=1e6, doc="so long after the first cloud tracks may begin anywhere: some people are there already"
-    )
-    walls: tuple[float, ...] = knob(
-        (),
-        unit="m",
-        low=-1e4,
-        high=1e4,
-        doc="smooth walls, x and y of both ends one after the other: they mirror people, see life.reflection_after",
-    )
+    boundaries: tuple[float, ...] = _boxes((), doc="boxes x_low, x_high, y_low, y_high; nobody is outside all of them; empty: everywhere")
+    entries: tuple[float, ...] = _boxes((), doc="boxes in which new tracks may begin (doors, and what is seen only later); empty: anywhere")
+    settle: float = knob(2.0, unit="s", low=0.0, high=1e6, doc="tracks may begin anywhere so long after the first cloud")
+    walls: tuple[float, ...] = _boxes((), doc="smooth walls, x and y of both ends: they mirror people, see life.reflection_after")
     counted: tuple[str, ...] = knob((), doc="names of zones whose people are counted, e.g. sofa")
-    counted_boxes: tuple[float, ...] = knob(
-        (), unit="m", low=-1e4, high=1e4, doc="one box x_low, x_high, y_low, y_high per name in counted"
-    )
+    counted_boxes: tuple[float, ...] = _boxes((), doc="one box x_low, x_high, y_low, y_high per name in counted")
 
     def validate(self) -> None:
         """Raise `ConfigError` when a list does not hold whole boxes, a box has no area, or names and boxes do not fit."""
@@ -52,9 +36,8 @@ class ZonesConfig:
             raise ConfigError(f"ZonesConfig.walls has {len(self.walls)} numbers; every wall needs four: x and y of both ends (in metres)")
         boxes = len(self.counted_boxes) // _BOX
         if boxes != len(self.counted):
-            raise ConfigError(
-                f"ZonesConfig.counted_boxes holds {boxes} boxes for {len(self.counted)} names in counted; give four numbers for each name"
-            )
+            names = f"{len(self.counted)} names in counted"
+            raise ConfigError(f"ZonesConfig.counted_boxes holds {boxes} boxes for {names}; give four numbers for each name")
         for name in self.counted:
             if not name or self.counted.count(name) > 1:
                 raise ConfigError(f"ZonesConfig.counted has {name!r} {'twice' if name else 'as a name'}; give every zone a name of its own")
