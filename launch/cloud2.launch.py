@@ -1,6 +1,6 @@
 """Clouds of another driver: ros2 launch handwave cloud2.launch.py topic:=/ti_mmwave/radar_scan_pcl doppler:=velocity."""
 
-from radar_app.launching import launch_description
+from radar_app.graph import launch_description
 
 VARIANT = "cloud2"
 ARGUMENTS = {

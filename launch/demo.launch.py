@@ -1,6 +1,6 @@
 """A simulated room, evaluated and recorded: ros2 launch handwave demo.launch.py bag:=my_recording scene:=demo."""
 
-from radar_app.launching import launch_description
+from radar_app.graph import launch_description
 
 VARIANT = "demo"
 ARGUMENTS = {

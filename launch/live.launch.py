@@ -1,6 +1,6 @@
 """A radar to people, gestures and a hand: ros2 launch handwave live.launch.py scene:=one_user namespace:=left."""
 
-from radar_app.launching import launch_description
+from radar_app.graph import launch_description
 
 VARIANT = "live"
 ARGUMENTS = {

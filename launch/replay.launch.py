@@ -1,6 +1,6 @@
 """Everything but the driver, for ros2 bag play --clock: ros2 launch handwave replay.launch.py."""
 
-from radar_app.launching import launch_description
+from radar_app.graph import launch_description
 
 VARIANT = "replay"
 ARGUMENTS = {"*.use_sim_time": ("true", "take the time from /clock")}

@@ -1,6 +1,6 @@
 """Two radars in left/ and right/, fused to people, gestures and a hand: ros2 launch handwave two_radars.launch.py scene:=two_radars."""
 
-from radar_app.launching import launch_description
+from radar_app.graph import launch_description
 
 VARIANT = "two_radars"
 ARGUMENTS = {

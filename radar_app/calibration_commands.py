@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import os
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from radar_app.parameters import Domain, Namespace, Params, parse_parameters
+from radar_app.parameters import Domain, Json, Namespace, Params, comma_separated, parse_parameters, progress_bar
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
-    from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker
+    from radar_lab.alignment.pair import PairCalibration
 
 
 def calibrate(
@@ -68,7 +68,7 @@ def calibrate_pair(
     duration: Annotated[float, typer.Option(help="running graph: seconds to listen; Ctrl-C ends it sooner", min=2.0, max=3600.0)] = 60.0,
     config: Annotated[Path | None, typer.Option("--config", "-c", help="YAML with knobs of radar_lab.alignment.pair.PairConfig")] = None,
     picture: Annotated[Path | None, typer.Option(help="also draw both trajectories, before and after (.png)")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Json = False,
     param: Params = None,
     domain: Domain = None,
     namespace: Namespace = "",
@@ -81,18 +81,29 @@ def calibrate_pair(
 
     Examples: `handwave calibrate-pair walk -o right.yaml --picture walk.png` · `handwave calibrate-pair -o right.yaml --duration 60`
     """
+    from radar_app.supervisor import environment
     from radar_core.config import load_file
     from radar_lab.alignment.pair import PairConfig, draw
     from radar_lab.alignment.pair import as_json as report
     from radar_lab.alignment.pair import calibrate_pair as fit
+    from radar_ros.interrupts import ros
+    from radar_ros.walks import Listener, from_bag
 
-    names = [name.strip() for name in radars.split(",") if name.strip()]
+    names = comma_separated(radars)
     if len(names) != 2 or names[0] == names[1]:
         raise ConfigError(f"--radars {radars!r}: name two radars, e.g. left,right")
     chosen = load_file(PairConfig, config) if config is not None else PairConfig()
-    with _progress("reading" if bag is not None else "walk now", quiet=as_json) as progress:
-        first, second = _follow(bag, names, chosen, progress, parse_parameters(param), duration, domain, namespace)
-    result = fit(first, second, chosen)
+    parameters = parse_parameters(param)
+    with progress_bar("reading" if bag is not None else "walk now", quiet=as_json) as progress:
+        if bag is not None:
+            walkers = from_bag(bag, names, chosen, progress, parameters)
+        elif parameters:
+            raise ConfigError("--param sets the baseband of a recording; a running graph has its own")
+        else:
+            os.environ.update(environment(domain))
+            with ros(), closing(Listener(names, chosen, namespace)) as listener:
+                walkers = listener.listen(duration, progress)
+    result = fit(*walkers, chosen)
     result.mount.save(out)
     if picture is not None:
         draw(result, picture)
@@ -116,44 +127,3 @@ def _show(result: PairCalibration) -> None:
     console.print(table)
     for note in result.notes():
         console.print(f"note: {note}", markup=False, highlight=False)
-
-
-@contextmanager
-def _progress(title: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """Show how far it is on the terminal; yields what is told the share, 0..1."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), disable=quiet) as bar:
-        task = bar.add_task(title, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
-
-
-def _follow(
-    bag: Path | None,
-    names: list[str],
-    config: PairConfig,
-    progress: Callable[[float], None],
-    parameters: dict[str, dict[str, Any]],
-    duration: float,
-    domain: int | None,
-    namespace: str,
-) -> tuple[Walker, Walker]:
-    """Take in a recording or a running graph."""
-    import os
-
-    from radar_app.supervisor import environment
-    from radar_ros.interrupts import ros
-    from radar_ros.walks import Listener, from_bag
-
-    if bag is not None:
-        return from_bag(bag, names, config, progress, parameters)
-    if parameters:
-        raise ConfigError("--param sets the baseband of a recording; a running graph has its own")
-    os.environ.update(environment(domain))
-    with ros():
-        listener = Listener(names, config, namespace)
-        try:
-            return listener.listen(duration, progress)
-        finally:
-            listener.close()

@@ -5,14 +5,15 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from radar_app import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
 from radar_app.compiling import compile_loops
-from radar_app.parameters import Configs, Domain, Namespace, Params, parse_parameters, split
+from radar_app.parameters import Configs, Domain, Namespace, Params, comma_separated, parse_parameters
 from radar_core import HandwaveError
 
 app = typer.Typer(
@@ -113,13 +114,11 @@ def record(
     namespace: Namespace = "",
 ) -> None:
     """Record a running graph into a rosbag2 MCAP until Ctrl-C; a crash loses at most the last half second."""
-    from radar_app.graph import NODES, replace_parameters
+    from radar_app.graph import NODES
     from radar_app.supervisor import Supervisor, default_log_sink, supervise
 
-    settings: dict[str, Any] = {"bag": str(out)}
-    if topics:
-        settings["topics"] = split(topics)
-    spec = replace_parameters(NODES["recorder"], namespace, settings)
+    parameters = {"bag": str(out), **({"topics": comma_separated(topics)} if topics else {})}
+    spec = replace(NODES["recorder"], namespace=namespace, parameters=parameters)
     raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=default_log_sink(8))))
 
 
@@ -146,9 +145,8 @@ def replay(
     """
     from radar_app.replaying import ReplayOptions, run_replay
 
-    chosen = split(topics)
-    settings = parse_parameters(param, config)
-    options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, settings, domain, namespace, clock, chosen)
+    parameters = parse_parameters(param, config)
+    options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, parameters, domain, namespace, clock, comma_separated(topics))
     raise typer.Exit(run_replay(options))
 
 
@@ -192,8 +190,7 @@ def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -
     from radar_ros.bags import RECORDED, contents, local, open_bag
     from radar_ros.offline import open_recording
 
-    table = Table("topic", "messages")
-    held = contents(bag)
+    table, held = Table("topic", "messages"), contents(bag)
     for topic, count in held.items():
         table.add_row(topic, str(count))
     Console().print(table)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from radar_app.parameters import Params, parse_parameters
+from radar_app.parameters import Params, comma_separated, parse_parameters, stopping
 from radar_core import ConfigError, DataError, PointCloud
 
 if TYPE_CHECKING:
@@ -54,21 +54,18 @@ def generate(
     """
     from radar_lab.datasets.synthesis import synthesise as run
     from radar_lab.datasets.synthesis_plan import named_plan
-    from radar_ros.interrupts import INTERRUPTED, interruptible
 
     if jobs == 0:
         raise ConfigError("--jobs 0: give the number of processes, or -1 for one per core")
-    names = tuple(name.strip() for name in gestures.split(",") if name.strip())
     given: dict[str, Any] = {"n_subjects": subjects, "repetitions": repetitions}
-    chosen = named_plan(plan, gestures=names, **{name: value for name, value in given.items() if value is not None})
+    chosen = named_plan(plan, gestures=comma_separated(gestures), **{name: value for name, value in given.items() if value is not None})
     wanted = chosen.n_samples if samples is None else samples
-    with interruptible(), _workers(cluster):
-        try:
-            done = run(folder, wanted, seed=seed, n_jobs=jobs, plan=chosen, body=cast("BodyKind", body), raw=raw, one_tx=one_tx)
-        except KeyboardInterrupt:
-            held = len(list(folder.glob("sample_*.npz")))
-            print(f"stopped: {held} of {wanted} samples in {folder}; the same command goes on")
-            raise typer.Exit(INTERRUPTED) from None
+
+    def held() -> str:
+        return f"stopped: {len(list(folder.glob('sample_*.npz')))} of {wanted} samples in {folder}; the same command goes on"
+
+    with stopping(held), _workers(cluster):
+        done = run(folder, wanted, seed=seed, n_jobs=jobs, plan=chosen, body=cast("BodyKind", body), raw=raw, one_tx=one_tx)
     print(f"{done} samples simulated, {wanted} in {folder}")
 
 
@@ -181,9 +178,8 @@ def import_(
     if one_tx and recording.topic != "radar/frame":
         raise ConfigError(f"--one-tx needs raw frames, and {bag} only has point clouds")
     wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording))
-    report = import_labelled(
-        folder, recording.info, _moments(recording, one_tx, baseband), wanted, source=bag.resolve().name, one_tx=one_tx
-    )
+    moments = _moments(recording, one_tx, baseband)
+    report = import_labelled(folder, recording.info, moments, wanted, source=bag.resolve().name, one_tx=one_tx)
     print(f"{report.n_written} samples added to {folder}, in {report.n_found} of them the gesture is found")
     if report.n_known:
         print(f"{report.n_known} were there already")

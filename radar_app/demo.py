@@ -44,15 +44,8 @@ class DemoOptions:
 def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     """Run the demo and return its report.
 
-    Returns
-    -------
-    dict
-        Figures of the run; ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early.
-
-    Raises
-    ------
-    ConfigError
-        When the scene makes no sense, the ROS domain is busy or nodes do not start.
+    Of its figures ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early. A `ConfigError` says that
+    the scene makes no sense, the ROS domain is busy or nodes do not start.
     """
     os.environ.update(environment(options.domain))
     scene = load_scene(options.scene)
@@ -61,15 +54,9 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     if bag.exists():
         raise ConfigError(f"{bag} exists already; choose another folder with --bag")
     report_file = bag.with_name(f"{bag.name}.json")
-    specs = graph(
-        "demo",
-        namespace=options.namespace,
-        parameters={
-            "driver": {"scene": str(options.scene), "duration": float(duration), "wait_for_readers": 2},
-            "recorder": {"bag": str(bag)},
-            "evaluation": {"report": str(report_file)},
-        },
-    )
+    parameters = {"recorder": {"bag": str(bag)}, "evaluation": {"report": str(report_file)}}
+    driver = {"scene": str(options.scene), "duration": float(duration), "wait_for_readers": 2}
+    specs = graph("demo", namespace=options.namespace, parameters={"driver": driver, **parameters})
     refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
     logs: list[str] = []
     supervisor = Supervisor(specs, domain=options.domain, log=_log_sink(logs, console, options))
@@ -116,7 +103,7 @@ def _show(supervisor: Supervisor, monitor: Monitor, duration: float, options: De
     supervisor.start()
     title = f"handwave demo: {options.scene}"
     if options.headless:
-        _watch_plainly(supervisor, monitor, duration, console)
+        _run(supervisor, monitor, duration, _plain_lines(monitor, console))
     else:
         with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
             _run(supervisor, monitor, duration, lambda: display.update(monitor.render(title)))
@@ -159,8 +146,8 @@ def _run(supervisor: Supervisor, monitor: Monitor, duration: float, show: Callab
             return
 
 
-def _watch_plainly(supervisor: Supervisor, monitor: Monitor, duration: float, console: Console) -> None:
-    """One line a second, for logs."""
+def _plain_lines(monitor: Monitor, console: Console) -> Callable[[], None]:
+    """Make what shows one line a second, for logs."""
     next_line = time.monotonic() + 1.0
 
     def show() -> None:
@@ -169,32 +156,25 @@ def _watch_plainly(supervisor: Supervisor, monitor: Monitor, duration: float, co
             return
         next_line += 1.0
         people = len(monitor.tracks.tracks) if monitor.tracks is not None else 0
-        latency = f"{sorted(monitor.latencies[-50:])[len(monitor.latencies[-50:]) // 2] * 1e3:.1f} ms" if monitor.latencies else "-"
+        latest = sorted(monitor.latencies[-50:])
+        latency = f"{latest[len(latest) // 2] * 1e3:.1f} ms" if latest else "-"
         hand = f", hand {monitor.hand.value:.2f}" if monitor.hand is not None else ""
         gestures = ", ".join(f"{track}:{name}" for track, name, _ in list(monitor.gestures)[-2:])
-        console.print(
-            f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}", highlight=False
-        )
+        line = f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}"
+        console.print(line, highlight=False)
 
-    _run(supervisor, monitor, duration, show)
+    return show
 
 
 def show_report(report: dict[str, Any], console: Console) -> None:
     """Print the table of what was recognised and the figures of the run."""
-    table = Table(title="gestures: performed and recognised")
-    for column in ("time [s]", "person", "performed", "recognised", ""):
-        table.add_column(column)
+    table = Table("time [s]", "person", "performed", "recognised", "", title="gestures: performed and recognised")
     outcomes = report.get("gestures", {}).get("outcomes", [])
     first = outcomes[0]["time_s"] if outcomes else 0.0
     for row in outcomes:
-        right = row["performed"] == row["recognised"]
-        table.add_row(
-            f"{row['time_s'] - first:+.1f}",
-            str(row["person"]),
-            row["performed"],
-            row["recognised"] or "-",
-            "[green]right" if right else "[red]wrong",
-        )
+        verdict = "[green]right" if row["performed"] == row["recognised"] else "[red]wrong"
+        time_s = f"{row['time_s'] - first:+.1f}"
+        table.add_row(time_s, str(row["person"]), row["performed"], row["recognised"] or "-", verdict)
     console.print(table)
     figures = Table(title="figures", show_header=False)
     for name, value in _figures(report):
@@ -210,25 +190,24 @@ def _number(value: Any, form: str, unit: str = "") -> str:
 def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
     rows = []
     for name, person in report.get("people", {}).items():
-        text = (
-            f"tracked {_number(person['tracked_fraction'], '.0%')} of the time in view, {person['identity_switches']} identity switches, "
-        )
+        seen, switches = _number(person["tracked_fraction"], ".0%"), person["identity_switches"]
+        text = f"tracked {seen} of the time in view, {switches} identity switches, "
         rows.append((f"person {name}", text + f"position {_number(person['position_rms_m'], '.2f', ' m')} rms"))
     gestures, hand = report.get("gestures", {}), report.get("hand", {})
     if gestures:
         share = f" ({gestures['hits'] / gestures['total']:.0%})" if gestures["total"] else ""
         text = f"{gestures['hits']} of {gestures['total']} right{share}, {gestures['wrong']} wrong, {gestures['misses']} missed, "
         rows.append(("gestures", text + f"{gestures['false_gestures']} false"))
-    rows.append(
-        ("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {_number(hand.get('tracked_fraction'), '.0%')} of its drawing")
-    )
+    followed = _number(hand.get("tracked_fraction"), ".0%")
+    rows.append(("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {followed} of its drawing"))
     ghosts = f"{report.get('ghost_track_frames', '-')} of {report.get('track_frames', '-')} track-frames"
     rows.append(("ghosts", f"{ghosts} on nobody (gate {_number(report.get('gate_m'), '.1f', ' m')})"))
-    rows += _tracking_figures(report)
-    latency = (
-        f"{_number(report.get('latency_ms_median'), '.1f')} ms median, {_number(report.get('latency_ms_p99'), '.1f')} ms 99th percentile"
-    )
-    rows.append(("frame to tracks", latency))
+    gospa = report.get("gospa", {})
+    parts = ", ".join(f"{text} {_number(gospa.get(key), '.3f')}" for key, text in _GOSPA_PARTS.items())
+    rows.append(("MOTA", _number(report.get("mota"), ".1%")))
+    rows.append(("GOSPA", f"{_number(gospa.get('mean_m'), '.2f', ' m')} mean; parts in m²: {parts}"))
+    median, p99 = _number(report.get("latency_ms_median"), ".1f"), _number(report.get("latency_ms_p99"), ".1f")
+    rows.append(("frame to tracks", f"{median} ms median, {p99} ms 99th percentile"))
     rows.append(("dropped", f"{_number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
     rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
     if report.get("interrupted"):
@@ -236,13 +215,3 @@ def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
     rows.append(("recording", str(report.get("bag"))))
     return rows
-
-
-def _tracking_figures(report: dict[str, Any]) -> list[tuple[str, str]]:
-    """Accuracy and GOSPA of all tracks against the truth, and its parts in squared metres."""
-    gospa = report.get("gospa", {})
-    parts = ", ".join(f"{text} {_number(gospa.get(key), '.3f')}" for key, text in _GOSPA_PARTS.items())
-    return [
-        ("MOTA", _number(report.get("mota"), ".1%")),
-        ("GOSPA", f"{_number(gospa.get('mean_m'), '.2f', ' m')} mean; parts in m²: {parts}"),
-    ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from radar_app.parameters import Json, progress_bar
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ _STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
 
 def devices(
     boards: Annotated[bool, typer.Option("--boards", help="list every board that is known, with its knobs, plugged in or not")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Json = False,
 ) -> None:
     """List the boards that are plugged in, how to use each, and what is in the way.
 
@@ -137,26 +138,23 @@ def _knobs(config: type) -> list[dict[str, Any]]:
 
     from radar_core.config import describe
 
-    return [
-        {
-            "name": name,
-            "default": None if field.default is dataclasses.MISSING else field.default,
-            "unit": field.metadata.get("unit", ""),
-            "doc": field.metadata.get("doc", ""),
-        }
-        for name, field, _ in describe(config)
-    ]
+    def default(field: dataclasses.Field[Any]) -> Any:
+        return None if field.default is dataclasses.MISSING else field.default
+
+    words = ("unit", "doc")
+    fields = [(name, field) for name, field, _ in describe(config)]
+    return [{"name": n, "default": default(f), **{word: f.metadata.get(word, "") for word in words}} for n, f in fields]
 
 
 def probe(
     board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, or bag")],
-    settings: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
+    knobs: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
     scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
     limit: Annotated[
         list[str] | None, typer.Option(help="name=value, a limit of radar_driver.health.HealthConfig; may be repeated")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Json = False,
 ) -> None:
     """Check a board's health: link, temperature, noise floor, coupling, saturation, frame rate, losses; each with plain advice.
 
@@ -167,23 +165,21 @@ def probe(
 
     Examples: `handwave probe sim` · `handwave probe sim --scene five_people` · `handwave probe ti_demo --set port=/dev/ttyACM1`
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from radar_core.config import load, nest
     from radar_driver.health import HealthConfig
     from radar_driver.probing import probe as listen
 
     limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
-    source = _source(board, _parse(settings, "--set"), scene)
-    with Progress(console=Console(stderr=True), disable=as_json, transient=True) as bar:
-        task = bar.add_task(f"listening to {board}", total=1.0)
-        found = listen(source, duration, config=limits, progress=lambda share: bar.update(task, completed=share))
+    if scene is not None and board != "sim":
+        raise ConfigError(f"--scene is for sim; for {board} give --set knob=value (handwave devices --boards lists the knobs)")
+    given = {**({} if scene is None else {"scene": scene}), **_parse(knobs, "--set")}
+    chosen = _registry().board(board)
+    source: Source = chosen.source(load(chosen.config, nest(given), "--set"))
+    with progress_bar(f"listening to {board}", quiet=as_json, transient=True) as progress:
+        found = listen(source, duration, config=limits, progress=progress)
     if as_json:
-        checks = [
-            {"check": c.name, "value": c.value, "unit": c.unit, "text": c.text, "verdict": c.verdict.value, "advice": c.advice}
-            for c in found.checks
-        ]
+        told = ("value", "unit", "text", "advice")
+        checks = [{"check": c.name, "verdict": c.verdict.value, **{key: getattr(c, key) for key in told}} for c in found.checks]
         print(json.dumps({"board": board, "verdict": found.verdict.value, "checks": checks, "report": found.report}, default=str))
     else:
         _show(board, found)
@@ -191,13 +187,7 @@ def probe(
 
 
 def _parse(given: list[str] | None, option: str) -> dict[str, Any]:
-    """Read ``name=value`` settings.
-
-    Raises
-    ------
-    ConfigError
-        When one is not of that form.
-    """
+    """Read ``name=value``; a `ConfigError` says that one is not of that form."""
     import yaml
 
     result: dict[str, Any] = {}
@@ -208,18 +198,6 @@ def _parse(given: list[str] | None, option: str) -> dict[str, Any]:
         parsed = yaml.safe_load(value)
         result[name] = "" if parsed is None else parsed
     return result
-
-
-def _source(name: str, settings: dict[str, Any], scene: str | None) -> Source:
-    from radar_core.config import load, nest
-
-    registry = _registry()
-    if scene is not None and name != "sim":
-        raise ConfigError(f"--scene is for sim; for {name} give --set knob=value (handwave devices --boards lists the knobs)")
-    found = registry.board(name)
-    given = settings if scene is None else {"scene": scene, **settings}
-    source: Source = found.source(load(found.config, nest(given), "--set"))
-    return source
 
 
 def _show(board: str, found: Probe) -> None:

@@ -43,22 +43,10 @@ class NodeSpec:
         return f"{self.place}/{self.name}" if self.place else self.name
 
 
+_REST = ("camera", "visualisation", "evaluation", "hand_evaluation", "recorder")
 NODES: Mapping[str, NodeSpec] = {
-    spec.name: spec
-    for spec in (
-        NodeSpec("driver", "radar_ros.nodes.driver"),
-        NodeSpec("cloud2", "radar_ros.nodes.cloud2"),
-        NodeSpec("baseband", "radar_ros.nodes.baseband"),
-        NodeSpec("fusion", "radar_ros.nodes.fusion"),
-        NodeSpec("tracking", "radar_ros.nodes.tracking"),
-        NodeSpec("gestures", "radar_ros.nodes.gestures"),
-        NodeSpec("hand", "radar_ros.nodes.hand"),
-        NodeSpec("camera", "radar_ros.nodes.camera"),
-        NodeSpec("visualisation", "radar_ros.nodes.visualisation"),
-        NodeSpec("evaluation", "radar_ros.nodes.evaluation"),
-        NodeSpec("hand_evaluation", "radar_ros.nodes.hand_evaluation"),
-        NodeSpec("recorder", "radar_ros.nodes.recorder"),
-    )
+    name: NodeSpec(name, f"radar_ros.nodes.{name}")
+    for name in ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", *_REST)
 }
 """Every node there is."""
 
@@ -112,7 +100,7 @@ VARIANTS: Mapping[str, Variant] = {
 def graph(
     variant: str, *, namespace: str = "", parameters: Mapping[str, Mapping[str, Any]] | None = None, without: Sequence[str] = ()
 ) -> tuple[NodeSpec, ...]:
-    """List the nodes of a variant with their settings.
+    """List the nodes of a variant with their parameters.
 
     Parameters
     ----------
@@ -144,9 +132,9 @@ def graph(
         place, _, name = label.rpartition("/")
         if name in without or label in without:
             continue
-        settings = {**chosen.parameters.get(label, {}), **common, **given.get(name, {}), **given.get(label, {})}
+        own = {**chosen.parameters.get(label, {}), **common, **given.get(name, {}), **given.get(label, {})}
         space = "/".join(part for part in (namespace.strip("/"), place) if part)
-        specs.append(replace(NODES[name], namespace=space, place=place, parameters=settings))
+        specs.append(replace(NODES[name], namespace=space, place=place, parameters=own))
     return tuple(specs)
 
 
@@ -184,6 +172,44 @@ def run_node(name: str) -> int:
     return run(importlib.import_module(NODES[name].module).make_node)
 
 
-def replace_parameters(spec: NodeSpec, namespace: str, parameters: Mapping[str, Any]) -> NodeSpec:
-    """Return a node's description with another namespace and other parameters."""
-    return replace(spec, namespace=namespace, parameters=dict(parameters))
+def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> Any:
+    """Build the launch description of a graph.
+
+    Parameters
+    ----------
+    variant : str
+        Key of `radar_app.graph.VARIANTS`.
+    arguments : dict of str to (str, str)
+        Launch arguments: ``node.parameter`` (a ``*`` node: all) to default and description. The argument's name is the parameter's.
+
+    Returns
+    -------
+    launch.LaunchDescription
+        With one `launch_ros.actions.Node` per node and a ``namespace`` argument.
+    """
+    from launch.actions import DeclareLaunchArgument
+    from launch.substitutions import LaunchConfiguration
+    from launch_ros.actions import Node
+    from launch_ros.parameter_descriptions import ParameterValue
+
+    from launch import LaunchDescription
+
+    given: dict[str, dict[str, Any]] = {}
+    declared = [DeclareLaunchArgument("namespace", default_value="", description="namespace of the graph, one per radar")]
+    for path, (default, doc) in arguments.items():
+        node, _, parameter = path.partition(".")
+        declared.append(DeclareLaunchArgument(parameter, default_value=default, description=doc))
+        given.setdefault(node, {})[parameter] = ParameterValue(LaunchConfiguration(parameter))
+    nodes = [
+        Node(
+            package="handwave",
+            executable=f"{spec.name}_node",
+            name=spec.name,
+            namespace=[LaunchConfiguration("namespace"), f"/{spec.place}"] if spec.place else LaunchConfiguration("namespace"),
+            parameters=[dict(spec.parameters)],
+            remappings=list(spec.remappings.items()),
+            output="screen",
+        )
+        for spec in graph(variant, parameters=given)
+    ]
+    return LaunchDescription([*declared, *nodes])

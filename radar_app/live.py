@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import rclpy
 from handwave.msg import Gesture as GestureMsg
 from handwave.msg import HandTrack as HandTrackMsg
 from handwave.msg import StageStatus as StageStatusMsg
 from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
-from rclpy.executors import SingleThreadedExecutor
 from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -22,6 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from radar_ros import qos
+from radar_ros.interrupts import Visitor
 from radar_ros.messages.convert import stride
 
 _WINDOW = 2.0  # s: rates and latencies on the display are those of the last while
@@ -31,7 +30,6 @@ _WINDOW = 2.0  # s: rates and latencies on the display are those of the last whi
 class Stage:
     """What is known of one stage."""
 
-    processed: int = 0
     dropped: int = 0
     times: deque[float] = field(default_factory=lambda: deque(maxlen=200))
     compute: deque[float] = field(default_factory=lambda: deque(maxlen=200))
@@ -41,13 +39,8 @@ class Stage:
         return sum(now - t < _WINDOW for t in self.times) / _WINDOW
 
 
-class Monitor:
+class Monitor(Visitor):
     """Listens to a graph.
-
-    Parameters
-    ----------
-    namespace : str
-        Of the graph.
 
     Attributes
     ----------
@@ -60,9 +53,7 @@ class Monitor:
     """
 
     def __init__(self, namespace: str = "") -> None:
-        self.node = rclpy.create_node("handwave_monitor", namespace=namespace, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
+        super().__init__("handwave_monitor", namespace)
         self.stages: dict[str, Stage] = {}
         self.latencies: list[float] = []
         self.frames = self.received = self.skipped = 0
@@ -76,12 +67,6 @@ class Monitor:
         self.node.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
         self.node.create_subscription(HandTrackMsg, "hand", self._hand, qos.RESULT)
 
-    def spin(self, seconds: float) -> None:
-        """Take in what comes for so long."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left)
-
     def wait_for_readers(self, topic: str, count: int, timeout: float) -> bool:
         """Wait until a topic has so many readers."""
         end = time.monotonic() + timeout
@@ -91,16 +76,11 @@ class Monitor:
             self.spin(0.05)
         return True
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self.node.destroy_node()
-
     def _status(self, msg: Any) -> None:
         if msg.header.stamp.sec == 0 and msg.header.stamp.nanosec == 0:
             return  # says only that the stage is ready
         stage = self.stages.setdefault(msg.stage, Stage())
-        stage.processed, stage.dropped = msg.processed, msg.dropped
+        stage.dropped = msg.dropped
         stage.times.append(time.monotonic())
         stage.compute.append(msg.compute_s)
         if msg.stage == "driver":
@@ -146,9 +126,8 @@ class Monitor:
         return Panel(Group(self._people(), Text(), self._rates()), title=title, border_style="cyan")
 
     def _people(self) -> Table:
-        table = Table(expand=True, box=None, title="people", title_justify="left")
-        for column in ("track", "x  y [m]", "speed [m/s]", "points", "last gesture"):
-            table.add_column(column)
+        columns = ("track", "x  y [m]", "speed [m/s]", "points", "last gesture")
+        table = Table(*columns, expand=True, box=None, title="people", title_justify="left")
         last = {track: f"{name} {confidence:.0%}" for track, name, confidence in self.gestures}
         for track in self.tracks.tracks if self.tracks is not None else ():
             if track.status == TrackMsg.TENTATIVE:
@@ -157,19 +136,12 @@ class Monitor:
             speed = float(np.hypot(track.velocity[0], track.velocity[1]))
             table.add_row(str(track.id), f"{x:5.2f} {y:5.2f}", f"{speed:.2f}", str(track.n_points), last.get(track.id, ""))
         if self.hand is not None:
-            table.add_row(
-                "hand",
-                f"z {self.hand.position[2]:.2f}",
-                "",
-                str(self.hand.n_points),
-                ProgressBar(total=1.0, completed=self.hand.value, width=24),
-            )
+            bar = ProgressBar(total=1.0, completed=self.hand.value, width=24)
+            table.add_row("hand", f"z {self.hand.position[2]:.2f}", "", str(self.hand.n_points), bar)
         return table
 
     def _rates(self) -> Table:
-        table = Table(expand=True, box=None, title="stages", title_justify="left")
-        for column in ("stage", "rate [Hz]", "compute [ms]", "dropped"):
-            table.add_column(column)
+        table = Table("stage", "rate [Hz]", "compute [ms]", "dropped", expand=True, box=None, title="stages", title_justify="left")
         now = time.monotonic()
         for name in ("driver", "baseband", "tracking", "gestures", "hand"):
             stage = self.stages.get(name, Stage())

@@ -1,7 +1,9 @@
-"""Parameters of nodes on the command line: options, and what they say."""
+"""What commands share: options, parameters of nodes, a bar for what takes long, and how Ctrl-C ends it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -15,51 +17,75 @@ Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per ra
 Params = Annotated[
     list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
 ]
-
 Configs = Annotated[
     list[str] | None,
     typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
 ]
 
 
-def _settings_of(node: str, name: str) -> dict[str, Any]:
-    """Read a configuration file of a node; nested settings get dots, as ROS parameters are named."""
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+
+
+@contextmanager
+def stopping(told: Callable[[], str]) -> Iterator[None]:
+    """Let Ctrl-C end a command with what ``told`` returns, and status 130."""
+    from radar_ros.interrupts import INTERRUPTED, interruptible
+
+    with interruptible():
+        try:
+            yield
+        except KeyboardInterrupt:
+            print(told())
+            raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def progress_bar(title: str, *, quiet: bool, transient: bool = False) -> Iterator[Callable[[float], None]]:
+    """Show on the terminal how far something is; yields what is told the share, 0..1."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), disable=quiet, transient=transient) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Give nested knobs dots, as ROS parameters are named."""
+    result: dict[str, Any] = {}
+    for key, value in values.items():
+        result |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return result
+
+
+def _config_of(node: str, name: str) -> dict[str, Any]:
+    """Read a configuration file of a node."""
     path = find_config(name, node, ".yaml")
     try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: this is no YAML ({error})") from None
-    if not isinstance(settings, dict):
+    if not isinstance(config, dict):
         raise ConfigError(f"{path}: must hold knobs of the node {node}, one 'name: value' a line")
-
-    def flat(values: dict[str, Any], prefix: str) -> dict[str, Any]:
-        result: dict[str, Any] = {}
-        for key, value in values.items():
-            result.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value})
-        return result
-
-    return flat(settings, "")
+    return _flat(config)
 
 
-def split(names: str | None) -> tuple[str, ...]:
+def comma_separated(names: str | None) -> tuple[str, ...]:
     """Read a comma-separated list."""
     return tuple(name.strip() for name in (names or "").split(",") if name.strip())
 
 
 def parse_parameters(given: list[str] | None, files: list[str] | None = None) -> dict[str, dict[str, Any]]:
-    """Read ``node.parameter=value`` settings and ``node=file`` configurations; the single settings win.
+    """Read ``node.parameter=value`` and ``node=file``; single parameters win.
 
-    Raises
-    ------
-    ConfigError
-        When one is not of that form, or a file is missing or no mapping.
+    A `ConfigError` says that one is not of that form, or that a file is missing or no mapping.
     """
     result: dict[str, dict[str, Any]] = {}
     for text in files or []:
         node, equals, name = text.partition("=")
         if not (equals and node and name):
             raise ConfigError(f"--config {text!r}: write node=file, e.g. tracking=dense")
-        result.setdefault(node, {}).update(_settings_of(node, name))
+        result.setdefault(node, {}).update(_config_of(node, name))
     for text in given or []:
         name, equals, value = text.partition("=")
         node, dot, parameter = name.partition(".")

@@ -72,17 +72,7 @@ def check(simulator: Simulator, out: Path, every: float | None = None) -> None:
 def replacing(out: Path, *, keep: bool = True) -> Iterator[Path]:
     """Write a file under another name beside ``out`` and put it in its place at the end; whatever goes wrong, nothing half done is left.
 
-    Parameters
-    ----------
-    out : Path
-        The file.
-    keep : bool
-        False: only find out whether it can be written.
-
-    Raises
-    ------
-    ConfigError
-        When the file cannot be written.
+    Without ``keep``, only find out whether it can be written; a `ConfigError` says that it cannot.
     """
     part = out.with_name(f"{out.name}.part")
     try:
@@ -92,8 +82,7 @@ def replacing(out: Path, *, keep: bool = True) -> Iterator[Path]:
         if keep:
             os.replace(part, out)
     except OSError as error:
-        raise ConfigError(
-            f"preview {out}: it cannot be written ({error.strerror or error}); name a file in a folder that exists"
-        ) from error
+        reason = error.strerror or error
+        raise ConfigError(f"preview {out}: it cannot be written ({reason}); name a file in a folder that exists") from error
     finally:
         part.unlink(missing_ok=True)

@@ -50,11 +50,6 @@ def colour(owner: int) -> str:
 class Observer:
     """Find what there is to see in the spectra of raw frames.
 
-    Parameters
-    ----------
-    info : RadarInfo
-        The radar.
-
     Attributes
     ----------
     speed : ndarray of float64, shape (n_speed,)
@@ -76,12 +71,9 @@ class Observer:
         self._leakage = np.logical_and.outer(cells.sum(axis=1) > 0, leaks)
 
     def process(self, frame: RadarFrame) -> NDArray[np.float32]:
-        """Power of the range-Doppler map, integrated over the channels without phase.
+        """Power of the range-Doppler map, integrated over the channels without phase, float32 of shape (n_speed, n_range).
 
-        Returns
-        -------
-        ndarray of float32, shape (n_speed, n_range)
-            In dB over the square of the unit of the samples; -370 where there is nothing.
+        It is in dB over the square of the unit of the samples; -370 where there is nothing.
         """
         cube = frame.cube
         if len(frame.missing):
@@ -94,11 +86,6 @@ class Observer:
     def echoes(self, level: NDArray[np.float32]) -> NDArray[np.float32]:
         """Leave out of a map the cells into which transmitters leak, as the baseband does; there is nothing in them then."""
         return np.where(self._leakage, np.float32(10 * math.log10(_NOTHING)), level)
-
-
-def n_ranges(info: RadarInfo) -> int:
-    """Range cells of a map: one for a tone."""
-    return 1 if info.waveform.modulation == "cw" else info.waveform.n_sample
 
 
 @dataclass(frozen=True)
@@ -118,16 +105,9 @@ def find_scale(simulator: Simulator, observer: Observer, n: int = 9) -> Scale:
 
 
 class Strip:
-    """Columns over time, of at most ``limit`` columns: where there are more frames, each column keeps the strongest of several.
+    """Columns over time, at most ``limit``: where more frames come (``n_frames``), each column keeps the strongest of several.
 
-    Parameters
-    ----------
-    n_frames, n_values : int
-        Frames to come, and values of each.
-    limit : int
-        Columns that can be told apart in the picture.
-    empty : float
-        What a column that did not come yet holds.
+    Each frame has so many values (``n_values``); a column that did not come yet holds ``empty``.
     """
 
     def __init__(self, n_frames: int, n_values: int, limit: int, empty: float) -> None:
@@ -186,13 +166,8 @@ def draw_deeds(ax: Axes, simulator: Simulator, span: tuple[float, float]) -> Non
 
 def mark_gestures(ax: Axes, simulator: Simulator, end: float) -> list[Line2D]:
     """Draw thin lines where gestures start and end."""
-    lines = []
-    for deed in deeds(simulator):
-        if deed.gesture:
-            for time in (deed.start, deed.end):
-                if time < end:
-                    lines.append(ax.axvline(time, color=colour(deed.person), linewidth=0.7, alpha=0.9))
-    return lines
+    marks = ((time, deed.person) for deed in deeds(simulator) if deed.gesture for time in (deed.start, deed.end) if time < end)
+    return [ax.axvline(time, color=colour(person), linewidth=0.7, alpha=0.9) for time, person in marks]
 
 
 def show_map(ax: Axes, level: FloatArray, extent: tuple[float, float, float, float], scale: Scale) -> AxesImage:
@@ -200,6 +175,21 @@ def show_map(ax: Axes, level: FloatArray, extent: tuple[float, float, float, flo
     return ax.imshow(
         level, origin="lower", extent=extent, aspect="auto", interpolation="nearest", vmin=scale.low, vmax=scale.high, cmap="magma"
     )
+
+
+def label(ax: Axes, title: str = "", x: str = "", y: str = "", **ticks: bool) -> None:
+    """Name axes, in letters of one size; ``ticks`` as of ``Axes.tick_params``."""
+    ax.set_title(title, fontsize=FONT)
+    ax.set_xlabel(x, fontsize=FONT)
+    ax.set_ylabel(y, fontsize=FONT)
+    ax.tick_params(labelsize=FONT - 1, **ticks)
+
+
+def add_colour_bar(image: AxesImage, bar: Axes) -> None:
+    """Say what the colours of maps mean."""
+    bar.figure.colorbar(image, cax=bar)
+    bar.set_ylabel("power [dB]", fontsize=FONT)
+    bar.tick_params(labelsize=FONT - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,9 +212,8 @@ class Extent:
 
 def room_extent(scene: Scene, info: RadarInfo) -> Extent:
     """Find what holds the radar, people where their scripts say, and things, as far as the radar measures (at most 15 m)."""
-    reach = min(info.waveform.max_range, 15.0)
-    places = np.array([info.mount.origin, *_places(scene)])
-    origin = info.mount.origin
+    reach, origin = min(info.waveform.max_range, 15.0), info.mount.origin
+    places = np.array([origin, *_places(scene)])
     places[:, :2] = np.clip(places[:, :2], origin[:2] - reach, origin[:2] + reach)
     places[:, 2] = np.clip(places[:, 2], -1.0, 4.0)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -272,23 +261,9 @@ def _levels(thing: Wall | Furniture) -> tuple[float, float]:
 
 
 class RoomView:
-    """The room as the radar sees it and from above; artists are made once and only moved afterwards.
+    """The room as the radar sees it (``front``) and from above (``top``), on axes in proportion to `Extent`.
 
-    Parameters
-    ----------
-    front, top : Axes
-        To draw on, in proportion to `Extent`.
-    simulator : Simulator
-        Whose scene.
-    extent : Extent
-        What of the room is shown.
-    size : float
-        Of markers, relative to those of a film.
-
-    Attributes
-    ----------
-    artists : list of (Axes, Line2D)
-        All that moves.
+    Artists are made once and only moved afterwards; ``artists`` has all that move. ``size`` of markers is relative to those of a film.
     """
 
     def __init__(self, front: Axes, top: Axes, simulator: Simulator, extent: Extent, size: float = 1.0) -> None:
@@ -301,9 +276,8 @@ class RoomView:
         for ax, (i, j) in zip((front, top), _VIEWS, strict=True):
             ax.set(xlim=(extent.high[i], extent.low[i]), ylim=(extent.low[j], extent.high[j]))
             _draw_still(ax, i, j, simulator)
-            self._points.append(
-                {(owner, size): self._line(ax, owner, float(_SIZES[size])) for owner in range(-1, self._n) for size in range(4)}
-            )
+            kinds = [(owner, size) for owner in range(-1, self._n) for size in range(4)]
+            self._points.append({(owner, size): self._line(ax, owner, float(_SIZES[size])) for owner, size in kinds})
             self._hands.append([self._hand(ax, owner) for owner in range(self._n)])
 
     def _line(self, ax: Axes, owner: int, size: float) -> Line2D:

@@ -13,22 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich.progress import track
 
-from radar_app.preview_panels import (
-    FONT,
-    Deed,
-    Extent,
-    Observer,
-    RoomView,
-    Scale,
-    Strip,
-    deeds,
-    draw_deeds,
-    find_scale,
-    mark_gestures,
-    n_ranges,
-    room_extent,
-    show_map,
-)
+from radar_app import preview_panels as panels
 from radar_sim.simulator import Simulator
 
 SNAPSHOTS: Final[int] = 6
@@ -53,13 +38,14 @@ class _Sheet:
 
 def picture(simulator: Simulator, every: float | None) -> Figure:
     """Simulate all frames and draw; see `radar_app.preview.draw`."""
-    observer = Observer(simulator.info)
-    scale, extent = find_scale(simulator, observer), room_extent(simulator.scene, simulator.info)
-    times = snapshot_times(simulator.scene.duration, deeds(simulator), every)
+    observer = panels.Observer(simulator.info)
+    scale, extent = panels.find_scale(simulator, observer), panels.room_extent(simulator.scene, simulator.info)
+    times = snapshot_times(simulator.scene.duration, panels.deeds(simulator), every)
     wanted = sorted({min(max(round((t - simulator.radar.trigger_offset) / simulator.interval), 0), simulator.n_frames - 1) for t in times})
     sheet = _sheet(extent, len(wanted), len(simulator.scene.people))
-    views = [RoomView(front, top, simulator, extent, 0.55) for front, top in zip(sheet.front, sheet.top, strict=True)]
-    strips = [Strip(simulator.n_frames, n, _COLUMNS, scale.low) for n in (len(observer.speed), n_ranges(simulator.info))]
+    views = [panels.RoomView(front, top, simulator, extent, 0.55) for front, top in zip(sheet.front, sheet.top, strict=True)]
+    n_range = 1 if simulator.info.waveform.modulation == "cw" else simulator.info.waveform.n_sample
+    strips = [panels.Strip(simulator.n_frames, n, _COLUMNS, scale.low) for n in (len(observer.speed), n_range)]
     trail = math.ceil(1.0 / simulator.interval)
     for k in track(range(simulator.n_frames), description="drawing"):
         simulated = simulator.process(k)
@@ -70,28 +56,17 @@ def picture(simulator: Simulator, every: float | None) -> Figure:
             if number - trail <= k <= number:
                 view.update(simulated.truth)
             if k == number:
-                show_map(ax, level, observer.extent, scale)
+                panels.show_map(ax, level, observer.extent, scale)
     _label_snapshots(sheet, simulator, wanted)
     _draw_times(sheet, simulator, observer, strips, scale)
     return sheet.figure
 
 
-def snapshot_times(duration: float, doing: Sequence[Deed], every: float | None) -> list[float]:
-    """Choose moments evenly, and from each towards the nearest middle of something that somebody does.
+def snapshot_times(duration: float, doing: Sequence[panels.Deed], every: float | None) -> list[float]:
+    """Choose moments of a scene evenly, and from each towards the nearest middle of something that somebody does, a gesture if possible.
 
-    Parameters
-    ----------
-    duration : float
-        Of the scene [s].
-    doing : sequence of Deed
-        What people do; gestures are preferred to the rest.
-    every : float or None
-        From one to the next [s], then nothing is preferred; None: `SNAPSHOTS` of them.
-
-    Returns
-    -------
-    list of float
-        Ascending times [s], at most `MOST_SNAPSHOTS`.
+    They ascend [s], and are at most `MOST_SNAPSHOTS`. With ``every`` it is so far [s] from one to the next, and nothing is preferred;
+    without there are `SNAPSHOTS` of them.
     """
     if every is not None:
         n = min(max(math.floor(duration / every), 1), MOST_SNAPSHOTS)
@@ -106,7 +81,7 @@ def snapshot_times(duration: float, doing: Sequence[Deed], every: float | None) 
     return times
 
 
-def _sheet(extent: Extent, n: int, n_people: int) -> _Sheet:
+def _sheet(extent: panels.Extent, n: int, n_people: int) -> _Sheet:
     """Lay out the figure in inches, because both views of the room need one scale."""
     slot = (_WIDTH - _LEFT - _RIGHT) / n
     unit = min((slot - _GAP) / extent.width, 5.6 / sum(extent.heights))
@@ -134,39 +109,31 @@ def _sheet(extent: Extent, n: int, n_people: int) -> _Sheet:
 
 def _label_snapshots(sheet: _Sheet, simulator: Simulator, wanted: Sequence[int]) -> None:
     """Say when and what, and name the axes of the first column."""
-    doing, people = deeds(simulator), simulator.scene.people
+    doing, people = panels.deeds(simulator), simulator.scene.people
     for i, (k, front, top, spectrum) in enumerate(zip(wanted, sheet.front, sheet.top, sheet.spectrum, strict=True)):
         now = simulator.radar.trigger_offset + k * simulator.interval
         acts = [f"{people[d.person].id}: {d.name}" for d in doing if d.start <= now < d.end]
         lines = [f"{now:.2f} s", *([", ".join(acts[:3])] if acts else [""])]
-        front.set_title("\n".join(lines), fontsize=FONT)
-        spectrum.set_xlabel("range [m]", fontsize=FONT)
-        top.set_xlabel("y [m]", fontsize=FONT, labelpad=1)
-        front.tick_params(labelsize=FONT - 1, labelbottom=False, labelleft=i == 0)
-        for ax, label in ((front, "z [m]"), (top, "x [m]"), (spectrum, "range rate [m/s]")):
-            if ax is not front:
-                ax.tick_params(labelsize=FONT - 1, labelleft=i == 0)
-            if i == 0:
-                ax.set_ylabel(label, fontsize=FONT)
-    sheet.figure.suptitle(
-        "what the radar sees, from its place and from above; range-Doppler maps; micro-Doppler; range", fontsize=FONT + 2, y=0.995
-    )
+        z, x, speed = ("z [m]", "x [m]", "range rate [m/s]") if i == 0 else ("", "", "")
+        panels.label(front, "\n".join(lines), y=z, labelbottom=False, labelleft=i == 0)
+        panels.label(top, x="y [m]", y=x, labelleft=i == 0)
+        top.xaxis.labelpad = 1
+        panels.label(spectrum, x="range [m]", y=speed, labelleft=i == 0)
+    title = "what the radar sees, from its place and from above; range-Doppler maps; micro-Doppler; range"
+    sheet.figure.suptitle(title, fontsize=panels.FONT + 2, y=0.995)
 
 
-def _draw_times(sheet: _Sheet, simulator: Simulator, observer: Observer, strips: Sequence[Strip], scale: Scale) -> None:
+def _draw_times(
+    sheet: _Sheet, simulator: Simulator, observer: panels.Observer, strips: Sequence[panels.Strip], scale: panels.Scale
+) -> None:
     """Draw what people do, the micro-Doppler and the range over time, below one another."""
     start, end = simulator.radar.trigger_offset, simulator.radar.trigger_offset + simulator.n_frames * simulator.interval
     near, far, slow, fast = observer.extent
-    draw_deeds(sheet.doing, simulator, (start, end))
-    image = show_map(sheet.micro_doppler, strips[0].values, (start, end, slow, fast), scale)
-    show_map(sheet.distance, strips[1].values, (start, end, near, far), scale)
-    mark_gestures(sheet.micro_doppler, simulator, end)
-    sheet.micro_doppler.set_ylabel("micro-Doppler\nrange rate [m/s]", fontsize=FONT)
-    sheet.micro_doppler.tick_params(labelsize=FONT - 1, labelbottom=False)
-    sheet.distance.set_ylabel("range [m]", fontsize=FONT)
-    sheet.distance.set_xlabel("time [s]", fontsize=FONT)
-    sheet.distance.tick_params(labelsize=FONT - 1)
+    panels.draw_deeds(sheet.doing, simulator, (start, end))
+    image = panels.show_map(sheet.micro_doppler, strips[0].values, (start, end, slow, fast), scale)
+    panels.show_map(sheet.distance, strips[1].values, (start, end, near, far), scale)
+    panels.mark_gestures(sheet.micro_doppler, simulator, end)
+    panels.label(sheet.micro_doppler, y="micro-Doppler\nrange rate [m/s]", labelbottom=False)
+    panels.label(sheet.distance, x="time [s]", y="range [m]")
     low, high = sheet.distance.get_position(), sheet.micro_doppler.get_position()
-    bar = sheet.figure.add_axes((low.x1 + 0.006, low.y0, 0.009, high.y1 - low.y0))
-    sheet.figure.colorbar(image, cax=bar).set_label("power [dB]", fontsize=FONT)
-    bar.tick_params(labelsize=FONT - 1)
+    panels.add_colour_bar(image, sheet.figure.add_axes((low.x1 + 0.006, low.y0, 0.009, high.y1 - low.y0)))

@@ -17,20 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.progress import track
 
-from radar_app.preview_panels import (
-    FONT,
-    Extent,
-    Observer,
-    RoomView,
-    Strip,
-    colour,
-    deeds,
-    draw_deeds,
-    find_scale,
-    mark_gestures,
-    room_extent,
-    show_map,
-)
+from radar_app import preview_panels as panels
 from radar_core import ConfigError
 from radar_sim.simulator import Simulator
 from radar_sim.truth import SimulatedFrame
@@ -46,19 +33,12 @@ _COLUMNS: Final[int] = 640
 
 
 def need_av(out: Path) -> ModuleType:
-    """Return PyAV.
-
-    Raises
-    ------
-    ConfigError
-        When it is not installed.
-    """
+    """Return PyAV; a `ConfigError` says that it is not installed."""
     try:
         import av
     except ImportError:
-        raise ConfigError(
-            f"preview {out}: films need PyAV; pip install 'handwave[video]', or draw a picture: {out.with_suffix('.png')}"
-        ) from None
+        advice = f"pip install 'handwave[video]', or draw a picture: {out.with_suffix('.png')}"
+        raise ConfigError(f"preview {out}: films need PyAV; {advice}") from None
     module: ModuleType = av
     return module
 
@@ -93,22 +73,22 @@ class _Stage:
     """The figure of the film. What stands still is drawn once; artists that move are drawn over a copy of it."""
 
     def __init__(self, simulator: Simulator) -> None:
-        self._simulator, self._observer = simulator, Observer(simulator.info)
-        self._deeds = deeds(simulator)
-        self._scale = find_scale(simulator, self._observer)
+        self._simulator, self._observer = simulator, panels.Observer(simulator.info)
+        self._deeds = panels.deeds(simulator)
+        self._scale = panels.find_scale(simulator, self._observer)
         self._start = simulator.radar.trigger_offset
         self._end = self._start + simulator.n_frames * simulator.interval
         self._figure = Figure(figsize=(_SIZE[0] / _DPI, _SIZE[1] / _DPI), dpi=_DPI)
         canvas: Any = FigureCanvasAgg(self._figure)  # its methods carry no types
-        self._strip = Strip(simulator.n_frames, len(self._observer.speed), _COLUMNS, self._scale.low)
-        self._room = self._make_room(room_extent(simulator.scene, simulator.info))
+        self._strip = panels.Strip(simulator.n_frames, len(self._observer.speed), _COLUMNS, self._scale.low)
+        self._room = self._make_room(panels.room_extent(simulator.scene, simulator.info))
         self._make_spectra()
         self._make_state()
         self._moving: list[tuple[Axes | None, Artist]] = [
             (self._spectrum_axes, self._spectrum),
             (self._micro_axes, self._micro),
             *((self._micro_axes, mark) for mark in self._marks),
-            *((ax, line) for ax, line in self._room.artists),
+            *self._room.artists,
             (self._micro_axes, self._cursors[0]),
             (self._doing_axes, self._cursors[1]),
             *((None, text) for text in self._texts),
@@ -155,20 +135,16 @@ class _Stage:
         """Axes at a place given in pixels from below."""
         return self._figure.add_axes((left / _SIZE[0], bottom / _SIZE[1], width / _SIZE[0], height / _SIZE[1]))
 
-    def _make_room(self, extent: Extent) -> RoomView:
+    def _make_room(self, extent: panels.Extent) -> panels.RoomView:
         left, width, low, gap, height = 55.0, 450, 45, 22, 640
         front_height, top_height = extent.heights
         unit = min(width / extent.width, (height - gap) / (front_height + top_height))
         left += (width - unit * extent.width) / 2
         top = self._axes(left, low, unit * extent.width, unit * top_height)
         front = self._axes(left, low + unit * top_height + gap, unit * extent.width, unit * front_height)
-        front.set_title("what the radar sees: from the radar, from above", fontsize=FONT)
-        front.set_ylabel("z [m]", fontsize=FONT)
-        top.set_xlabel("y [m]", fontsize=FONT)
-        top.set_ylabel("x [m]", fontsize=FONT)
-        front.tick_params(labelsize=FONT - 1, labelbottom=False)
-        top.tick_params(labelsize=FONT - 1)
-        return RoomView(front, top, self._simulator, extent)
+        panels.label(front, "what the radar sees: from the radar, from above", y="z [m]", labelbottom=False)
+        panels.label(top, x="y [m]", y="x [m]")
+        return panels.RoomView(front, top, self._simulator, extent)
 
     def _make_spectra(self) -> None:
         near, far, slow, fast = self._observer.extent
@@ -178,28 +154,22 @@ class _Stage:
         self._micro_axes = self._axes(575, 45, 620, 270 - doing_height)
         self._doing_axes = self._axes(575, 317 - doing_height, 620, doing_height)
         empty = np.full((len(self._observer.speed), 1), self._scale.low, np.float32)
-        self._spectrum = show_map(self._spectrum_axes, empty, self._observer.extent, self._scale)
-        self._micro = show_map(self._micro_axes, self._strip.values, (self._start, self._end, slow, fast), self._scale)
+        self._spectrum = panels.show_map(self._spectrum_axes, empty, self._observer.extent, self._scale)
+        self._micro = panels.show_map(self._micro_axes, self._strip.values, (self._start, self._end, slow, fast), self._scale)
         self._spectrum_axes.set_xlim(near, far)
-        self._spectrum_axes.set_title("range-Doppler map", fontsize=FONT)
-        self._doing_axes.set_title("what people do; micro-Doppler", fontsize=FONT)
-        draw_deeds(self._doing_axes, self._simulator, (self._start, self._end))
-        self._marks = mark_gestures(self._micro_axes, self._simulator, self._end)
-        for ax, label in ((self._spectrum_axes, "range [m]"), (self._micro_axes, "time [s]")):
-            ax.set_xlabel(label, fontsize=FONT)
-            ax.set_ylabel("range rate [m/s]", fontsize=FONT)
-            ax.tick_params(labelsize=FONT - 1)
-        bar = self._axes(1203, 45, 11, 565)
-        self._figure.colorbar(self._micro, cax=bar).set_label("power [dB]", fontsize=FONT)
-        bar.tick_params(labelsize=FONT - 1)
+        self._doing_axes.set_title("what people do; micro-Doppler", fontsize=panels.FONT)
+        panels.draw_deeds(self._doing_axes, self._simulator, (self._start, self._end))
+        self._marks = panels.mark_gestures(self._micro_axes, self._simulator, self._end)
+        panels.label(self._spectrum_axes, "range-Doppler map", "range [m]", "range rate [m/s]")
+        panels.label(self._micro_axes, x="time [s]", y="range rate [m/s]")
+        panels.add_colour_bar(self._micro, self._axes(1203, 45, 11, 565))
 
     def _make_state(self) -> None:
-        self._cursors = [
-            ax.axvline(self._start, color=tone, linewidth=1.0) for ax, tone in ((self._micro_axes, "white"), (self._doing_axes, "black"))
-        ]
+        tones = ((self._micro_axes, "white"), (self._doing_axes, "black"))
+        self._cursors = [ax.axvline(self._start, color=tone, linewidth=1.0) for ax, tone in tones]
         people = self._simulator.scene.people
         self._texts = [self._figure.text(575 / _SIZE[0], 685 / _SIZE[1], "", fontsize=12, family="monospace")]
         per_row = max(min(len(people), 5), 1)
         for i in range(min(len(people), 2 * per_row)):
             x, y = 575 + (i % per_row) * 640 / per_row, 655 - 20 * (i // per_row)
-            self._texts.append(self._figure.text(x / _SIZE[0], y / _SIZE[1], "", fontsize=12, color=colour(i), weight="bold"))
+            self._texts.append(self._figure.text(x / _SIZE[0], y / _SIZE[1], "", fontsize=12, color=panels.colour(i), weight="bold"))

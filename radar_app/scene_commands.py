@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radar_app.parameters import Json, stopping
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
     from radar_sim.audit import Explanation
-
-Name = Annotated[str, typer.Argument(help="scene file, or one of ours by name")]
-PREVIEWS = (".mp4", ".png")
-"""What a preview can be: a film, or a picture of the whole scene."""
 
 
 def scenes() -> None:
@@ -32,7 +29,7 @@ def explain(
     scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")] = "",
     radar: Annotated[str, typer.Option(help="which radar of the scene, e.g. left; default: the first")] = "",
     everywhere: Annotated[bool, typer.Option("--all", help="every effect in each of our scenes, under effects: auto")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Json = False,
 ) -> None:
     """Show for every effect whether the scene names it, how large it is (or would be), what it changes and what it costs.
 
@@ -93,7 +90,7 @@ def _show(result: Explanation) -> None:
 
 
 def simulate(
-    scene: Name,
+    scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")],
     out: Annotated[Path, typer.Option("--out", "-o", help="folder of the new bag")],
     preview: Annotated[
         Path | None, typer.Option(help="also draw body, visible scatterers, range-Doppler map and micro-Doppler: .mp4 or .png")
@@ -108,31 +105,20 @@ def simulate(
     """
     from rich.progress import track
 
-    from radar_ros.interrupts import INTERRUPTED, interruptible
     from radar_ros.offline import simulate as frames
     from radar_ros.offline import simulators
 
-    if preview is not None and preview.suffix not in PREVIEWS:
-        raise ConfigError(f"--preview {preview}: give a file that ends in {' or '.join(PREVIEWS)}")
     radars = simulators(scene)
     if preview is not None:
         from radar_app.preview import check, draw
 
         check(radars[0], preview)
     total, done = sum(radar.n_frames for radar in radars), 0
-    with interruptible():
-        try:
-            for _ in track(frames(radars, out), total=total, description=f"simulating {scene}"):
-                done += 1
-        except KeyboardInterrupt:
-            print(f"stopped: {done} of {total} frames in {out}")
-            raise typer.Exit(INTERRUPTED) from None
+    with stopping(lambda: f"stopped: {done} of {total} frames in {out}"):
+        for _ in track(frames(radars, out), total=total, description=f"simulating {scene}"):
+            done += 1
     print(f"{total} frames in {out}")
     if preview is not None:
-        with interruptible():
-            try:
-                draw(radars[0], preview)
-            except KeyboardInterrupt:
-                print(f"stopped: no preview; {total} frames in {out}")
-                raise typer.Exit(INTERRUPTED) from None
+        with stopping(lambda: f"stopped: no preview; {total} frames in {out}"):
+            draw(radars[0], preview)
         print(f"preview in {preview}")

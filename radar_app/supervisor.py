@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import importlib
 import os
 import signal
 import subprocess
@@ -11,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import psutil
@@ -32,17 +35,9 @@ LogSink = Callable[[str, str], None]
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
-    """Environment for nodes: one thread per pool, discovery on this machine only and quick, ROS's index found.
+    """Environment for nodes in a ROS domain: one thread per pool, discovery on this machine only and quick, ROS's index found.
 
-    Parameters
-    ----------
-    domain : int or None
-        ROS domain; None: as in the environment.
-
-    Raises
-    ------
-    ConfigError
-        When ROS would have no place for its logs, or the domain is none.
+    A `ConfigError` says that ROS would have no place for its logs, or that the domain is none.
     """
     env = dict(os.environ)
     for pool in ("OMP", "OPENBLAS", "MKL"):
@@ -64,18 +59,14 @@ def environment(domain: int | None = None) -> dict[str, str]:
     return env
 
 
-def _in_child(parent: int) -> Callable[[], None]:
-    """Make what the child does before it becomes a node (Linux): it ends when its parent ends, however that happens."""
-
-    def prepare() -> None:
-        # A node takes a second to import; until it can tidy up, Python's answer to SIGINT would be a traceback.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        if _LIBC is not None:
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != parent:  # it ended before we asked to be told
-                os._exit(1)
-
-    return prepare
+def _in_child(parent: int) -> None:
+    """Prepare the child before it becomes a node: on Linux it ends when its parent ends, however that happens."""
+    # A node takes a second to import; until it can tidy up, Python's answer to SIGINT would be a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if _LIBC is not None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:  # it ended before we asked to be told
+            os._exit(1)
 
 
 @dataclass
@@ -139,7 +130,7 @@ class Supervisor:
             text=True,
             errors="replace",
             start_new_session=True,  # a Ctrl-C reaches only us; we stop the nodes in order
-            preexec_fn=_in_child(os.getpid()),
+            preexec_fn=partial(_in_child, os.getpid()),
         )
         reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
         reader.start()
@@ -158,20 +149,15 @@ class Supervisor:
         """CPU time that each living node has used [s]."""
         used = {}
         for name, child in self._children.items():
-            try:
+            with contextlib.suppress(psutil.Error):
                 times = psutil.Process(child.process.pid).cpu_times()
-            except psutil.Error:
-                continue
-            used[name] = times.user + times.system
+                used[name] = times.user + times.system
         return used
 
     def poll(self) -> list[tuple[str, int]]:
         """Look for nodes that ended by themselves; restart those that crashed if asked to.
 
-        Returns
-        -------
-        list of (str, int)
-            Name and exit status (negative: signal) of every node that has ended since the last look.
+        Returns name and exit status (negative: signal) of every node that has ended since the last look.
         """
         ended = []
         for name, child in list(self._children.items()):
@@ -223,10 +209,7 @@ class Supervisor:
 def supervise(supervisor: Supervisor) -> int:
     """Run nodes until interrupted or until none is left; a node that dies leaves the others running.
 
-    Returns
-    -------
-    int
-        0 when no node died, 1 when one did, 2 when a node refused its configuration (which ends all).
+    Returns 0 when no node died, 1 when one did, 2 when a node refused its configuration (which ends all).
     """
     told = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -234,7 +217,7 @@ def supervise(supervisor: Supervisor) -> int:
     with supervisor:
         while not told.wait(0.2):
             for name, code in supervisor.poll():
-                if code == 2:
+                if code == _CONFIGURATION:
                     print(f"handwave: node {name} refused its configuration, see above; everything is stopped", file=sys.stderr)
                     return 2
                 if not supervisor.respawn:
@@ -262,18 +245,9 @@ def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, gra
 
 
 def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None, wait: float = 1.0) -> None:
-    """Raise `ConfigError` when nodes of ours already run in this ROS domain: two graphs on the same topics disturb each other.
+    """Raise `ConfigError` when nodes of these labels already run in this ROS domain: two graphs on the same topics disturb each other.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Labels of the nodes that are about to start.
-    namespace : str
-        Their namespace.
-    domain : int or None
-        ROS domain.
-    wait : float
-        Time given to discovery [s].
+    ``wait`` is the time given to discovery [s].
     """
     code = "import sys, time, rclpy; rclpy.init(args=[]); n = rclpy.create_node('handwave_look', start_parameter_services=False)\n"
     code += f"time.sleep({wait}); print(*(f'{{s}}|{{m}}' for m, s in n.get_node_names_and_namespaces()), sep='\\n'); rclpy.shutdown()"
@@ -290,22 +264,14 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
 
 
 def run_composed(specs: Sequence[NodeSpec], domain: int | None = None) -> int:
-    """Run all nodes in this process, on one executor, until interrupted.
-
-    Returns
-    -------
-    int
-        Exit status.
-    """
+    """Run all nodes in this process, on one executor, until interrupted; returns the exit status."""
     os.environ.update(environment(domain))
-    import importlib
-
     from radar_ros.stage import run_many
 
-    def maker(spec: NodeSpec) -> Callable[[], Any]:
-        return lambda: importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
+    def make(spec: NodeSpec) -> Any:
+        return importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
 
-    return run_many([maker(spec) for spec in specs])
+    return run_many([partial(make, spec) for spec in specs])
 
 
 def default_log_sink(width: int) -> LogSink:

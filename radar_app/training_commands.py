@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radar_app.parameters import Json, comma_separated
 from radar_core import GESTURES, ConfigError
 
 if TYPE_CHECKING:
@@ -54,14 +55,14 @@ def train(
         from radar_lab.datasets.scenes import generate
 
         generate(folders[0], scenes, seed=seed, n_jobs=jobs)
-    settings = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, starts=starts, lost=lost, seed=seed)
-    report = fit(folders, out, settings, labels=_names(labels))
+    config = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, starts=starts, lost=lost, seed=seed)
+    report = fit(folders, out, config, labels=comma_separated(labels) or GESTURES)
     print(describe(report))
     text = card(
         report.model,
         [report.validation],
         data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
-        command=_command(folders, out, labels, settings, scenes),
+        command=_command(folders, out, labels, config, scenes),
         n_bytes=out.stat().st_size,
     )
     write_card(text, out.with_suffix(".md"))
@@ -74,7 +75,7 @@ def evaluate(
     split: Annotated[str, typer.Option(help="subjects: anew, people left out; random: anew, 80/20; all: the model as it is")] = "subjects",
     out: Annotated[Path | None, typer.Option("--out", "-o", help="folder for the pictures and the card")] = None,
     unknown: Annotated[bool, typer.Option("--unknown", help="also keep each gesture from the training in turn: is it rejected?")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Json = False,
 ) -> None:
     """Say how good a model is on a data set: accuracy, recall and precision of each gesture, confusion matrix, calibration.
 
@@ -94,7 +95,8 @@ def evaluate(
         raise ConfigError(f"--split {split}: choose one of {', '.join(SPLITS)}")
     judged = load_perceptron(model)
     samples = of_labels(read_folder(folder), judged.labels)
-    _check_features(judged, samples)
+    if judged.names != samples.names:
+        raise ConfigError(f"the model takes {len(judged.names)} features, the data set holds {len(samples.names)}; train one on it")
     validation = _validate(judged, samples, split)
     figures = validation.figures()
     if not as_json:
@@ -116,12 +118,12 @@ def _validate(model: GestureModel, samples: SampleSet, split: str) -> Validation
 
     if split == "all":
         return Validation("all", model.labels, model.probabilities(samples.features), samples.label, samples.person)
-    settings = config_of(model)
+    config = config_of(model)
     if split == "random":
-        folds = random_split(len(samples.label), seed=settings.seed)
+        folds = random_split(len(samples.label), seed=config.seed)
     else:
-        folds = leave_subjects_out(samples.person, most=settings.folds, seed=settings.seed)
-    found = validate(samples, folds, settings, labels=model.labels, split=split)
+        folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
+    found = validate(samples, folds, config, labels=model.labels, split=split)
     return dataclasses.replace(found, probabilities=soften(found.probabilities, model.temperature))
 
 
@@ -152,16 +154,6 @@ def _draw(model: GestureModel, validation: Validation, out: Path, name: str, fol
     write_card(text, out / "card.md")
 
 
-def _check_features(model: GestureModel, samples: SampleSet) -> None:
-    """Raise `ConfigError` when the model was made for other features than the samples hold."""
-    if model.names != samples.names:
-        raise ConfigError(f"the model takes {len(model.names)} features, the data set holds {len(samples.names)}; train one on it")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip()) or GESTURES
-
-
 def _sizes(text: str) -> tuple[int, ...]:
     try:
         return tuple(int(size) for size in text.split(","))
@@ -169,10 +161,10 @@ def _sizes(text: str) -> tuple[int, ...]:
         raise ConfigError(f"--hidden {text}: give whole numbers with commas between, e.g. 32 or 64,32") from None
 
 
-def _command(folders: list[Path], out: Path, labels: str, settings: TrainingConfig, scenes: int) -> str:
+def _command(folders: list[Path], out: Path, labels: str, config: TrainingConfig, scenes: int) -> str:
     """Return the command that was given, with all that matters for the result."""
     parts = [
-        f"handwave train {' '.join(map(str, folders))} --out {out} --hidden {','.join(map(str, settings.hidden))}",
-        f"--regularisation {settings.regularisation:g} --starts {settings.starts} --lost {settings.lost:g} --seed {settings.seed}",
+        f"handwave train {' '.join(map(str, folders))} --out {out} --hidden {','.join(map(str, config.hidden))}",
+        f"--regularisation {config.regularisation:g} --starts {config.starts} --lost {config.lost:g} --seed {config.seed}",
     ]
     return " ".join(parts + ([f"--labels {labels}"] if labels else []) + ([f"--scenes {scenes}"] if scenes else []))

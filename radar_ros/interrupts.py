@@ -1,13 +1,15 @@
-"""Ctrl-C for commands: told once to stop, a command tidies up, whatever else it is told meanwhile."""
+"""Commands beside a graph: a node of their own, and Ctrl-C, after which a command tidies up, whatever else it is told meanwhile."""
 
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 INTERRUPTED = 130
@@ -62,3 +64,23 @@ def ros() -> Iterator[None]:
         yield
     finally:
         rclpy.try_shutdown()
+
+
+class Visitor:
+    """A node of a command, with an executor of its own."""
+
+    def __init__(self, name: str, namespace: str = "") -> None:
+        self.node = rclpy.create_node(name, namespace=namespace, start_parameter_services=False)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+
+    def spin(self, seconds: float) -> None:
+        """Take in what comes for so long."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.executor.shutdown()
+        self.node.destroy_node()

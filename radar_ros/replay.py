@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from handwave.msg import StageStatus as StageStatusMsg
-from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 
 from radar_core import DataError
 from radar_core.mounting import MountCalibration
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, Recorded, local, read
+from radar_ros.interrupts import Visitor
 from radar_ros.messages.convert import from_time, to_time
 from radar_ros.offline import first_info, open_recording, parse, remounted
 
@@ -25,17 +24,15 @@ _SETTLE = 1.0  # s: a reader knows its writer a moment before the writer knows i
 _ANSWER_TIMEOUT = 10.0  # s for all stages to finish one frame
 
 
-class Player:
+class Player(Visitor):
     """Publishes recorded messages as they are, in the namespace of a graph.
 
     ``mount`` is where the radar stands, if that was measured after the recording; else it stands where the recording says.
     """
 
     def __init__(self, namespace: str = "", mount: MountCalibration | None = None) -> None:
+        super().__init__("handwave_player", namespace)
         self._mount = mount
-        self.node = rclpy.create_node("handwave_player", namespace=namespace, start_parameter_services=False)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
         self._publishers: dict[str, Any] = {}
         self._clock = self.node.create_publisher(Clock, "/clock", 10)
 
@@ -55,11 +52,6 @@ class Player:
     def tick(self, stamp_ns: int) -> None:
         """Tell the time of the recording."""
         self._clock.publish(Clock(clock=to_time(stamp_ns)))
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self.executor.shutdown()
-        self.node.destroy_node()
 
 
 def play(

@@ -9,10 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
-from rclpy.executors import SingleThreadedExecutor
 
 from radar_core import DataError, RadarInfo
 from radar_dsp import Baseband
@@ -20,6 +18,7 @@ from radar_dsp.context import CalibratedBasebandConfig, load_context
 from radar_lab.alignment.pair import PairConfig, Walker
 from radar_ros import qos
 from radar_ros.bags import contents, local, read
+from radar_ros.interrupts import Visitor
 from radar_ros.messages.convert import cloud_from_msg, frame_from_msg, info_from_msg
 from radar_ros.offline import baseband_config, parse
 
@@ -115,13 +114,11 @@ def _topic(path: Path, counts: dict[str, int], name: str) -> str:
     )
 
 
-class Listener:
+class Listener(Visitor):
     """Follows the person while a graph (in ``namespace``) runs, whose two radars are in the namespaces ``names``."""
 
     def __init__(self, names: Sequence[str], config: PairConfig, namespace: str = "") -> None:
-        self.node = rclpy.create_node("handwave_calibrate_pair", namespace=namespace, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
+        super().__init__("handwave_calibrate_pair", namespace)
         self._names, self._config = tuple(name.strip("/") for name in names), config
         self._radars: dict[str, _Radar] = {}
         self.refused: list[str] = []
@@ -167,13 +164,8 @@ class Listener:
     def _spin(self, duration: float, progress: Progress) -> None:
         end = time.monotonic() + _WAIT
         while len(self._radars) < 2 and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.1)
+            self.executor.spin_once(timeout_sec=0.1)
         start = time.monotonic()
         while len(self._radars) == 2 and (passed := time.monotonic() - start) < duration:
             progress(passed / duration)
-            self._executor.spin_once(timeout_sec=0.1)
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self.node.destroy_node()
+            self.executor.spin_once(timeout_sec=0.1)
