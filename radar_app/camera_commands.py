@@ -84,21 +84,9 @@ def _read(config: Path | None) -> dict[str, Any]:
 
 
 def trajectories(bag: Path, what: str, joint: str) -> tuple[Trajectory, Trajectory]:
-    """Read what radar and camera saw, both in ``room``.
+    """Read what radar and camera saw in a recording, both in ``room``: of a ``hand`` (``joint`` of the camera), or of a ``body``.
 
-    Parameters
-    ----------
-    bag : Path
-        Folder of the recording.
-    what : str
-        ``hand``, or ``body``: on the floor plane.
-    joint : str
-        Of the camera, for ``hand``.
-
-    Raises
-    ------
-    DataError
-        When the recording lacks a topic, or holds nothing of the hand or the body.
+    A body is on the floor plane. A `DataError` says that the recording lacks a topic, or holds nothing of the hand or the body.
     """
     from radar_ros.bags import require_topics
 
@@ -125,8 +113,8 @@ def _radar(bag: Path, topic: str) -> Trajectory:
         tracks = tracks_from_msg(msg)
         for track in tracks.tracks:
             if track.status is TrackStatus.CONFIRMED:
-                rows = (tracks.stamp_ns, track.position[:2], track.covariance[:2, :2], track.velocity[:2])
-                found.setdefault(track.id, []).append(rows)
+                row = (tracks.stamp_ns, track.position[:2], track.covariance[:2, :2], track.velocity[:2])
+                found.setdefault(track.id, []).append(row)
     if not found:
         raise DataError(f"{bag}: nothing in {topic} was ever seen; record while the {'hand' if topic == 'hand' else 'person'} is followed")
     return _trajectory(max(found.values(), key=len))

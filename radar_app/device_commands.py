@@ -86,7 +86,8 @@ def _show_found(found: Sequence[Found], known: Mapping[str, Board], broken: Mapp
         if one.problem:
             console.print(f"  problem: {one.problem}", style="yellow", markup=False)
         else:
-            console.print(f"  check:   handwave probe {one.board}{_sets(one)}\n  use:     {_use(one)}", markup=False)
+            knobs = "".join(f" --set {name}={value}" for name, value in one.options.items())
+            console.print(f"  check:   handwave probe {one.board}{knobs}\n  use:     {_use(one)}", markup=False)
     for name, reason in broken.items():
         console.print(f"{name}: {reason}", style="yellow", markup=False)
     if not found:
@@ -101,19 +102,13 @@ def _show_found(found: Sequence[Found], known: Mapping[str, Board], broken: Mapp
         )
 
 
-def _sets(found: Found) -> str:
-    return "".join(f" --set {name}={value}" for name, value in found.options.items())
-
-
 def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: bool) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     if as_json:
-        rows = [
-            {"board": board.name, "title": board.title, "clouds": board.clouds, "knobs": _knobs(board.config)} for board in known.values()
-        ]
+        rows = [{"board": b.name, "title": b.title, "clouds": b.clouds, "knobs": _knobs(b.config)} for b in known.values()]
         print(json.dumps({"boards": rows, "broken": dict(broken)}))
         return
     console = Console(highlight=False)
@@ -134,16 +129,12 @@ def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: 
 
 
 def _knobs(config: type) -> list[dict[str, Any]]:
-    import dataclasses
+    from dataclasses import MISSING
 
     from radar_core.config import describe
 
-    def default(field: dataclasses.Field[Any]) -> Any:
-        return None if field.default is dataclasses.MISSING else field.default
-
-    words = ("unit", "doc")
-    fields = [(name, field) for name, field, _ in describe(config)]
-    return [{"name": n, "default": default(f), **{word: f.metadata.get(word, "") for word in words}} for n, f in fields]
+    fields = [(name, None if field.default is MISSING else field.default, field.metadata) for name, field, _ in describe(config)]
+    return [{"name": name, "default": default, "unit": told.get("unit", ""), "doc": told.get("doc", "")} for name, default, told in fields]
 
 
 def probe(
@@ -151,9 +142,7 @@ def probe(
     knobs: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
     scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
-    limit: Annotated[
-        list[str] | None, typer.Option(help="name=value, a limit of radar_driver.health.HealthConfig; may be repeated")
-    ] = None,
+    limit: Annotated[list[str] | None, typer.Option(help="limit=value (radar_driver.health.HealthConfig); may be repeated")] = None,
     as_json: Json = False,
 ) -> None:
     """Check a board's health: link, temperature, noise floor, coupling, saturation, frame rate, losses; each with plain advice.
@@ -211,6 +200,5 @@ def _show(board: str, found: Probe) -> None:
         table.add_row(Text(check.name), Text(check.text), mark, Text(check.advice))
     console = Console(highlight=False)
     console.print(table)
-    known = ", ".join(f"{key} {value}" for key, value in found.report.items() if value not in ("", None))
-    if known:
+    if known := ", ".join(f"{key} {value}" for key, value in found.report.items() if value not in ("", None)):
         console.print(f"the board says: {known}", markup=False)

@@ -12,30 +12,13 @@ from radar_core import ConfigError
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node of the graph.
+    """One node of the graph."""
 
-    Attributes
-    ----------
-    name : str
-        Of the node, and of its executable ``<name>_node``.
-    module : str
-        Python module with ``make_node``.
-    parameters : mapping
-        Parameters that differ from the defaults.
-    remappings : mapping
-        Topic names from the node's own to the graph's.
-    namespace : str
-        ROS namespace, "" for none.
-    place : str
-        Namespace within the graph, for a node of which the graph has several: ``left`` and ``right``. It ends `namespace`.
-    """
-
-    name: str
-    module: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    remappings: Mapping[str, str] = field(default_factory=dict)
-    namespace: str = ""
-    place: str = ""
+    name: str  # of the node, and of its executable <name>_node
+    module: str  # Python module with make_node
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # that differ from the defaults
+    namespace: str = ""  # of ROS
+    place: str = ""  # namespace within the graph, for a node of which it has several: left and right; it ends `namespace`
 
     @property
     def label(self) -> str:
@@ -56,21 +39,11 @@ STAGES = ("baseband", "tracking", "gestures", "hand")
 
 @dataclass(frozen=True)
 class Variant:
-    """Which nodes run together, and why.
+    """Which nodes run together, and why."""
 
-    Attributes
-    ----------
-    doc : str
-        One sentence for users.
-    nodes : tuple of str
-        Names; ``left/driver`` is a driver in the namespace ``left`` below that of the graph.
-    parameters : mapping
-        Per entry of ``nodes``, what this graph sets unless the user does.
-    """
-
-    doc: str
-    nodes: tuple[str, ...]
-    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    doc: str  # one sentence for users
+    nodes: tuple[str, ...]  # names; left/driver is a driver in the namespace left below that of the graph
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of each node, that this graph sets unless the user does
 
 
 _RADARS = ("left", "right")
@@ -143,8 +116,6 @@ def arguments(spec: NodeSpec) -> list[str]:
     result = ["--ros-args", "-r", f"__node:={spec.name}"]
     if spec.namespace:
         result += ["-r", f"__ns:=/{spec.namespace.strip('/')}"]
-    for old, new in spec.remappings.items():
-        result += ["-r", f"{old}:={new}"]
     for name, value in spec.parameters.items():
         result += ["-p", f"{name}:={_yaml(value)}"]
     return result
@@ -173,19 +144,9 @@ def run_node(name: str) -> int:
 
 
 def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> Any:
-    """Build the launch description of a graph.
+    """Build the launch description of a graph: one `launch_ros.actions.Node` per node, and a ``namespace`` argument.
 
-    Parameters
-    ----------
-    variant : str
-        Key of `radar_app.graph.VARIANTS`.
-    arguments : dict of str to (str, str)
-        Launch arguments: ``node.parameter`` (a ``*`` node: all) to default and description. The argument's name is the parameter's.
-
-    Returns
-    -------
-    launch.LaunchDescription
-        With one `launch_ros.actions.Node` per node and a ``namespace`` argument.
+    ``arguments`` maps ``node.parameter`` (a ``*`` node: all) to default and description. The launch argument's name is the parameter's.
     """
     from launch.actions import DeclareLaunchArgument
     from launch.substitutions import LaunchConfiguration
@@ -207,7 +168,6 @@ def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> A
             name=spec.name,
             namespace=[LaunchConfiguration("namespace"), f"/{spec.place}"] if spec.place else LaunchConfiguration("namespace"),
             parameters=[dict(spec.parameters)],
-            remappings=list(spec.remappings.items()),
             output="screen",
         )
         for spec in graph(variant, parameters=given)

@@ -7,12 +7,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
+import handwave.msg
 import numpy as np
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import StageStatus as StageStatusMsg
-from handwave.msg import Track as TrackMsg
-from handwave.msg import TrackArray as TrackArrayMsg
 from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -40,41 +36,23 @@ class Stage:
 
 
 class Monitor(Visitor):
-    """Listens to a graph.
-
-    Attributes
-    ----------
-    latencies : list of float
-        From a frame's publication to the arrival of its tracks here, CLOCK_MONOTONIC [s].
-    frames : int
-        Frames the driver has published since the first one heard of.
-    received : int
-        Frames that the track arrays which arrived here stand for.
-    """
+    """Listens to a graph."""
 
     def __init__(self, namespace: str = "") -> None:
         super().__init__("handwave_monitor", namespace)
         self.stages: dict[str, Stage] = {}
-        self.latencies: list[float] = []
-        self.frames = self.received = self.skipped = 0
+        self.latencies: list[float] = []  # from a frame's publication to the arrival of its tracks here, CLOCK_MONOTONIC [s]
+        self.frames = self.skipped = 0  # frames that the driver has published, and left out, since the first one heard of
+        self.received = 0  # frames that the track arrays which arrived here stand for
         self.gestures: deque[tuple[int, str, float]] = deque(maxlen=6)
         self.tracks: Any = None
         self.hand: Any = None
         self._published: dict[int, int] = {}
         self._arrived: dict[int, int] = {}
-        self.node.create_subscription(StageStatusMsg, "stage_status", self._status, qos.sensor(reliable=True))
-        self.node.create_subscription(TrackArrayMsg, "tracks", self._tracks, qos.RESULT)
-        self.node.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
-        self.node.create_subscription(HandTrackMsg, "hand", self._hand, qos.RESULT)
-
-    def wait_for_readers(self, topic: str, count: int, timeout: float) -> bool:
-        """Wait until a topic has so many readers."""
-        end = time.monotonic() + timeout
-        while self.node.count_subscribers(topic) < count:
-            if time.monotonic() > end:
-                return False
-            self.spin(0.05)
-        return True
+        self.node.create_subscription(handwave.msg.StageStatus, "stage_status", self._status, qos.sensor(reliable=True))
+        self.node.create_subscription(handwave.msg.TrackArray, "tracks", self._tracks, qos.RESULT)
+        self.node.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
+        self.node.create_subscription(handwave.msg.HandTrack, "hand", self._hand, qos.RESULT)
 
     def _status(self, msg: Any) -> None:
         if msg.header.stamp.sec == 0 and msg.header.stamp.nanosec == 0:
@@ -103,7 +81,7 @@ class Monitor(Visitor):
                     del waiting[old]
 
     def _gesture(self, msg: Any) -> None:
-        if msg.label != GestureMsg.RANDOM:
+        if msg.label != handwave.msg.Gesture.RANDOM:
             self.gestures.append((msg.track_id, msg.name, msg.confidence))
 
     def _hand(self, msg: Any) -> None:
@@ -130,7 +108,7 @@ class Monitor(Visitor):
         table = Table(*columns, expand=True, box=None, title="people", title_justify="left")
         last = {track: f"{name} {confidence:.0%}" for track, name, confidence in self.gestures}
         for track in self.tracks.tracks if self.tracks is not None else ():
-            if track.status == TrackMsg.TENTATIVE:
+            if track.status == handwave.msg.Track.TENTATIVE:
                 continue
             x, y, _ = track.position
             speed = float(np.hypot(track.velocity[0], track.velocity[1]))

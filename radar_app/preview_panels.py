@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -177,7 +177,7 @@ def show_map(ax: Axes, level: FloatArray, extent: tuple[float, float, float, flo
     )
 
 
-def label(ax: Axes, title: str = "", x: str = "", y: str = "", **ticks: bool) -> None:
+def label(ax: Axes, title: str = "", x: str = "", y: str = "", **ticks: Any) -> None:
     """Name axes, in letters of one size; ``ticks`` as of ``Axes.tick_params``."""
     ax.set_title(title, fontsize=FONT)
     ax.set_xlabel(x, fontsize=FONT)
@@ -187,8 +187,7 @@ def label(ax: Axes, title: str = "", x: str = "", y: str = "", **ticks: bool) ->
 
 def add_colour_bar(image: AxesImage, bar: Axes) -> None:
     """Say what the colours of maps mean."""
-    bar.figure.colorbar(image, cax=bar)
-    bar.set_ylabel("power [dB]", fontsize=FONT)
+    bar.figure.colorbar(image, cax=bar).set_label("power [dB]", fontsize=FONT)
     bar.tick_params(labelsize=FONT - 1)
 
 

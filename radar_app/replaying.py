@@ -44,17 +44,9 @@ class ReplayOptions:
 
 
 def run_replay(options: ReplayOptions) -> int:
-    """Replay a recording.
+    """Replay a recording; returns the exit status: 0, 1 when a node died, 130 when interrupted.
 
-    Returns
-    -------
-    int
-        Exit status: 0, 1 when a node died, 130 when interrupted.
-
-    Raises
-    ------
-    DataError
-        When the bag cannot be replayed, or in lockstep a frame was lost.
+    A `DataError` says that the bag cannot be replayed, or that in lockstep a frame was lost.
     """
     _refuse_contradictions(options)
     recording = open_recording(options.bag)
@@ -69,9 +61,13 @@ def run_replay(options: ReplayOptions) -> int:
     specs = graph("stages" if options.lockstep else "replay", namespace=options.namespace, parameters=parameters, without=without)
     if options.graph_too:
         refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
-    console = Console()
-    supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=_errors_only(console))
-    status = 0
+    console, status = Console(), 0
+
+    def errors_only(name: str, line: str) -> None:
+        if "[INFO]" not in line:
+            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+
+    supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=errors_only)
     with interruptible(), ros(), supervisor:
         try:
             if options.lockstep:
@@ -96,14 +92,6 @@ def _refuse_contradictions(options: ReplayOptions) -> None:
     for topic in options.topics:
         if topic not in TYPES:
             raise ConfigError(f"--topics: there is no {topic!r}; topics: {', '.join(TYPES)}")
-
-
-def _errors_only(console: Console) -> Any:
-    def sink(name: str, line: str) -> None:
-        if "[INFO]" not in line:
-            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
-
-    return sink
 
 
 def _lockstep(

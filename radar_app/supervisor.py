@@ -79,18 +79,9 @@ class _Child:
 
 
 class Supervisor:
-    """Runs nodes as processes of their own.
+    """Runs nodes as processes of their own, in a ROS domain (None: as in the environment).
 
-    Parameters
-    ----------
-    specs : sequence of NodeSpec
-        What to run.
-    domain : int or None
-        ROS domain; None: as in the environment.
-    respawn : bool
-        Restart a node that died.
-    log : callable
-        Called with node name and line for every line that a node prints.
+    ``respawn`` starts a node again that died; ``log`` is called with node name and line for every line that a node prints.
     """
 
     def __init__(self, specs: Sequence[NodeSpec], *, domain: int | None = None, respawn: bool = False, log: LogSink | None = None) -> None:
@@ -266,12 +257,12 @@ def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None,
 def run_composed(specs: Sequence[NodeSpec], domain: int | None = None) -> int:
     """Run all nodes in this process, on one executor, until interrupted; returns the exit status."""
     os.environ.update(environment(domain))
-    from radar_ros.stage import run_many
+    from radar_ros.stage import run
 
     def make(spec: NodeSpec) -> Any:
         return importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
 
-    return run_many([partial(make, spec) for spec in specs])
+    return run(*(partial(make, spec) for spec in specs))
 
 
 def default_log_sink(width: int) -> LogSink:

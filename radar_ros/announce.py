@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+import handwave.msg
 from geometry_msgs.msg import Point, PoseWithCovariance, PoseWithCovarianceStamped
 from geometry_msgs.msg import Pose as PoseMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
 from tf2_msgs.msg import TFMessage
 
 from radar_core import RadarInfo
@@ -31,7 +31,7 @@ class Announcer:
 
     def __init__(self, node: Any, *, tf: bool = True, pose: bool = False) -> None:
         self._node = node
-        self._infos = node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
+        self._infos = node.create_publisher(handwave.msg.RadarInfo, "radar/info", qos.LATCHED)
         self._tf = node.create_publisher(TFMessage, "/tf_static", qos.LATCHED) if tf else None
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "radar/pose", qos.LATCHED) if pose else None
         self._info: RadarInfo | None = None

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from handwave.msg import StageBudget as StageBudgetMsg
+import handwave.msg
 
 from radar_core import ConfigError
 from radar_core.config import config, flat, knob, override
@@ -79,7 +79,7 @@ class Budget(Generic[T]):
     def __init__(self, node: Any, base: T, prepare: Callable[[tuple[T, ...]], Callable[[], None]]) -> None:
         self._node, self._base = node, base
         self._config = declare_config(node, BudgetConfig, changeable=True)
-        self._publisher = node.create_publisher(StageBudgetMsg, "stage_budget", qos.LATCHED)
+        self._publisher = node.create_publisher(handwave.msg.StageBudget, "stage_budget", qos.LATCHED)
         self._ladder = self._read(self._config)
         self.configs = self._over(base, self._ladder)
         self._governor: Governor | None = None
@@ -202,7 +202,7 @@ class Budget(Generic[T]):
         else:
             self._node.get_logger().info(text)
         self._publisher.publish(
-            StageBudgetMsg(
+            handwave.msg.StageBudget(
                 header=header(stamp_ns, ""),
                 stage=self._node.stage,
                 budget_ms=self._config.frame_budget_ms,

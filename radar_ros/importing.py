@@ -23,37 +23,17 @@ SIDECAR: Final[str] = "import.json"
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What an import did.
+    """What an import did."""
 
-    Attributes
-    ----------
-    kind : str
-        Of recording.
-    source, bag : Path
-        From where, to where.
-    messages : mapping of str to int
-        Messages written, by topic.
-    points : int
-        Points in all clouds.
-    duration : float
-        From the first to the last stamp [s].
-    dropped : mapping of str to int
-        Rows (packets, frames) of the original that are not in the bag, by reason.
-    labels : mapping of str to int
-        Segments by label.
-    warnings : tuple of str
-        What to be careful about.
-    """
-
-    kind: str
+    kind: str  # of recording
     source: Path
     bag: Path
-    messages: Mapping[str, int]
-    points: int
-    duration: float
-    dropped: Mapping[str, int]
-    labels: Mapping[str, int]
-    warnings: tuple[str, ...]
+    messages: Mapping[str, int]  # written, by topic
+    points: int  # in all clouds
+    duration: float  # from the first to the last stamp [s]
+    dropped: Mapping[str, int]  # rows (packets, frames) of the original that are not in the bag, by reason
+    labels: Mapping[str, int]  # segments by label
+    warnings: tuple[str, ...]  # what to be careful about
 
     def __str__(self) -> str:
         lines = [f"{self.source.name} ({self.kind}) -> {self.bag}: {self.duration:.2f} s"]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from handwave.msg import StageStatus as StageStatusMsg
+import handwave.msg
 from rosgraph_msgs.msg import Clock
 
 from radar_core import DataError
@@ -134,7 +134,7 @@ class Lockstep:
         self._awaited_ns = -1
         self._stamp_ns = 0
         node = self.player.node
-        node.create_subscription(StageStatusMsg, "stage_status", self._status, qos.sensor(reliable=True))
+        node.create_subscription(handwave.msg.StageStatus, "stage_status", self._status, qos.sensor(reliable=True))
         if out is not None:
             for topic in ("radar/points", "tracks", "gestures", "hand"):
                 taker = self._taker(f"/{topic}", TYPES[topic])

@@ -9,17 +9,17 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import handwave.msg
 
 for _pool in ("OMP", "OPENBLAS", "MKL"):  # before numpy's libraries start their pools: second threads only fight at these sizes
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from handwave.msg import RadarInfo as RadarInfoMsg
-from handwave.msg import StageStatus as StageStatusMsg
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -97,8 +97,7 @@ class StageMixin:
     def start_stage(self: Any, stage: str) -> None:
         """Declare the shared parameters and make the shared publishers; call first."""
         self.stage = stage
-        self.processed = 0
-        self.dropped = 0
+        self.processed = self.dropped = 0
         self._gaps = Gaps()
         self._stamp_ns = -1
         self.frame_interval = 0.0
@@ -106,7 +105,7 @@ class StageMixin:
         self._problems: dict[str, tuple[float, int]] = {}
         self._period = Period(time.monotonic(), 0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
-        self._status = self.create_publisher(StageStatusMsg, "stage_status", qos.stream_out())
+        self._status = self.create_publisher(handwave.msg.StageStatus, "stage_status", qos.stream_out())
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self.create_timer(1.0, self._diagnose)
 
@@ -123,17 +122,9 @@ class StageMixin:
 
     def publish_status(self: Any, stamp_ns: int, sequence: int, compute: float) -> None:
         """Publish what the stage has done so far; stamp 0 says only that it is ready."""
-        self._status.publish(
-            StageStatusMsg(
-                header=header(stamp_ns, ""),
-                stage=self.stage,
-                sequence=sequence,
-                processed=self.processed,
-                dropped=self.dropped,
-                compute_s=compute,
-                monotonic_ns=time.monotonic_ns(),
-            )
-        )
+        counts = {"stage": self.stage, "sequence": sequence, "processed": self.processed, "dropped": self.dropped}
+        now = time.monotonic_ns()
+        self._status.publish(handwave.msg.StageStatus(header=header(stamp_ns, ""), compute_s=compute, monotonic_ns=now, **counts))
 
     def ready(self: Any) -> None:
         """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
@@ -220,33 +211,17 @@ class InfoKeeper:
     A driver that is configured anew sends its info again: the same one is fine, another one ends the old measurement and is refused until
     the node is started anew, because tracks and thresholds of two radars must not be mixed.
 
-    Parameters
-    ----------
-    node : StageNode
-        Subscribes and logs.
-    ready : callable
-        Called with the first info. A `HandwaveError` refuses it, and the next one is as good as the first.
-
-    Attributes
-    ----------
-    info : RadarInfo or None
-        What data is processed with.
-    refused : bool
-        Whether another radar is there now.
-    unusable : RadarInfo or None
-        The last info that ``ready`` refused.
-    reason : str
-        Why it did.
+    ``ready`` is called with the first info. A `HandwaveError` of it refuses that info, and the next one is as good as the first.
     """
 
     def __init__(self, node: Any, ready: Callable[[RadarInfo], None]) -> None:
-        self.info: RadarInfo | None = None
-        self.refused = False
-        self.unusable: RadarInfo | None = None
-        self.reason = ""
+        self.info: RadarInfo | None = None  # what data is processed with
+        self.refused = False  # whether another radar is there now
+        self.unusable: RadarInfo | None = None  # the last info that `ready` refused
+        self.reason = ""  # why it did
         self._node, self._ready = node, ready
         self._waiting_since: float | None = None
-        node.create_subscription(RadarInfoMsg, "radar/info", self._take, qos.LATCHED)
+        node.create_subscription(handwave.msg.RadarInfo, "radar/info", self._take, qos.LATCHED)
 
     def _take(self, msg: Any) -> None:
         try:
@@ -292,23 +267,18 @@ class InfoKeeper:
         return None
 
 
-def run(make_node: Callable[..., Any], argv: Sequence[str] | None = None) -> int:
-    """Run one node until it is told to stop.
+def run(*makers: Callable[[], Any]) -> int:
+    """Run nodes on one executor until told to stop.
 
     Returns the exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense; 3 when a device is not there or
     fails, which may be mended: whoever respawns nodes tries again.
     """
-    return run_many([make_node], argv)
-
-
-def run_many(makers: Sequence[Callable[[], Any]], argv: Sequence[str] | None = None) -> int:
-    """Run nodes on one executor until told to stop; see `run`."""
     # Our own handlers: with rclpy's there is a moment in which a second SIGINT ends in a traceback. They only take a note, because
     # rclpy's locks are not reentrant: shutting down from within a handler can wait for ever for the code that it interrupted.
     told: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda signum, _: told.append(signum))
-    rclpy.init(args=list(sys.argv if argv is None else argv), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Any] = []
     status = 0
     try:

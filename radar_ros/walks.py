@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
+import handwave.msg
 
 from radar_core import DataError, RadarInfo
 from radar_dsp import Baseband
@@ -123,8 +122,8 @@ class Listener(Visitor):
         self._radars: dict[str, _Radar] = {}
         self.refused: list[str] = []
         for name in self._names:
-            self.node.create_subscription(RadarInfoMsg, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
-            self.node.create_subscription(PointCloudMsg, f"{name}/radar/points", partial(self._take, name), qos.sensor(depth=50))
+            self.node.create_subscription(handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
+            self.node.create_subscription(handwave.msg.PointCloud, f"{name}/radar/points", partial(self._take, name), qos.sensor(depth=50))
 
     def _take_info(self, name: str, msg: Any) -> None:
         info = info_from_msg(msg)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+import handwave.msg
 import numpy as np
-from handwave.msg import HandResidual as HandResidualMsg
-from handwave.msg import JointTruth as JointTruthMsg
 
 from radar_core import ConfigError, DataError
 from radar_lab.camera.pinhole import COEFFICIENTS, CameraModel
@@ -45,10 +44,10 @@ def camera_from_msg(msg: Any) -> CameraModel:
     return CameraModel(width=msg.width, height=msg.height, fx=fx, fy=fy, cx=cx, cy=cy, lens=lens, distortion=distortion)
 
 
-def joints_to_msg(truth: JointTruth) -> JointTruthMsg:
+def joints_to_msg(truth: JointTruth) -> handwave.msg.JointTruth:
     """Put the joints that a camera saw into a message."""
     arrays = pack_all(truth, dict.fromkeys(_JOINTS, "d"))
-    return JointTruthMsg(header=header(truth.stamp_ns, truth.frame_id), sequence=truth.sequence, name=list(truth.names), **arrays)
+    return handwave.msg.JointTruth(header=header(truth.stamp_ns, truth.frame_id), sequence=truth.sequence, name=list(truth.names), **arrays)
 
 
 def joints_from_msg(msg: Any) -> JointTruth:
@@ -76,9 +75,9 @@ def joints_from_msg(msg: Any) -> JointTruth:
     )
 
 
-def residual_to_msg(found: Residual, reference: str) -> HandResidualMsg:
+def residual_to_msg(found: Residual, reference: str) -> handwave.msg.HandResidual:
     """Put the residual of a hand track into a message; ``reference`` is the reference's name."""
-    return HandResidualMsg(
+    return handwave.msg.HandResidual(
         header=header(found.sample.stamp_ns, "room"),
         track=found.sample.track,
         reference=reference,

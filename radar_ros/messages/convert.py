@@ -10,13 +10,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
+import handwave.msg
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-from handwave.msg import CloudSource as CloudSourceMsg
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarFrame as RadarFrameMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -54,15 +51,7 @@ def header(stamp_ns: int, frame_id: str) -> Header:
 
 
 def pack(values: NDArray[Any], code: str) -> array.array[Any]:
-    """Copy an array into the buffer type that messages take fastest.
-
-    Parameters
-    ----------
-    values : ndarray, shape (...)
-        Flattened in C order.
-    code : str
-        Type code of `array.array`: f, d, i, I, B.
-    """
+    """Copy an array of any shape, in C order, into the buffer that messages take fastest; ``code`` is a type code of `array.array`."""
     return array.array(code, np.ascontiguousarray(values, np.dtype(code)).tobytes())
 
 
@@ -91,10 +80,10 @@ def from_fields(msg: Any, names: Mapping[str, str]) -> dict[str, Any]:
     return {ours: getattr(msg, theirs) for ours, theirs in names.items()}
 
 
-def info_to_msg(info: RadarInfo, stamp_ns: int) -> RadarInfoMsg:
+def info_to_msg(info: RadarInfo, stamp_ns: int) -> handwave.msg.RadarInfo:
     """Describe a radar in a message."""
     places = {"tx": np.asarray(info.array.tx, np.float64), "rx": np.asarray(info.array.rx, np.float64)}
-    return RadarInfoMsg(
+    return handwave.msg.RadarInfo(
         header=header(stamp_ns, info.frame_id),
         channel_error=pack(_channel_error(info.array), "d"),
         full_scale=info.full_scale,
@@ -154,24 +143,19 @@ def _channel_error(array: AntennaArray) -> NDArray[np.float64]:
 
 def _pairs(first: Any, second: Any) -> tuple[tuple[float, float], ...]:
     if len(first) != len(second):
-        raise DataError(
-            f"radar/info gives {len(first)} y but {len(second)} z coordinates of elements; its driver is broken or of another version"
-        )
+        broken = f"{len(first)} y but {len(second)} z coordinates of elements"
+        raise DataError(f"radar/info gives {broken}; its driver is broken or of another version")
     return tuple((float(y), float(z)) for y, z in zip(first, second, strict=True))
 
 
-def frame_to_msg(frame: RadarFrame) -> RadarFrameMsg:
+def frame_to_msg(frame: RadarFrame) -> handwave.msg.RadarFrame:
     """Put a raw frame into a message."""
-    n_tx, n_chirp, n_rx, n_sample = frame.cube.shape
-    return RadarFrameMsg(
+    return handwave.msg.RadarFrame(
         header=header(frame.stamp_ns, frame.frame_id),
         sequence=frame.sequence,
-        n_tx=n_tx,
-        n_chirp=n_chirp,
-        n_rx=n_rx,
-        n_sample=n_sample,
         data=array.array("f", np.ascontiguousarray(frame.cube).tobytes()),
-        missing_chirps=array.array("I", frame.missing.astype(np.uint32).tobytes()),
+        missing_chirps=pack(frame.missing, "I"),
+        **dict(zip(("n_tx", "n_chirp", "n_rx", "n_sample"), frame.cube.shape, strict=True)),
     )
 
 
@@ -190,20 +174,15 @@ def frame_from_msg(msg: Any) -> RadarFrame:
             f"frame {msg.sequence} of {msg.header.frame_id!r} says {shape} (tx, chirp, rx, sample) but carries {len(msg.data)} floats, "
             f"not {2 * math.prod(shape)}; its driver is broken or of another version"
         )
-    return RadarFrame(
-        cube=samples.reshape(shape),
-        stamp_ns=from_time(msg.header.stamp),
-        sequence=msg.sequence,
-        frame_id=msg.header.frame_id,
-        missing=unpack(msg.missing_chirps, np.uint32),
-    )
+    missing = unpack(msg.missing_chirps, np.uint32)
+    return RadarFrame(samples.reshape(shape), from_time(msg.header.stamp), msg.sequence, msg.header.frame_id, missing)
 
 
-def cloud_to_msg(cloud: PointCloud) -> PointCloudMsg:
+def cloud_to_msg(cloud: PointCloud) -> handwave.msg.PointCloud:
     """Put a point cloud into a message; a `CloudComposite` stays one."""
     arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
     head = header(cloud.stamp_ns, cloud.frame_id)
-    msg = PointCloudMsg(header=head, sequence=cloud.sequence, every=cloud.every, quality=int(cloud.quality), **arrays)
+    msg = handwave.msg.PointCloud(header=head, sequence=cloud.sequence, every=cloud.every, quality=int(cloud.quality), **arrays)
     if isinstance(cloud, CloudComposite):
         msg.sensor = pack(cloud.sensor, "i")
         msg.sources = [_source_to_msg(source) for source in cloud.sources]
@@ -240,9 +219,9 @@ def stride(msg: Any) -> int:
     return max(int(msg.every), 1)
 
 
-def _source_to_msg(source: CloudSource) -> CloudSourceMsg:
+def _source_to_msg(source: CloudSource) -> handwave.msg.CloudSource:
     head, mount = header(source.stamp_ns, source.frame_id), to_fields(source.mount, _MOUNT)
-    return CloudSourceMsg(header=head, sequence=source.sequence, quality=int(source.quality), every=source.every, **mount)
+    return handwave.msg.CloudSource(header=head, sequence=source.sequence, quality=int(source.quality), every=source.every, **mount)
 
 
 def _source_from_msg(msg: Any) -> CloudSource:
@@ -260,7 +239,7 @@ def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:
 
 
 def points_to_cloud2(cloud: PointCloud, points: NDArray[Any]) -> PointCloud2:
-    """Make a PointCloud2 of the cloud's points with any fields.
+    """Make a PointCloud2 of stamp and frame of a cloud and of points with any fields.
 
     Parameters
     ----------

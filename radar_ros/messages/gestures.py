@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import handwave.msg
 import numpy as np
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import GestureMaps as GestureMapsMsg
 
 from radar_core import DataError
 from radar_gestures.maps import FeatureMaps
@@ -19,9 +18,9 @@ _GESTURE: Final = {name: name for name in ("track_id", "label", "name", "confide
 _ARRAYS: Final = {"probabilities": "d", "features": "d"}
 
 
-def gesture_to_msg(gesture: Gesture) -> GestureMsg:
+def gesture_to_msg(gesture: Gesture) -> handwave.msg.Gesture:
     """Put a gesture into a message."""
-    return GestureMsg(
+    return handwave.msg.Gesture(
         header=header(gesture.stamp_ns, gesture.frame_id),
         start=to_time(gesture.start_ns),
         end=to_time(gesture.end_ns),
@@ -43,9 +42,9 @@ def gesture_from_msg(msg: Any) -> Gesture:
     )
 
 
-def maps_to_msg(found: TrackEvent, maps: FeatureMaps, stamp_ns: int) -> GestureMapsMsg:
+def maps_to_msg(found: TrackEvent, maps: FeatureMaps, stamp_ns: int) -> handwave.msg.GestureMaps:
     """Put the maps of an event that was decided at ``stamp_ns`` into a message."""
-    return GestureMapsMsg(
+    return handwave.msg.GestureMaps(
         header=header(stamp_ns, "room"),
         track_id=found.track_id,
         start=to_time(found.event.start_ns),

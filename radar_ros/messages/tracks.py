@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import handwave.msg
 import numpy as np
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import Track as TrackMsg
-from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_ros.messages.convert import from_fields, from_time, header, pack, stride, to_fields, unpack
 from radar_tracking.tracks import Deleted, HandTrack, Reason, Track, Tracks, TrackStatus
@@ -19,10 +17,10 @@ _HAND: Final = {name: name for name in ("sequence", "parent_id", "active", "n_po
 }
 
 
-def track_to_msg(track: Track) -> TrackMsg:
+def track_to_msg(track: Track) -> handwave.msg.Track:
     """Put one track into a message."""
     vectors = {"position": track.position, "velocity": track.velocity, "extent": track.extent, "covariance": track.covariance.ravel()}
-    return TrackMsg(status=int(track.status), **vectors, **to_fields(track, _TRACK))
+    return handwave.msg.Track(status=int(track.status), **vectors, **to_fields(track, _TRACK))
 
 
 def track_from_msg(msg: Any) -> Track:
@@ -32,9 +30,9 @@ def track_from_msg(msg: Any) -> Track:
     return Track(status=TrackStatus(msg.status), covariance=covariance, **vectors, **from_fields(msg, _TRACK))
 
 
-def tracks_to_msg(tracks: Tracks) -> TrackArrayMsg:
+def tracks_to_msg(tracks: Tracks) -> handwave.msg.TrackArray:
     """Put all tracks of one cloud into a message."""
-    return TrackArrayMsg(
+    return handwave.msg.TrackArray(
         header=header(tracks.stamp_ns, tracks.frame_id),
         sequence=tracks.sequence,
         every=tracks.every,
@@ -60,10 +58,10 @@ def tracks_from_msg(msg: Any) -> Tracks:
     )
 
 
-def hand_to_msg(hand: HandTrack) -> HandTrackMsg:
+def hand_to_msg(hand: HandTrack) -> handwave.msg.HandTrack:
     """Put a hand track into a message."""
     vectors = {"position": hand.position, "velocity": hand.velocity, "covariance": hand.covariance.ravel()}
-    return HandTrackMsg(header=header(hand.stamp_ns, hand.frame_id), **vectors, **to_fields(hand, _HAND))
+    return handwave.msg.HandTrack(header=header(hand.stamp_ns, hand.frame_id), **vectors, **to_fields(hand, _HAND))
 
 
 def hand_from_msg(msg: Any) -> HandTrack:

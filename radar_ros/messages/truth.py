@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import handwave.msg
 import numpy as np
-from handwave.msg import Truth as TruthMsg
 
 from radar_ros.messages.convert import from_time, header, pack_all, to_time, unpack_all
 from radar_sim.truth import Truth
@@ -15,9 +15,9 @@ _PLACES: Final = dict.fromkeys(("position", "velocity", *_HANDS), "d") | {"scatt
 _LISTS: Final = {"person_id": "I", "gesture": "B", "gesture_index": "I", "scatterer_owner": "i", "scatterer_rcs": "f"}
 
 
-def truth_to_msg(truth: Truth) -> TruthMsg:
+def truth_to_msg(truth: Truth) -> handwave.msg.Truth:
     """Put the truth of one frame into a message."""
-    return TruthMsg(
+    return handwave.msg.Truth(
         header=header(truth.stamp_ns, truth.frame_id),
         sequence=truth.sequence,
         walking=truth.walking.tolist(),

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarFrame as RadarFrameMsg
+import handwave.msg
 from sensor_msgs.msg import PointCloud2
 
 from radar_core import DataError, HandwaveError, RadarInfo
@@ -33,11 +32,11 @@ class BasebandNode(StageNode):
         self._levels: tuple[Baseband | None, ...] = (None,)
         self._warm_up()
         self._tally = Tally()
-        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self._points = self.create_publisher(handwave.msg.PointCloud, "radar/points", qos.stream_out())
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
         on_change(self, self._config, self._prepare)
-        self.create_subscription(RadarFrameMsg, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
+        self.create_subscription(handwave.msg.RadarFrame, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
 
     def _warm_up(self) -> None:
         """Compile and design thresholds before subscribing: a driver that waits for its readers then loses no frame meanwhile."""

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
-from handwave.msg import JointTruth as JointTruthMsg
+import handwave.msg
 from sensor_msgs.msg import CameraInfo, Image
 
 from radar_core import HandwaveError
@@ -89,7 +89,7 @@ class CameraNode(StageNode):
         self._waiting: list[int] = []
         self._seen: Counter[str] = Counter()
         self._told = 0
-        self._joints = self.create_publisher(JointTruthMsg, "camera/joints", qos.RESULT)
+        self._joints = self.create_publisher(handwave.msg.JointTruth, "camera/joints", qos.RESULT)
         self._worker = Worker(self._find, self._failed, waiting=100 if self.reliable else 1)
         profile = qos.sensor(reliable=self.reliable)
         self.create_subscription(CameraInfo, INFO, self._take_info, qos.sensor(depth=1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any, Final
 
-from handwave.msg import PointCloud as PointCloudMsg
+import handwave.msg
 from sensor_msgs.msg import PointCloud2
 
 from radar_core import RadarInfo
@@ -32,7 +32,7 @@ class Cloud2Node(StageNode):
         self._refused_points = 0
         self._theirs = ""
         self._heard = time.monotonic()
-        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self._points = self.create_publisher(handwave.msg.PointCloud, "radar/points", qos.stream_out())
         self._announcer = Announcer(self)
         if self._config.frame_id:
             self._describe(self._config.frame_id)

@@ -8,9 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarFrame as RadarFrameMsg
-from handwave.msg import Truth as TruthMsg
+import handwave.msg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
@@ -100,10 +98,10 @@ class DriverNode(StageMixin, LifecycleNode):
         self._feed: Feed | None = None
         self._timer: Any = None
         self._failure: HandwaveError = ConfigError("")
-        self._frames = self.create_publisher(RadarFrameMsg, "radar/frame", qos.stream_out())
+        self._frames = self.create_publisher(handwave.msg.RadarFrame, "radar/frame", qos.stream_out())
         if self._board.clouds:
-            self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
-        self._truths = self.create_publisher(TruthMsg, "truth", qos.RESULT)
+            self._points = self.create_publisher(handwave.msg.PointCloud, "radar/points", qos.stream_out())
+        self._truths = self.create_publisher(handwave.msg.Truth, "truth", qos.RESULT)
         self._announcer = Announcer(self, pose=bool(self._calibration))
         for trigger in (self.trigger_configure, self.trigger_activate) if autostart else ():
             if trigger() != TransitionCallbackReturn.SUCCESS:

@@ -7,11 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import Gospa as GospaMsg
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import TrackArray as TrackArrayMsg
-from handwave.msg import Truth as TruthMsg
+import handwave.msg
 
 from radar_core import RadarInfo
 from radar_lab.evaluation.run import EvaluationConfig, Evaluator
@@ -36,12 +32,12 @@ class EvaluationNode(StageNode):
         self._config = declare_config(self, EvaluationConfig)
         self._evaluator: Evaluator | None = None
         self._info = InfoKeeper(self, self._configure)
-        truths = Subscriber(self, TruthMsg, "truth", qos_profile=qos.RESULT)
-        for kind, topic, take in ((TrackArrayMsg, "tracks", self._take), (HandTrackMsg, "hand", self._take_hand)):
+        truths = Subscriber(self, handwave.msg.Truth, "truth", qos_profile=qos.RESULT)
+        for kind, topic, take in ((handwave.msg.TrackArray, "tracks", self._take), (handwave.msg.HandTrack, "hand", self._take_hand)):
             found = Subscriber(self, kind, topic, qos_profile=qos.RESULT)
             ApproximateTimeSynchronizer([found, truths], 50, _SLOP).registerCallback(take)
-        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
-        self._gospa = self.create_publisher(GospaMsg, "gospa", qos.RESULT)
+        self.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
+        self._gospa = self.create_publisher(handwave.msg.Gospa, "gospa", qos.RESULT)
         self.create_timer(1.0, self._publish)
 
     def _configure(self, info: RadarInfo) -> None:
@@ -57,7 +53,7 @@ class EvaluationNode(StageNode):
         gospa = self._evaluator.add(tracks, truth_from_msg(truth_msg))
         names = ("distance", "localisation", "missed", "false_tracks", "n_truth")
         parts = {name: getattr(gospa, name) for name in names}
-        self._gospa.publish(GospaMsg(header=header(tracks.stamp_ns, tracks.frame_id), n_tracks=gospa.n_estimates, **parts))
+        self._gospa.publish(handwave.msg.Gospa(header=header(tracks.stamp_ns, tracks.frame_id), n_tracks=gospa.n_estimates, **parts))
         self.finish(tracks.stamp_ns, tracks.sequence, started)
 
     def _take_hand(self, hand_msg: Any, truth_msg: Any) -> None:

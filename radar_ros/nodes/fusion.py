@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
+import handwave.msg
 from sensor_msgs.msg import PointCloud2
 
 from radar_core import DataError, HandwaveError, PointCloud, Pose, RadarInfo, merge
@@ -58,13 +57,13 @@ class FusionNode(StageNode):
         self._counts: Counter[str] = Counter()  # since the start: clouds of each radar, drops by reason, clouds passed on alone
         self._told: Counter[str] = Counter()  # the same when diagnostics were published last
         self._regroup(self._config.radars)
-        self._points = self.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
+        self._points = self.create_publisher(handwave.msg.PointCloud, "radar/points", qos.stream_out())
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._announcer = Announcer(self, tf=False)
         for name in self._config.radars:
-            self.create_subscription(RadarInfoMsg, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
+            self.create_subscription(handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
             profile = qos.sensor(reliable=self.reliable)
-            self.create_subscription(PointCloudMsg, f"{name}/radar/points", partial(self._take, name), profile)
+            self.create_subscription(handwave.msg.PointCloud, f"{name}/radar/points", partial(self._take, name), profile)
 
     def _regroup(self, names: tuple[str, ...]) -> None:
         """Wait for these radars from now on; what waits for others is given up."""

@@ -5,11 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import handwave.msg
 import numpy as np
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import GestureMaps as GestureMapsMsg
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_core import RadarInfo
 from radar_gestures.classifiers.model import load_model
@@ -33,13 +30,13 @@ class GesturesNode(StageNode):
         self._config = declare_config(self, GestureConfig)
         self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
         self._model.probabilities(np.zeros(len(self._model.names)))  # compiled now, not at the end of the first gesture
-        self._gestures = self.create_publisher(GestureMsg, "gestures", qos.RESULT)
-        self._maps = self.create_publisher(GestureMapsMsg, "gestures/maps", qos.stream_out())
+        self._gestures = self.create_publisher(handwave.msg.Gesture, "gestures", qos.RESULT)
+        self._maps = self.create_publisher(handwave.msg.GestureMaps, "gestures/maps", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
         # Only the newest cloud and tracks wait while this node is busy (thesis, section 4.5.4); `count_gap` counts what was left out.
         inputs = [
-            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.frames_in(reliable=self.reliable)),
-            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.results_in(newest=not self.reliable)),
+            Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.frames_in(reliable=self.reliable)),
+            Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.results_in(newest=not self.reliable)),
         ]
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)

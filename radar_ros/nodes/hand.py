@@ -6,10 +6,7 @@ import time
 from collections import Counter
 from typing import Any
 
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import TrackArray as TrackArrayMsg
+import handwave.msg
 from handwave.srv import TrackHand
 from std_msgs.msg import Bool, Float32
 
@@ -33,16 +30,16 @@ class HandNode(StageNode):
         self._people: dict[int, TrackStatus] = {}
         self._command = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand
         self._told: Counter[int] = Counter()  # clouds since the last diagnostics, by the number of axes along which they told the velocity
-        self._hand = self.create_publisher(HandTrackMsg, "hand", qos.RESULT)
+        self._hand = self.create_publisher(handwave.msg.HandTrack, "hand", qos.RESULT)
         self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
         self._info = InfoKeeper(self, self._tracker.seen_from)
         inputs = [
-            Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
-            Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT),
+            Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
+            Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.RESULT),
         ]
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)
-        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
+        self.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
         self.commands.add(self.create_subscription(Bool, "hand/trigger", self._trigger, qos.COMMAND).topic_name)
         self.create_service(TrackHand, "hand/track", self._serve)
 

@@ -9,11 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import handwave.msg
 import numpy as np
-from handwave.msg import HandResidual as HandResidualMsg
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import JointTruth as JointTruthMsg
-from handwave.msg import Truth as TruthMsg
 from std_srvs.srv import Trigger
 
 from radar_core import ConfigError, HandwaveError
@@ -39,13 +36,13 @@ class HandEvaluationNode(StageNode):
         self._residuals = HandResiduals(self._config)
         self._found: deque[Residual] = deque(maxlen=self._keep)
         self._hand: np.ndarray | None = None
-        self._out = self.create_publisher(HandResidualMsg, "hand/residual", qos.RESULT)
+        self._out = self.create_publisher(handwave.msg.HandResidual, "hand/residual", qos.RESULT)
         for topic in self._hands:
-            self.create_subscription(HandTrackMsg, topic, self._taker(topic), qos.RESULT)
+            self.create_subscription(handwave.msg.HandTrack, topic, self._taker(topic), qos.RESULT)
         if self._reference == "camera":
-            self.create_subscription(JointTruthMsg, "camera/joints", self._take_joints, qos.RESULT)
+            self.create_subscription(handwave.msg.JointTruth, "camera/joints", self._take_joints, qos.RESULT)
         else:
-            self.create_subscription(TruthMsg, "truth", self._take_truth, qos.RESULT)
+            self.create_subscription(handwave.msg.Truth, "truth", self._take_truth, qos.RESULT)
         self.create_service(Trigger, "hand_evaluation/write", self._serve)
         if self._figure:
             import matplotlib.figure  # noqa: F401  (at the end there is no time for it)

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import TrackArray as TrackArrayMsg
+import handwave.msg
 from std_msgs.msg import UInt32
 
 from radar_core import HandwaveError, RadarInfo
@@ -35,10 +34,10 @@ class TrackingNode(StageNode):
         self._dropped_points = 0  # before the tracker was reset
         for level in set(self._budget.configs):
             warm_up(level)
-        self._tracks = self.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
+        self._tracks = self.create_publisher(handwave.msg.TrackArray, "tracks", qos.RESULT)
         self._count = self.create_publisher(UInt32, "people_count", qos.RESULT)
         self._info = InfoKeeper(self, self._configure)
-        self.create_subscription(PointCloudMsg, "radar/points", self._take, qos.sensor(reliable=self.reliable))
+        self.create_subscription(handwave.msg.PointCloud, "radar/points", self._take, qos.sensor(reliable=self.reliable))
 
     def _configure(self, info: RadarInfo) -> None:
         self._tracker = PeopleTracker(self._budget.configs[self._budget.number], info)

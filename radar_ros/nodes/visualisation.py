@@ -7,13 +7,9 @@ import math
 import time
 from typing import Any
 
+import handwave.msg
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
-from handwave.msg import Gesture as GestureMsg
-from handwave.msg import HandTrack as HandTrackMsg
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import Track as TrackMsg
-from handwave.msg import TrackArray as TrackArrayMsg
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
@@ -52,13 +48,13 @@ class VisualisationNode(StageNode):
         self._zones = [outline for name in _ZONES for outline in self._outlines(name)]
         self._markers = self.create_publisher(MarkerArray, "tracks/markers", qos.RESULT)
         self._labelled = self.create_publisher(PointCloud2, "tracks/points2", qos.stream_out())
-        tracks = Subscriber(self, TrackArrayMsg, "tracks", qos_profile=qos.RESULT)
+        tracks = Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.RESULT)
         tracks.registerCallback(self._take)
-        clouds = Subscriber(self, PointCloudMsg, "radar/points", qos_profile=qos.sensor(reliable=self.reliable))
+        clouds = Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.sensor(reliable=self.reliable))
         self._pairs = TimeSynchronizer([clouds, tracks], 10)
         self._pairs.registerCallback(self._label)
-        self.create_subscription(GestureMsg, "gestures", self._gesture, qos.RESULT)
-        self.create_subscription(HandTrackMsg, "hand", self._take_hand, qos.RESULT)
+        self.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
+        self.create_subscription(handwave.msg.HandTrack, "hand", self._take_hand, qos.RESULT)
 
     def _outlines(self, name: str) -> list[Marker]:
         """Outlines of the boxes of a zone parameter, on the floor."""
@@ -82,7 +78,7 @@ class VisualisationNode(StageNode):
             self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))
 
     def _gesture(self, msg: Any) -> None:
-        if msg.label != GestureMsg.RANDOM:
+        if msg.label != handwave.msg.Gesture.RANDOM:
             self._gestures[msg.track_id] = (from_time(msg.header.stamp), msg.name)
 
     def _take_hand(self, msg: Any) -> None:
@@ -96,7 +92,7 @@ class VisualisationNode(StageNode):
             return
         self._next_ns = stamp + self._interval_ns
         markers: list[Marker] = []
-        people = {track.id: track for track in msg.tracks if track.status != TrackMsg.TENTATIVE}
+        people = {track.id: track for track in msg.tracks if track.status != handwave.msg.Track.TENTATIVE}
         for number, track in people.items():
             markers += [self._body(msg.header, number, track), self._text(msg.header, stamp, number, track)]
         gone = ((name, number) for number in self._shown - set(people) for name in ("people", "names"))
@@ -115,7 +111,7 @@ class VisualisationNode(StageNode):
         x, y, _ = track.position
         marker.pose.position = Point(x=x, y=y, z=_HEIGHT / 2)
         marker.scale = Vector3(x=_width(track.extent[0]), y=_width(track.extent[1]), z=_HEIGHT)
-        marker.color = _colour(number, 0.35 if track.status == TrackMsg.COASTING else 0.7)
+        marker.color = _colour(number, 0.35 if track.status == handwave.msg.Track.COASTING else 0.7)
         return marker
 
     def _text(self, header: Any, stamp: int, number: int, track: Any) -> Marker:
