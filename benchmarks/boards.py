@@ -34,10 +34,7 @@ _WITHOUT = ("baseband", "tracking", "gestures", "hand", "visualisation")
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Measure the TinyRad over USB, and the boards over UDP.
-
-    Raises AbsentError outside a checkout, or when what emulates USB is not installed.
-    """
+    """Measure the TinyRad over USB, and the boards over UDP; raise AbsentError outside a checkout, or without what emulates USB."""
     if missing := emulated("umockdev_machine").missing():
         raise AbsentError(missing)
     count = 60 if quick else _FRAMES
@@ -111,11 +108,7 @@ def _replug() -> float:
 
 
 def _kill(attempts: int) -> dict[str, float]:
-    """Kill the driver node with SIGKILL under the supervisor.
-
-    Seconds until the board has its next frame ready for the new driver, and until
-    a subscriber has one, which the middleware has to connect anew; medians, and the worst.
-    """
+    """Kill the driver node under the supervisor; seconds until the board has its next frame ready, and until a subscriber has one."""
     with _machine() as machine:
         os.environ.update(machine.changes)
         specs = graph("live", parameters={"driver": {"source": "tinyrad"}}, without=_WITHOUT)

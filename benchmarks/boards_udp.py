@@ -40,10 +40,7 @@ NAPS = (0.0, 0.001, 0.002, 0.005)  # how long packets gather before they are tak
 
 
 def emulated(name: str) -> Any:
-    """Import an emulated board, which is the tests'.
-
-    Raises AbsentError outside a checkout of the project: the emulated boards are not installed.
-    """
+    """Import an emulated board, which is the tests'; raise AbsentError outside a checkout of the project."""
     if (folder := str(checkout("test", "driver"))) not in sys.path:
         sys.path.insert(0, folder)
     return importlib.import_module(name)
@@ -114,10 +111,7 @@ class Watched:
         self._supervisor, self._node, self.arrived = supervisor, node, arrived
 
     def wait(self, more: int) -> None:
-        """Wait for frames.
-
-        Raises HandwaveError when they do not come.
-        """
+        """Wait for frames. Raises HandwaveError when they do not come."""
         end, wanted = time.monotonic() + _PATIENCE, len(self.arrived) + more
         while len(self.arrived) < wanted:
             if time.monotonic() > end:

@@ -135,10 +135,8 @@ def running(folder: Path, stages: Sequence[str], domain: int) -> Iterator[Watch]
 
 
 def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = DOMAIN) -> dict[str, Any]:
-    """Slow the baseband ten times, without a budget and with one, and let it recover.
+    """Slow the baseband ten times, without a budget and with one, and let it recover; ``tuning``: file of ``handwave tradeoff --tune``.
 
-    ``tuning``: file of ``handwave tradeoff --tune``; ``folder``: for the scene; ``seconds``: to count in each state; ``stages``: what runs
-    behind the driver; ``domain``: ROS domain.
     Returns shares of lost frames (``lost_...``), times, levels, and what the topic said.
     """
     with running(folder, stages, domain) as watch:

@@ -83,10 +83,7 @@ def against_sklearn(n: int, repeat: int) -> tuple[list[dict[str, Any]], float]:
 
 
 def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
-    """Every method as the trackers call it, and the two that split a merged cluster; accuracy: adjusted Rand index against the owners.
-
-    Ratio: to scikit-learn's DBSCAN in the same run.
-    """
+    """Every method as the trackers call it, and the two that split a cluster: adjusted Rand index; ratio to scikit-learn's DBSCAN."""
     from sklearn.cluster import DBSCAN
 
     points, owner = people(n)

@@ -60,8 +60,7 @@ def figures(result: dict[str, Any]) -> str:
 def apart(name: str, quick: bool = False) -> dict[str, Any]:
     """Run one benchmark in a process of its own, so that none warms the caches of another.
 
-    Returns what it printed, or ``failed`` or ``absent`` with the end of what it said; ``seconds`` by the clock, and ``cpu_seconds``, which
-    do not depend on what else runs on the machine.
+    Returns what it printed, or ``failed`` or ``absent`` with the end of what it said; ``seconds`` by the clock, and ``cpu_seconds``.
     """
     start, before = time.monotonic(), os.times()
     command = [sys.executable, "-m", "benchmarks", name, "--json", *(["--quick"] if quick else [])]
@@ -77,10 +76,7 @@ def apart(name: str, quick: bool = False) -> dict[str, Any]:
 
 
 def measured(name: str, file: str) -> dict[str, Any]:
-    """Read the figures of a benchmark from files, or measure them.
-
-    Raises SystemExit when it fails.
-    """
+    """Read the figures of a benchmark from files, or measure them. Raises SystemExit when it fails."""
     if file:
         return join(json.loads(Path(part).read_text(encoding="utf-8").splitlines()[-1]) for part in file.split(","))
     found = apart(name)

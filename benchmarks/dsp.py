@@ -44,10 +44,7 @@ def detector(config: CfarConfig, spectrum: SpectrumConfig) -> Any:
 
 
 def false_alarms(configs: list[CfarConfig], spectrum: SpectrumConfig, n: int) -> NDArray[np.float64]:
-    """Count false alarms on ``n`` frames of noise over the design's, in the middle and in the reach of the window at the range's ends.
-
-    Returns interior and edges, shape (n_configs, 2).
-    """
+    """Count false alarms on ``n`` frames of noise over the design's, in the interior and at the range's ends, shape (n_configs, 2)."""
     made, detectors = make_spectrum(spectrum, INFO), [detector(config, spectrum) for config in configs]
     rng = np.random.default_rng(2)
     alarms = np.zeros((len(configs), WAVE.n_sample))

@@ -134,11 +134,7 @@ def cases() -> dict[str, tuple[Missing, float, str]]:
 
 
 def perform(scene: Scene) -> dict[str, Any]:
-    """Run a scene through one pipeline for each case.
-
-    Returns by case: ``hits``, a list of whether each performed gesture was recognised, in the order of time, and ``false``, how many were
-    recognised that nobody performed.
-    """
+    """Run a scene through one pipeline for each case; ``hits``: whether each gesture was recognised, ``false``: how many nobody did."""
     table, info = cases(), scene.radars[0].info
     pipelines = {
         name: Pipeline(info, PipelineConfig(baseband=CalibratedBasebandConfig(spectrum=SpectrumConfig(missing=method))))

@@ -127,10 +127,7 @@ def deviation(scene: Scene, radar: str, one: Seen, other: Seen) -> dict[str, flo
 
 
 def apart(one: NDArray[np.float64], other: NDArray[np.float64], origin: NDArray[np.float64]) -> float:
-    """Rms distance of places that both have, over their rms range; where only one has one, the distance counts as the range.
-
-    ``one``, ``other``, shape (..., axis): places [m]; NaN: none; ``origin``, shape (axis,): the radar's [m].
-    """
+    """Rms distance of places [m] over the rms range from ``origin``; NaN: none; where only one has a place it counts as the range."""
     mine, yours = np.isfinite(one).all(-1), np.isfinite(other).all(-1)
     both = mine & yours
     if not (mine | yours).any():

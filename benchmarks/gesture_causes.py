@@ -158,10 +158,7 @@ class Causes:
         return segments[0].kind if segments[0] is not None else "stand"
 
     def missed(self, true: TrueEvent, taken: bool) -> str:
-        """Say where on its way a gesture was lost: the first stage that half of its fast frames did not pass.
-
-        ``taken``: an event overlapped it, but went to another gesture.
-        """
+        """Name the first stage that half of a gesture's fast frames did not pass; ``taken``: an event overlapped it, but went elsewhere."""
         rows = np.flatnonzero((self._stamps >= true.first_ns) & (self._stamps <= true.last_ns))
         after = np.flatnonzero((self._stamps > true.last_ns) & (self._stamps <= true.last_ns + _AFTER_NS))
         if not len(rows):
@@ -235,11 +232,9 @@ def rules() -> dict[str, GestureConfig]:
 def rows_of_rules(
     stage: str, judged: Sequence[Judged], model: GestureModel, figures: Callable[[Sequence[Judged]], tuple[str, tuple[str, float, str]]]
 ) -> list[dict[str, Any]]:
-    """Accuracy by every rule beside the time of naming one event.
+    """Accuracy by every rule beside the time of naming one event; nothing when there is no event.
 
-    Nothing when there is no event.
-    ``stage``: of the rows; ``judged``: what was found by any rules; ``model``: that named it; ``figures``: gives of judged streams what to
-    say behind a configuration's name, and the accuracy of its row.
+    ``figures`` gives of judged streams what to say behind a configuration's name, and the accuracy of its row.
     """
     if not any(one.surplus or any(o.found is not None for o in one.outcomes) for one in judged):
         return []

@@ -41,20 +41,14 @@ class Moment:
 
 
 class StreamStore(Store):
-    """Streams on disk, a minute in a file.
-
-    ``folder``: where files go; ``baseband``: None: all defaults.
-    """
+    """Streams on disk, a minute in a file. ``folder``: where files go; ``baseband``: None: all defaults."""
 
     def __init__(self, folder: Path, baseband: BasebandConfig | None = None) -> None:
         config = baseband or BasebandConfig()
         super().__init__(folder, "clouds", functools.partial(_simulate, config), [plain(config), PIECE])
 
     def fill(self, scenes: Iterable[Scene], *, n_jobs: int = 1, progress: bool = True) -> float:
-        """Simulate what is not there yet.
-
-        Returns seconds that it took per simulated minute of scene; NaN when nothing was left to do.
-        """
+        """Simulate what is not there yet. Returns seconds that it took per simulated minute of scene; NaN when nothing was left to do."""
         start = time.monotonic()
         pieces = [(scene, piece) for scene in scenes for piece in range(math.ceil(scene.duration / PIECE))]
         made = (
@@ -142,9 +136,8 @@ def follow(
 ) -> Run:
     """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
-    ``store``: that holds the scene; ``scene``: which; ``model``: the classifier; ``config``: knobs of the recogniser. None: the defaults;
-    ``tracker``: None: the defaults; ``association``: whose an event is: "matching", the person on whom its track was the longest meanwhile
-    (`Matching.owner`); "nearest", the first definition: who was nearest to the track, within 0.8 m, when the event was decided.
+    An event belongs, by "matching", to the person on whom its track was longest meanwhile (`Matching.owner`); by "nearest", the first
+    definition, to who was nearest to the track, within 0.8 m, when it was decided.
     """
     info = scene.radars[0].info
     people, matching, rule = PeopleTracker(tracker or TrackerConfig(), info), Matching(), Visibility(info)

@@ -126,12 +126,9 @@ def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
     """Measure crowds; a full run simulates 48 scenes of a minute, once for each of two basebands.
 
-    ``quick``: one scene of each kind, with two rounds; ``keep``: folder for the clouds, with which an interrupted run goes on; None: they
-    are thrown away; ``n_jobs``: scenes simulated at the same time.
-    Returns ``two_users_accuracy``, ``three_users_accuracy``: gestures for which the person who performed them was credited with the right
-    one, over all performed, slow ones too; ``cross_talk``: gestures credited to somebody who performed none while others did, over all
-    performed; ``crowds``: the same and the causes by kind of scene; all this through the baseband's preset ``people``, which looks for two
-    directions in a cell; ``one_direction_a_cell``: through the default one.
+    Returns ``two_users_accuracy``, ``three_users_accuracy``: gestures credited rightly, over all performed, slow ones too; ``cross_talk``:
+    gestures credited to somebody who performed none while others did, over all performed; ``crowds``: the same and the causes by kind of
+    scene; ``one_direction_a_cell``: through the default baseband in place of its preset ``people``, which looks for two in a cell.
     """
     with kept(keep) as folder:
         return compare(QUICK if quick else FULL, folder, load_model(), n_jobs)

@@ -1,8 +1,7 @@
 """Simulated people who push, pull, raise an arm, lower it or draw a circle before the radar of mHomeGes: TI's IWR1443, ten frames a second.
 
-Each drill is a scene with one person, whose hand follows a path that is drawn anew: from rest into place, the stroke, a short stay, and
-back to rest or not. It is cut where somebody who labels recordings would cut it, some tenths of a second before and after the stroke.
-Bounds are wide, since nobody knows how the next person does it.
+Each drill is a scene with one person, whose hand goes from rest into place, does the stroke, stays, and goes back or not. It is cut some
+tenths of a second before and after the stroke. Bounds are wide, since nobody knows how the next person does it.
 """
 
 from __future__ import annotations
@@ -72,10 +71,7 @@ class Drills:
 
 
 def radar(height: float = 1.2, tilt: float = 0.0) -> RadarInfo:
-    """Describe an IWR1443 (3 Tx x 4 Rx) with mHomeGes's Doppler step: one transmitter sits half a wavelength higher than the others.
-
-    ``height``: above the floor [m]; ``tilt``: up positive [rad].
-    """
+    """Describe an IWR1443 (3 Tx x 4 Rx, one Tx half a wavelength higher) with mHomeGes's Doppler step; height [m], tilt up [rad]."""
     wavelength = SPEED_OF_LIGHT / _CARRIER
     interval = wavelength / (2 * GATES["mhomeges"] * _CHIRPS * _TRANSMITTERS)
     waveform = Waveform(
@@ -132,10 +128,7 @@ class Drill:
 
 
 class Gesturing(Timeline):
-    """A person whose acting hand follows a path through time, where `Timeline` follows a script.
-
-    ``person``: who; without a script; ``seed``: of the scene; ``hand``: from the scene time [s] to the place of the hand.
-    """
+    """A person whose acting hand follows a path from the scene time [s] to a place, where `Timeline` follows a script."""
 
     def __init__(self, person: Person, seed: int, hand: Callable[[float], Vector]) -> None:
         super().__init__(person, seed)
@@ -309,10 +302,7 @@ def simulate(drill: Drill) -> list[PointCloud]:
 
 
 def generate(plan: Drills, n: int, folder: Path, *, n_jobs: int = 1, progress: bool = True) -> Path:
-    """Simulate the first ``n`` drills of a plan that a folder does not hold yet, see `fill_samples`.
-
-    Returns where they are: below ``folder``, in a place of its own for each plan, state of the sources and what is drawn.
-    """
+    """Simulate the first drills of a plan that a folder does not hold yet; returns their place, one for each plan and sources."""
     manifest = {"format": FORMAT, "plan": plain(plan), "sources": sources(), "drills": drawn(plan)}
     place = folder / f"drills_{_digest(manifest)}"
     return fill_samples(place, manifest, n, functools.partial(_write, plan), n_jobs=n_jobs, progress=progress)[0]

@@ -1,7 +1,6 @@
 """Gestures before two radars: the fused pair against each radar alone, by distance, on the same scripts (config/scenes/two_radars.yaml).
 
-People stand 1.5 to 4 m from the middle between the radars and face it. Each does the nine gestures once. Their bodies, places, scripts and
-seeds are drawn for this benchmark; nothing was tuned on them.
+People stand 1.5 to 4 m from the middle between the radars and do the nine gestures once. Nothing was tuned on these scenes.
 """
 
 from __future__ import annotations
@@ -42,11 +41,7 @@ _DRAWS: Final = 2000  # of the bootstrap over scenes
 
 
 def scene(distance: float, seed: int, names: Sequence[str] = NAMED) -> Scene:
-    """Draw somebody who does every gesture once before the two radars.
-
-    ``distance``: from the middle between the radars [m]; ``seed``: of everything drawn: body, direction (10 degrees to either side at
-    most), order and size of the gestures, pauses, receivers; ``names``: the gestures.
-    """
+    """Draw somebody who does every gesture once, at a distance [m] from the middle between two radars, at most 10 degrees aside."""
     rng = np.random.default_rng([seed, round(1000 * distance), 0xF5])
     pair = load_file(Scene, find_config("two_radars", "scenes", ".yaml"))
     side = math.radians(rng.uniform(-10.0, 10.0))
@@ -170,11 +165,7 @@ def measure(scenes: Sequence[Scene], keep: Path, n_jobs: int = 1) -> dict[str, A
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Measure gestures of the fused pair beside those of each radar; simulating all once takes about ten minutes.
-
-    ``quick``: one person and three gestures, instead of four people at six distances and all nine; ``keep``: folder for the clouds, with
-    which an interrupted run goes on; None: they are thrown away; ``n_jobs``: streams simulated at the same time.
-    """
+    """Measure gestures of the fused pair beside those of each radar, ten minutes; quick: one person and three gestures."""
     scenes = [scene(2.5, 0, NAMED[:3])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
     if keep is not None:
         return measure(scenes, keep, n_jobs)

@@ -93,12 +93,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int | None = None) -> dict[str, Any]:
-    """Measure the knobs; a quarter of an hour of one core.
-
-    ``quick``: few samples, few settings; ``keep``: folder for the samples; None: they are thrown away; ``n_jobs``: processes; None: one per
-    core, quickly one.
-    Returns ``choices``: gestures recognised beside the time of the event stage of four tracks, or of naming one event.
-    """
+    """Measure the knobs beside the event stage's time of four tracks, or that of naming one event; a quarter of an hour of one core."""
     n_jobs = n_jobs if n_jobs is not None else (1 if quick else os.cpu_count() or 1)
     with kept(keep) as folder:
         return {"choices": measure(folder, quick, n_jobs)}

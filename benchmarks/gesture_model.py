@@ -98,10 +98,8 @@ def rejection_rows(report: TrainingReport, samples: SampleSet, shares: Sequence[
 
 
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Make the shipped model again.
+    """Make the shipped model again; quick: of few samples, where nothing can be equal to it.
 
-    ``quick``: few samples; nothing can be equal to the shipped model then; ``keep``: folder for the samples (``scenes``, ``strokes``), with
-    which an interrupted run goes on; None: they are thrown away.
     Returns ``repeats_bit_for_bit``, ``shipped_bit_for_bit`` (on the machine that made it), ``equal_predictions`` (on any), ``n_samples``,
     ``held_out``, ``held_out_gestures``: accuracy for people left out, of all events and of gestures; ``train_s``, ``choices``.
     """

@@ -35,8 +35,7 @@ _TURN: Final = math.radians(15.0)  # of the row against one across the boresight
 def fitted(person: Person, duration: float, seed: int, more: Callable[[], Sequence[Action]], mount: tuple[float, float]) -> Person:
     """Add steps to a script until it is longer than a scene, cut it after the last step that is over in time, and stand still from then on.
 
-    ``person``: with the beginning of a script; ``duration``: of the scene [s]; ``seed``: of the scene; ``more``: gives the next steps; each
-    call has to take some time; ``mount``: (x, y) of what the person faces [m].
+    ``more`` gives the next steps, which take some time; ``mount``: (x, y) of what the person faces [m].
     """
 
     def end(script: Sequence[Action]) -> float:
@@ -131,10 +130,7 @@ def known(rng: Random) -> list[Action]:
 
 
 def unknown(rng: Random) -> list[Action]:
-    """Draw strokes that are none of the ten.
-
-    Slashes along both diagonals, a forearm that waves up and down, a hand that stirs a pot, and an eight drawn as fast as an arm can.
-    """
+    """Draw strokes that are none of the ten: diagonal slashes, a forearm that waves up and down, a stirring hand, a fast eight."""
     slashes = [(name, side * 0.79) for name in ("swipe_up", "swipe_down") for side in (-1.0, 1.0)]
     tilted = [*slashes, ("wave", 1.5), ("rotate", 1.5)]
     actions = [stroke(rng, name, tilt) for name, tilt in tilted]

@@ -210,13 +210,11 @@ def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: Gesture
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Measure streams; the full plan is four hours of scene time and takes hours to simulate once.
+    """Measure streams; the full plan is four hours of scene time and takes hours to simulate once; quick: one minute of each.
 
-    ``quick``: one minute of each instead; ``keep``: folder for the clouds, with which an interrupted run goes on and a second one begins at
-    tracking; None: they are thrown away; ``n_jobs``: pieces of scenes simulated at the same time.
-    Returns ``event_recall``, ``start_error_s``, ``end_error_s``, ``recognised``, ``false_per_hour``, ``unknown_rejected`` and what explains
-    them: ``tables``, ``false_by_cause``; ``false_gestures_per_minute`` and ``ghost_track_frames_per_minute`` of the streams with known
-    gestures and with none, see `Tally`; ``..._interval``: 95 %; `None` stands for what has nothing to divide by.
+    Returns event recall, errors of start and end, what is recognised, false and rejected, and what explains them: ``tables``,
+    ``false_by_cause``; false gestures and ghosts per minute of streams with known gestures and with none, see `Tally`; ``..._interval``: 95
+    %; `None` stands for what has nothing to divide by.
     """
     with kept(keep) as folder:
         return measure(QUICK if quick else FULL, folder, load_model(), n_jobs)

@@ -79,10 +79,7 @@ class RealSet:
 
 @functools.cache
 def read(kind: str, limit: int = 0) -> RealSet:
-    """Read a data set through the importer and make its feature maps; the person is what lies around the body that `locate` finds.
-
-    Raises DataError when the recordings are not there.
-    """
+    """Read a data set through the importer, or ``limit`` segments of it, and make its feature maps; raise DataError without recordings."""
     path = folder() / kind / "segments.npz"
     if not path.is_file():
         raise DataError(f"{path}: not there; docs/recordings.md says where the original is")
@@ -118,10 +115,7 @@ def _segments(items: Iterator[object], found: Sequence[object]) -> Iterator[list
 
 
 def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointCloud], tuple[float, float, float]]:
-    """Keep what is near the body, as the tracker does for people who are tracked, in the first `LONGEST` seconds.
-
-    Returns the person's points, and distance [m], azimuth and elevation [rad] of the body.
-    """
+    """Keep the points near the body that `locate` finds, of the first `LONGEST` seconds; also its distance [m] and angles [rad]."""
     clouds = [cloud for cloud in clouds if cloud.stamp_ns - clouds[0].stamp_ns <= LONGEST * 1e9]
     distance, side, height = locate(join([feature_maps(clouds, gate, MAX_SPEED)]), CURVES.nearest, CURVES.farthest)[0]
     own = []
@@ -143,10 +137,9 @@ def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], ga
 def train_perceptron(
     changed: NDArray[np.float32], number: NDArray[np.int64], labels: Sequence[str], names: Sequence[str], config: PerceptronTraining
 ) -> GestureModel:
-    """Train a perceptron with scikit-learn.
+    """Train a perceptron with scikit-learn on copies of the samples, shape (n_copies, n, n_features), that the passes take in turn.
 
-    ``changed``, shape (n_copies, n, n_features): samples, in copies that the passes take in turn; the first one sets the standardisation;
-    ``number``, shape (n,): index into ``labels``; ``labels``, ``names``: what outputs and inputs are called; ``config``: the knobs.
+    The first copy sets the standardisation; ``number``: index into ``labels``, shape (n,); ``names``: of the inputs.
     """
     from sklearn.neural_network import MLPClassifier
 

@@ -59,10 +59,7 @@ def holds(place: Path, plan: Plan, body: str) -> bool:
 
 
 class Readings:
-    """Events and features of a data set at every frame rate, read once.
-
-    ``place``: the data set; ``keep``: folder for what was read; None: read again; ``n_jobs``: processes.
-    """
+    """Events and features of a data set at every frame rate, read once; ``keep``: folder for what was read; None: read again."""
 
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
@@ -212,10 +209,7 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
 
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
-    """Make the data set and all tables.
-
-    Returns flat figures, ``table_4_1``, ``confusion`` and ``choices``.
-    """
+    """Make the data set and all tables. Returns flat figures, ``table_4_1``, ``confusion`` and ``choices``."""
     readings = Readings(data_set(folder, quick, n_jobs), folder / "read", n_jobs)
     samples = readings.samples()
     flat, found = ten_classes(samples)
@@ -228,12 +222,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
 
 
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Make the tables.
-
-    ``quick``: few samples; ``keep``: folder for the samples; None: they are thrown away.
-    Returns ``accuracy_held_out``, ``accuracy_random``, ``worst_class``, ``held_out``, ``table_4_1``, ``mlp_accuracy``, ``mlp_bytes``,
-    ``mlp_flop`` and the same of the CNN (None without PyTorch), ``repeats_bit_for_bit``, ``choices``.
-    """
+    """Make the tables; see `measure`."""
     n_jobs = 1 if quick else os.cpu_count() or 1
     with kept(keep) as folder:
         return measure(folder, quick, n_jobs)

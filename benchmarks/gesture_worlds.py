@@ -86,10 +86,7 @@ class Sizes:
 
 
 def generate(world: World, folder: Path, n_samples: int, *, n_jobs: int = 1, progress: bool = True) -> float:
-    """Simulate the samples of a world that the folder does not hold yet, see `fill_samples`.
-
-    Returns seconds of one core for each new sample; NaN: there was nothing to do.
-    """
+    """Simulate the samples of a world that the folder does not hold yet; seconds of one core for each, NaN: there was nothing to do."""
     start = time.monotonic()
     write = functools.partial(_write, world)
     _, made = fill_samples(folder / world.name, world.manifest, n_samples, write, n_jobs=n_jobs, progress=progress)
@@ -103,8 +100,7 @@ def _write(world: World, place: Path, number: int) -> None:
 def accuracy(model: GestureModel, samples: SampleSet, names: Sequence[str]) -> dict[str, Any]:
     """Name the samples of some gestures with a model that knows these and no others.
 
-    Returns ``accuracy``: share right of the events that were found; ``recognised``: of all performed; their 95 % intervals; ``by_gesture``:
-    of the events; ``events``, ``performed``: how many.
+    ``accuracy``: share right of the events that were found; ``recognised``: of all performed; ``by_gesture``: of the events.
     """
     labels = np.array([GESTURES.index(name) for name in names])
     own = np.isin(samples.label, labels)
@@ -144,12 +140,9 @@ def measure(folder: Path, sizes: Sizes, n_jobs: int = 1, progress: bool = True, 
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Train in one world, test in the other.
+    """Train in one world, test in the other; quick: few samples, of a world less exact.
 
-    ``quick``: few samples, of a world less exact; ``keep``: folder for the samples, with which an interrupted run goes on; None: they are
-    thrown away; ``n_jobs``: samples simulated at the same time.
-    Returns ``other_world_accuracy_7``, ``other_world_accuracy_10``: of the events that were found; ``..._recognised_...``: missed ones
-    count as wrong; ``other_world_7``, ``other_world_10``: see `accuracy`.
+    ``..._accuracy_7``, ``..._10``: of the events that were found; ``..._recognised_...``: missed ones count as wrong.
     """
     sizes, other = (Sizes(60, 20), FASTER) if quick else (Sizes(), OTHER)
     with kept(keep) as folder:

@@ -31,12 +31,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
 
 
 def run(quick: bool = False, keep: Path | None = None, real: bool = False, full: bool = False) -> dict[str, Any]:
-    """Measure gestures.
-
-    ``quick``: few samples and short streams; ``keep``: folder for what is simulated; None: it is thrown away; ``real``: real people's
-    gestures instead, see `benchmarks.gestures_real.figures`; ``full``: simulate anew what ``keep`` holds.
-    Returns the figures of `gesture_tables`, `gesture_knobs`, `gesture_worlds`, `gesture_streams`, `gesture_crowds` and `gestures_speed`.
-    """
+    """Measure gestures: our own, or with ``real`` those of `gestures_real`; ``full``: simulate anew what ``keep`` holds."""
     if real:
         from benchmarks import gestures_real
 

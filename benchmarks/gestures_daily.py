@@ -48,10 +48,7 @@ def event_config() -> GestureConfig:
 
 
 def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]:
-    """Run tracking and event detection over the streams.
-
-    ``limit``: only the first so many clouds of each; 0: all; ``people``: whose; empty: everybody's.
-    """
+    """Run tracking and event detection over the streams; ``limit``: only the first so many clouds of each; ``people``: only theirs."""
     config = event_config()
     for person, recording in recordings(people):
         stage = EventStage(config, recording.info.mount)
@@ -84,11 +81,7 @@ def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
 
 
 def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Judge everybody's gestures and daily events by models that never saw this person, two people left out at a time.
-
-    ``made``: curves with the configuration `CURVES`, to train on; ``streams``: what people did all day.
-    Returns probabilities of the study's samples, shape (n, n_labels), and of each stream's events, shape (n_events, n_labels).
-    """
+    """Judge gestures, shape (n, n_labels), and daily events of each stream by models that never saw the person, two left out at a time."""
     extractor = Curves(CURVES)
     vectors = [extractor.process_many(join(stream.maps)) if stream.maps else np.zeros((0, len(made.names))) for stream in streams]
     gestures = np.zeros((len(made.plain), len(made.data.labels)))
@@ -104,12 +97,11 @@ def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float6
 
 
 def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
-    """Count events that a model takes for a gesture; the model never saw the stream's person.
+    """Count events of daily activity that a model takes for a gesture; the model never saw the stream's person.
 
-    Returns ``daily_hours``; per hour: ``daily_events``, each a false gesture without rejection; ``daily_false_rejecting``: of these the
-    ones with a probability above the limit that loses 5 % of the gestures of people held out; ``daily_false_trained``: the same by models
-    that also learned the other people's daily events as one more class; ``..._by_lost``: by the share of gestures that the limit loses;
-    ``daily_accuracy_rejecting``, ``daily_accuracy_trained``: of the gestures of people held out, before any is rejected.
+    Per hour: ``daily_events``, each a false gesture without rejection; ``daily_false_rejecting``: those above the limit that loses 5 % of
+    the gestures of people held out; ``daily_false_trained``: the same by models that also learned daily events as a class; ``..._by_lost``:
+    by the share of gestures that the limit loses; ``daily_accuracy_...``: of the gestures of people held out, before any is rejected.
     """
     hours = sum(stream.hours for stream in streams)
     result: dict[str, Any] = {"daily_hours": hours, "daily_events": sum(len(stream.maps) for stream in streams) / hours}

@@ -34,12 +34,7 @@ FEWEST: Final = 6  # detections of a person in a whole segment; medians are abov
 
 
 def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:
-    """Mark one segment of every recording: one person, one gesture, one distance.
-
-    ``label``, ``person``, ``distance``, shape (n,): of every segment, in the order of the whole data set; ``back``: 0: the last one; 1: the
-    one before; recordings with fewer segments have none.
-    Raises DataError when there is no segment, or the lengths differ.
-    """
+    """Mark the last segment of every recording (person, gesture, distance), or ``back`` ones before; DataError without segments."""
     if not len(label) or not len(label) == len(person) == len(distance):
         raise DataError(f"{len(label)} labels, {len(person)} people and {len(distance)} distances; each segment needs one of each")
     change = (label[1:] != label[:-1]) | (person[1:] != person[:-1]) | (distance[1:] != distance[:-1])
@@ -65,11 +60,7 @@ def accuracy_without(validation: Validation, folds: Sequence[Mask], left_out: Ma
 
 
 def alone(vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], chosen: Mask) -> float:
-    """Train on some segments only, test on the same of other people: the accuracy, which is chance where they hold nothing.
-
-    ``vectors``, shape (n, n_features): curves of all segments; ``number``, ``person``, shape (n,): index of the label, and whose;
-    ``chosen``, shape (n,): the segments.
-    """
+    """Train on some segments' curves only, test on the same of other people: the accuracy, which is chance where they hold nothing."""
     from sklearn.ensemble import ExtraTreesClassifier
 
     x, y = vectors[chosen], number[chosen]

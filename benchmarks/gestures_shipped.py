@@ -84,11 +84,7 @@ def daily(limit: int) -> dict[str, float]:
 
 
 def figures(quick: bool = False) -> dict[str, Any]:
-    """Measure both.
-
-    ``quick``: 20 segments, and a minute of each stream.
-    Returns ``shipped``: by data set, and ``daily``; ``choices`` is empty: there is nothing to choose.
-    """
+    """Measure both; quick: 20 segments of each data set, and a minute of each stream."""
     limit = 20 if quick else SEGMENTS
     found = {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(600 if quick else 0)}
     return {"shipped": found, "choices": []}

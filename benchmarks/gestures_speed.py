@@ -35,10 +35,7 @@ def one_user(quick: bool) -> Scene:
 
 
 def four_tracks(clouds: list[PointCloud]) -> list[TrackedCloud]:
-    """Make four people of one: they do the same a quarter of the time apart.
-
-    One person gives about 20 points in a cloud; those of the clouds that follow join them until there are `N_POINTS`.
-    """
+    """Make four people of one, a quarter of the time apart; points of the clouds that follow join a cloud until there are `N_POINTS`."""
     step = len(clouds) // N_TRACKS
     tracks = tuple(
         Track(i, TrackStatus.CONFIRMED, 1.0, 0.0, N_POINTS, np.array([2.2, i - 1.5, 1.1]), np.zeros(3), np.full(3, 0.2), np.eye(6))
@@ -164,12 +161,7 @@ def simulated(quick: bool, most: int = 1 << 30) -> tuple[list[SimulatedFrame], l
 
 
 def figures(quick: bool = False) -> dict[str, Any]:
-    """Measure everything.
-
-    Returns ``maps_and_events_ms`` (median of a cloud with four tracks of 40 points) and its 95th percentile;
-    ``classification_over_sklearn`` and ``classification_us``; ``published_after_ms``, of the slowest gesture, and
-    ``published_computing_ms``, of most; ``choices``.
-    """
+    """Measure maps and events of four tracks, classification beside scikit-learn, and how long gestures take to be published."""
     frames, clouds, info = simulated(quick)
     model, rounds = load_model(), 1 if quick else 5
     steps = step_times(four_tracks(clouds), info, rounds)

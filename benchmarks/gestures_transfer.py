@@ -40,10 +40,7 @@ _TIMED: Final = 10  # drills, two of each gesture
 
 
 def masked(vectors: NDArray[np.float32], names: Sequence[str]) -> NDArray[np.float32]:
-    """Set what the two worlds do not share to 0.
-
-    ``vectors``, shape (..., n_features) = ``names``: curves; ``names``: as `curve_names` gives them.
-    """
+    """Set what the two worlds do not share (`LEFT_OUT`) to 0 in curves, shape (..., n_features) = ``names``."""
     kept = np.array([not any(word in name for word in LEFT_OUT) for name in names])
     return np.where(kept, vectors, np.float32(0.0))
 

@@ -1,7 +1,4 @@
-"""The running graph over real DDS: latency from a frame's publication to its tracks, lost frames, processor time.
-
-Each node a process, all nodes in one process, and the library on the same frames without a graph.
-"""
+"""The running graph over real DDS: latency from frame to tracks, lost frames, processor time; beside the library without a graph."""
 
 from __future__ import annotations
 
@@ -58,10 +55,7 @@ def nodes(scene: str) -> tuple[NodeSpec, ...]:
 
 
 def listen(seconds: float, cpu: Callable[[], dict[str, float]]) -> Heard:
-    """Listen to a running graph; ``cpu`` says how many seconds each process has used.
-
-    Raises HandwaveError when no tracks come.
-    """
+    """Listen to a running graph; ``cpu`` says how many seconds each process has used. Raises HandwaveError when no tracks come."""
     with ros():
         monitor = Monitor()
         try:

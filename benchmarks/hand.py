@@ -133,11 +133,7 @@ def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracke
 
 
 def slider(found: Runs) -> dict[str, float]:
-    """How well the control value follows the sliders.
-
-    Returns ``value_rmse``: rms error over the span of 0.5 m, each scene's mean offset removed; ``value_rest_jump``: largest step from one
-    cloud to the next while the hand rests.
-    """
+    """How well the control value follows the sliders: rms error over 0.5 m without mean offset, and largest step while the hand rests."""
     wrong, steps = [], []
     for tracked, followed in found:
         own = counts(tracked) & np.isfinite(followed.value)
@@ -186,10 +182,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
         result["by_clock_ms"] = by_clock(store, n_jobs)
         result["tuned_for_slow_hands"] = as_in_the_thesis(both)
     chosen = {"linear": tuned["linear"], **{name: tuned[name] for name in names if name != "linear"}}
-    return {
-        **result,
-        "choices": rows("hand estimator", chosen, both) + rows("hand", varied(HandConfig, {} if quick else KNOBS), both),
-    }
+    return {**result, "choices": rows("hand estimator", chosen, both) + rows("hand", varied(HandConfig, {} if quick else KNOBS), both)}
 
 
 def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:

@@ -1,7 +1,4 @@
-"""Both hands of real people from sparse clouds of one radar: the learned postures against the mean pose, on MARS beside a Kinect.
-
-Needs the recordings (docs/recordings.md).
-"""
+"""Both hands of real people from sparse clouds: learned postures against the mean pose, on MARS beside a Kinect (docs/recordings.md)."""
 
 from __future__ import annotations
 
@@ -63,10 +60,7 @@ class Exercises:
 
 @cache
 def exercises(name: str) -> Exercises:
-    """Read and track one of `MARS`.
-
-    Raises AbsentError when the recordings are not there.
-    """
+    """Read and track one of `MARS`. Raises AbsentError when the recordings are not there."""
     path = folder() / "mars" / f"{name}.npz"
     if not path.is_file():
         raise AbsentError(f"{path}: there is no such recording; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
@@ -160,10 +154,7 @@ def estimate(model: PostureModel, name: str) -> Estimated:
 
 
 def geometric(name: str, kinect: Float64Array, config: HandConfig | None = None) -> Float64Array:
-    """Errors of `HandTracker` in one file, shape (n_clouds, 2, 3) [m]: of the hand that was nearer when it was found; NaN elsewhere.
-
-    It is started again whenever it has lost the hand.
-    """
+    """Errors (n_clouds, 2, 3) [m] of `HandTracker`, restarted when lost: of the hand nearer when it was found; NaN elsewhere."""
     one = exercises(name)
     tracker = HandTracker(config, one.info)
     truth = one.hands + kinect

@@ -76,12 +76,7 @@ TUNING: Final = (
 
 
 def scene(script: Script, seed: int, distance: float, body: str = "mesh", offset: float = _OFFSET, noise: float = 15.0) -> Scene:
-    """Put one person before two radars.
-
-    ``script``: what the hand does; ``seed``: of everything drawn: stature, build, arm, where the person stands; ``distance``: of the hand
-    from the radars [m]; ``body``: as `Person.body`; ``offset``: how much later the second radar's frames begin [s]; ``noise``: noise figure
-    of the receivers [dB].
-    """
+    """Put one person, drawn by a seed, before two radars, the hand at a distance [m]; the second one begins ``offset`` later [s]."""
     rng = np.random.default_rng([seed, 7])
     side = float(rng.uniform(-0.15, 0.15))
     person = Person(
@@ -193,11 +188,10 @@ class Followed:
 
 
 def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene | None = None, clock_ns: int = 0) -> Tracked:
-    """Fuse the clouds of a scene and track the person.
+    """Fuse the clouds of a scene and track the person; ``single``: only the first radar.
 
-    ``store``: that holds the scene; ``scene``: which; ``single``: only the first radar; ``second``: what the second radar saw, where it is
-    not the same scene: one in which it measures at other times; ``clock_ns``: how much the second radar's clock is ahead [ns]: clouds are
-    paired by what the clocks say; those without a partner are left out.
+    ``second``: what the second radar saw, where it measures at other times; ``clock_ns``: how much its clock is ahead [ns]: clouds are
+    paired by what the clocks say, and left out without a partner.
     """
     streams = [store.read(second if second is not None and number else scene, number) for number in range(len(scene.radars))]
     n = min(len(stream.clouds) for stream in streams)  # the same for one radar, so that both can be compared cloud by cloud

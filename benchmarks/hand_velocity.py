@@ -132,10 +132,7 @@ def knobs() -> dict[str, HandConfig]:
 
 
 def measure_scenes(tracked: Sequence[Tracked], distances: Sequence[float], quick: bool) -> dict[str, Any]:
-    """Follow the hand with every setting.
-
-    Returns ``scenes`` (all clouds), ``scenes_by`` (distance, speed), ``scenes_by_knob``, and ``choices``.
-    """
+    """Follow the hand with every setting: ``scenes`` (all clouds), ``scenes_by`` (distance, speed), ``scenes_by_knob``, ``choices``."""
     made: dict[str, Any] = {"scenes_by_knob": {}, "choices": []}
     reference = None
     for name, config in list(knobs().items())[: 2 if quick else None]:

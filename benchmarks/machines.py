@@ -138,10 +138,7 @@ def environments(cache: Path) -> list[Environment]:
 
 
 def run_in(environment: Environment, folder: Path, quick: bool) -> Outcome:
-    """Make the results, and run the suite, in processes of the environment.
-
-    Raises RuntimeError when a process ends with an error that does not come from the processor.
-    """
+    """Make the results and run the suite in processes of the environment; raise RuntimeError when one fails for another reason."""
     place = folder / environment.name.replace(" ", "_")
     place.mkdir()
     variables = {**os.environ, **environment.variables}
@@ -167,10 +164,7 @@ def run_in(environment: Environment, folder: Path, quick: bool) -> Outcome:
 
 
 def read_report(path: Path) -> tuple[int, tuple[str, ...]]:
-    """Read how many tests ran and which failed.
-
-    Raises RuntimeError when there is no report: pytest did not run.
-    """
+    """Read how many tests ran and which failed. Raises RuntimeError when there is no report: pytest did not run."""
     if not path.is_file():
         raise RuntimeError(f"pytest wrote no {path.name}; run this from a checkout, where the tests are, with pytest installed")
     cases = [case for case in ElementTree.parse(path).iter("testcase") if case.find("skipped") is None]
@@ -202,11 +196,7 @@ def compare(outcome: Outcome, reference: Outcome) -> dict[str, Any]:
 
 
 def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Run all environments, two at a time where there are two cores, and compare.
-
-    ``quick``: fewer scenes, samples and tests; ``keep``: where numba's code for any processor stays, so that the next run need not compile
-    it; None: a temporary folder.
-    """
+    """Run all environments, two at a time where there are two cores, and compare; ``keep``: where numba's code for any processor stays."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         first, *rest = environments(keep.resolve() if keep else folder / "numba")[: -1 if quick else None]

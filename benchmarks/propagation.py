@@ -41,10 +41,7 @@ def sampling(info: RadarInfo | None = None) -> Sampling:
 
 
 def crowd(n: int, seed: int = 0) -> Echoes:
-    """Draw echoes as of gestures at 2 to 3 m.
-
-    Speeds up to 3 m/s and accelerations up to 20 m/s^2 are evenly distributed, their directions random; amplitudes are Rayleigh's.
-    """
+    """Draw echoes as of gestures at 2 to 3 m: speeds to 3 m/s, accelerations to 20 m/s^2, random directions, Rayleigh's amplitudes."""
     rng = np.random.default_rng(seed)
 
     def vectors(most: float) -> NDArray[np.float64]:
@@ -133,10 +130,7 @@ def ratios(quick: bool) -> dict[str, float]:
 
 
 def dial(quick: bool) -> list[dict[str, Any]]:
-    """Give error and time of every setting at few and at many echoes, all physics named; times are over the bare product's.
-
-    The error at many echoes is against the reference as well: 20 s, once.
-    """
+    """Give error against the reference and time over the bare product's of every setting at few and at many echoes, all physics named."""
     s, rows = sampling(), []
     for n in (FEW, FEW + 200) if quick else (FEW, MANY):
         echoes = crowd(n)
@@ -211,8 +205,7 @@ def memory(n: int = 50_000) -> dict[str, float]:
 def without_migration() -> dict[str, float]:
     """Compute what (2.11), one beat frequency and one Doppler frequency, gets wrong for a point that recedes.
 
-    For each range rate: by how much the phase between the first and the last sample changes from the first chirp to the last, which one
-    beat frequency cannot show [rad]; and the relative rms error.
+    By range rate: how much the phase between the first and the last sample changes from first to last chirp [rad]; the relative rms error.
     """
     s, result = sampling(), {}
     for speed in (0.5, 1.0, 3.0):

@@ -79,10 +79,7 @@ class Run:
 
 
 def folder() -> Path:
-    """Folder of the recordings: ``HANDWAVE_DATA``, or shared/data beside the project.
-
-    Raises AbsentError when there is none.
-    """
+    """Folder of the recordings: ``HANDWAVE_DATA``, or shared/data beside the project. Raises AbsentError when there is none."""
     place = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not place.is_dir():
         raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
@@ -199,9 +196,8 @@ def spine(name: str) -> Float64Array:
 def spine_figures(name: str, run: Run) -> dict[str, float]:
     """Say how well the longest identity follows the spine.
 
-    Returns ``identities``: ever confirmed; ``alone``: share of the clouds with exactly one person; ``followed``: with the longest identity.
-    ``rms_m``: distance from the spine without the mean difference of the file (``offset_x_m``, ``offset_y_m``), and ``rms_x_m``,
-    ``rms_y_m`` of it; ``still_m``: what a place that never moves would have.
+    ``alone``: share of the clouds with exactly one person; ``followed``: with the longest identity; ``rms_m``: distance from the spine
+    without the mean difference of the file; ``still_m``: what a place that never moves would have.
     """
     people = run.people()
     body = spine(name)

@@ -30,10 +30,7 @@ class AbsentError(DataError):
 
 
 def checkout(*parts: str) -> Path:
-    """Path of a file or folder of the checkout that this package stands in.
-
-    Raises AbsentError when the package was installed without its checkout.
-    """
+    """Path of a file or folder of the checkout that this package stands in; raise AbsentError when there is none."""
     path = Path(__file__).resolve().parents[1].joinpath(*parts)
     if not path.exists():
         raise AbsentError(f"{path}: not there; this needs a checkout of the project, start it from there")
@@ -81,12 +78,10 @@ def choice(
     at: tuple[str, float] | None = None,
     **more: Any,
 ) -> Row:
-    """One accuracy knob setting: what it achieves and what it costs.
+    """One accuracy knob setting: what it achieves (name, value and unit) and what it costs (milliseconds of single runs).
 
-    ``stage``: e.g. ``"baseband"``; ``name``: the setting, e.g. ``"window=hann"``; ``accuracy``: name, value and unit of the accuracy
-    figure; ``times_ms``: milliseconds of the single runs; ``reference_ms``: milliseconds of the bare reference in the same run; None: this
-    is the reference; ``at``: name and value of what is varied beside the choice, e.g. ``("echoes", 100)``: its rows become lines of time
-    over that value; ``**more``: further entries of the row, e.g. ``default=True``; see `Panel`.
+    ``reference_ms``: of the bare reference in the same run; None: this is the reference. ``at``: name and value of what is varied beside
+    the choice, e.g. ``("echoes", 100)``: its rows become lines of time over that value. ``more``: further entries of the row, see `Panel`.
     """
     label, value, unit = accuracy
     return {
@@ -103,10 +98,7 @@ def choice(
 def choices(
     stage: str, figure: tuple[str, str], values: Mapping[str, float], times_ms: Mapping[str, Sequence[float]], reference: str, **more: Any
 ) -> list[Row]:
-    """Rows of several settings that were measured together: name and unit of their figure, its values, their times, whose is the reference.
-
-    See `choice`; the reference need not be one of the settings.
-    """
+    """Rows of settings measured together: name and unit of their figure, values, times, and which of the times are the reference."""
     beside = times_ms[reference]
     return [
         choice(stage, name, accuracy=(figure[0], value, figure[1]), times_ms=times_ms[name], reference_ms=beside, **more)
@@ -135,10 +127,7 @@ class Panel:
     def row(
         self, name: str, value: float, times_ms: Sequence[float], reference_ms: Sequence[float], *, margin: float = 0.0, **more: Any
     ) -> Row:
-        """Make the row of one choice; see `choice`.
-
-        ``margin``: differences of the accuracy below this are chance (about two standard errors).
-        """
+        """Make the row of one choice, see `choice`; ``margin``: differences of the accuracy below this are chance (two standard errors)."""
         return choice(
             self.name, name, accuracy=(self.figure, value, self.unit), times_ms=times_ms, reference_ms=reference_ms, better=self.better,
             default=name == self.default, reference=self.reference, margin=float(margin), **more,
@@ -190,10 +179,7 @@ def varied(cls: type[T], knobs: Mapping[str, Sequence[Any]]) -> dict[str, T]:
 
 
 def join(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Put the results of several benchmarks into one: all figures, and the choices of all in order.
-
-    Raises ValueError when two of them have a figure of one name.
-    """
+    """Put the results of several benchmarks into one, choices in order; raise ValueError when two have a figure of one name."""
     figures: dict[str, Any] = {}
     choices: list[Row] = []
     for part in parts:
@@ -215,10 +201,7 @@ FASTER = 0.1  # a choice that saves less than this share of the time is not told
 
 
 def front(time: NDArray[np.float64], loss: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points no other point dominates: is no worse than in both and better than in one. Equal points do not dominate.
-
-    ``time``, ``loss``, shape (n,): both are better when less.
-    """
+    """Tell which points (time and loss, less is better, shape (n,)) no other dominates: is no worse in both, and better in one."""
     no_worse = (time[:, None] <= time) & (loss[:, None] <= loss)
     better = (time[:, None] < time) | (loss[:, None] < loss)
     return np.asarray(~(no_worse & better).any(axis=0))
@@ -242,10 +225,7 @@ def panels(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
 
 
 def beaten_by(row: Row, rows: Sequence[Row]) -> list[Row]:
-    """Name the choices of a row's panel that are clearly better than it: no worse in both, and in one by more than chance.
-
-    An empty list: the row is on the front, or as near to it as can be told.
-    """
+    """Name the choices of a row's panel that are no worse in both, and in one better by more than chance; none: the row is on the front."""
     found = []
     for other in rows:
         quicker, own = other["time_ms"]["median"], row["time_ms"]["median"]

@@ -294,10 +294,9 @@ class Owners:
 
 
 def baseband_config(name: str) -> BasebandConfig:
-    """Read what a kind of scene asks of the baseband.
+    """Read what a kind of scene asks of the baseband: the preset for people, who share a cell when equally far and fast.
 
-    Two people who are equally far and equally fast share a cell: our preset for people tells them apart by direction. Among mirroring walls
-    the second direction in a cell is a reflection more often than a person, so there it is not looked for.
+    Among mirroring walls the second direction in a cell is a reflection more often than a person, so there it is not looked for.
     """
     return BasebandConfig() if SCENARIOS[name].room else load_file(BasebandConfig, find_config("people", "baseband", ".yaml"))
 
@@ -305,11 +304,9 @@ def baseband_config(name: str) -> BasebandConfig:
 def moments(
     name: str, seed: int, mount: Pose = MOUNT, *, owners: bool = False, every: int = 1, config: BasebandConfig | None = None
 ) -> Iterator[Moment]:
-    """Simulate a scene and put it through the baseband.
+    """Simulate each so many'th frame of a scene and put it through the baseband; None: that of the kind, see `baseband_config`.
 
-    ``name``: key of `SCENARIOS`; ``seed``: of everything random; ``mount``: where the radar stands; ``owners``: whether to find out whose
-    each point is, which takes one simulation more per person; else all are -1; ``every``: only each so many'th frame is made; ``config``:
-    of the baseband; None: that of the kind, see `baseband_config`.
+    ``owners``: find out whose each point is, which takes one simulation more per person; else all are -1.
     """
     simulator = Simulator(scenario(name, seed, mount))
     config = baseband_config(name) if config is None else config

@@ -1,8 +1,7 @@
 """Scenes to raw frames: what each model of propagation and each effect costs, and what it gives.
 
-Times of the models are beside the bare complex64 matrix product (or the bare NUFFT) that they come down to; errors are relative
-root-mean-square errors of samples. Of effects, "accuracy" is what leaving the effect out changes. The real-time factors are of the whole
-simulator: postures, skeleton, surface, occlusion, propagation, effects, truth; one person who gestures at 2.3 m, 50 frames a second.
+Times of the models are beside the bare complex64 product (or NUFFT) that they come down to; errors are relative rms errors of samples. Of
+effects, "accuracy" is what leaving the effect out changes. The real-time factors are of the whole simulator: one person who gestures.
 """
 
 from __future__ import annotations
@@ -103,10 +102,7 @@ def whole(quick: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Time the whole simulator."""
     repeat = 10 if quick else 200
     plain = Simulator(one_person("ellipsoids", Effects()))
-    simulators = {
-        "body=ellipsoids": Simulator(one_person("ellipsoids", DEFAULT)),
-        "body=mesh": Simulator(one_person("mesh", DEFAULT)),
-    }
+    simulators = {"body=ellipsoids": Simulator(one_person("ellipsoids", DEFAULT)), "body=mesh": Simulator(one_person("mesh", DEFAULT))}
     times = measure_together({n: (lambda s=s: s.process(MIDDLE)) for n, s in {"plain": plain, **simulators}.items()}, repeat=repeat)
     interval = plain.interval * 1e3
     keys = {

@@ -1,7 +1,4 @@
-"""Stone Soup (dstl, MIT licence) as a peer: a tracker on the same clouds with the same result, and the time of its association and update.
-
-Stone Soup is needed by this benchmark and its tests only: ``pip install stonesoup``.
-"""
+"""Stone Soup (dstl, MIT licence; ``pip install stonesoup``) as a peer: a tracker on the same clouds, its association and update timed."""
 
 from __future__ import annotations
 
@@ -109,12 +106,7 @@ class StoneSoupTracker:
         self._ids: dict[str, int] = {}
 
     def process(self, cloud: PointCloud) -> Tracks:
-        """Take in one cloud.
-
-        ``cloud``: in ``room``, not older than the one before.
-        Returns published tracks only; heights are assumed, extents unknown.
-        Raises DataError when the cloud is not in ``room``.
-        """
+        """Take in a cloud in ``room``, not older than the one before; published tracks only, heights assumed, extents unknown."""
         if cloud.frame_id != "room":
             raise DataError(f"tracking needs clouds in 'room', this one is in {cloud.frame_id!r}; level it with PointCloud.to_room(mount)")
         now = moment(cloud.stamp_ns)
@@ -256,11 +248,10 @@ def our_estimator(dimensions: int) -> Estimator:
 
 
 def over_stone_soup(quick: bool) -> dict[str, Any]:
-    """Measure predict, associate and update of ten tracks with ten detections, fresh ones every time, by both in turn, one thread.
+    """Measure predict, associate and update of ten tracks with ten detections, always fresh ones, five steps of each in turn.
 
-    Five steps of one, then five of the other, and so on. The first step after the other's runs with cold caches: it is told apart.
-    Returns ``over_stone_soup``: median of our steps in space over that of theirs on the floor plane; the same by our steps on the plane,
-    and by our cold ones; ``stone_soup_step_ms``, ``our_step_ms``; ``choices`` with the difference of means.
+    ``over_stone_soup``: median of our steps in space over that of theirs on the floor plane; the same by our steps on the plane, and by our
+    first of five, which run with cold caches; ``choices`` with the difference of means.
     """
     rounds = 6 if quick else 100
     knobs = StoneSoupConfig()

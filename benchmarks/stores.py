@@ -61,13 +61,10 @@ def kept(folder: Path | None) -> Iterator[Path]:
 def fill_samples(
     folder: Path, manifest: Mapping[str, Any], n: int, write: Callable[[Path, int], None], *, n_jobs: int = 1, progress: bool = True
 ) -> tuple[Path, int]:
-    """Simulate the first ``n`` samples that a folder does not hold yet; a stopped run goes on where it stopped.
+    """Simulate the first ``n`` samples that a folder does not hold yet, and count them; a stopped run goes on where it stopped.
 
-    ``folder``: where they go, one file each; ``manifest``: what has to be equal for a run to go on in the folder, plain values; ``n``:
-    samples that the folder shall hold; ``write``: simulates the sample of a number and writes its file into the folder; a function of a
-    module, so that it can be sent to other processes.
-    Returns ``folder``: as given; ``made``: samples that were not there.
-    Raises ConfigError when the folder holds samples made otherwise.
+    ``manifest``: what has to be equal for a run to go on (else ConfigError), plain values; ``write``: a function of a module, so that it
+    can be sent to other processes.
     """
     place = open_folder(folder, json.loads(json.dumps(manifest)))
     todo = [number for number in range(n) if not sample_path(place, number).exists()]
@@ -79,9 +76,8 @@ def fill_samples(
 class Store:
     """Parts of scenes on disk; what is there is not simulated again while the scene, the settings and our sources stay the same.
 
-    ``folder``: where files go, in a folder of their own for each state of the sources; ``name``: what that folder's name begins with;
-    ``simulate``: makes the columns of a scene's part of some number; a function of a module, so that it can be sent to other processes;
-    ``config``: what else decides about the columns, plain values.
+    ``simulate``: makes the columns of a scene's part; a function of a module, so that it can be sent to other processes; ``config``: what
+    else decides about the columns, plain values.
     """
 
     def __init__(self, folder: Path, name: str, simulate: Callable[[Scene, int], Columns], config: Sequence[Any] = ()) -> None:
@@ -108,10 +104,7 @@ class Store:
         write_chunk(self.path(scene, part), self._simulate(scene, part))
 
     def columns(self, scene: Scene, part: int) -> dict[str, NDArray[Any]]:
-        """Read what was simulated.
-
-        Raises DataError when the part is missing or cannot be read.
-        """
+        """Read what was simulated. Raises DataError when the part is missing or cannot be read."""
         path = self.path(scene, part)
         try:
             with np.load(path, allow_pickle=False) as content:

@@ -21,11 +21,7 @@ from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, Tracks, Tra
 
 
 def hand(quick: bool) -> dict[str, float]:
-    """Follow the first hand that draws, started by the truth; quick: only five seconds around the start of the drawing.
-
-    Returns ``hand_rms_m``: from the true hand [m]; ``hand_active``: share of the drawing with a hand track; ``hand_ms``: median per cloud
-    while there is one.
-    """
+    """Follow the first hand that draws on the demo scene, started by the truth: rms [m], share of the drawing, median per cloud."""
     simulator = Simulator(load_scene("demo"))
     baseband = Baseband(BasebandConfig(), simulator.info)
     people, tracker, person = PeopleTracker(info=simulator.info), HandTracker(), None
@@ -164,11 +160,7 @@ def why(done: Sequence[Done], plan: Plan) -> dict[str, float]:
 
 
 def findings(done: Sequence[Done], *, plain: bool = False) -> dict[str, dict[str, float]]:
-    """Compare the trackers as the thesis does (6.3).
-
-    Returns ``approach_lost``: scenes in which somebody's identity at the end is not that before the approach (Fig. 6.2), of
-    ``approach_scenes``; ``wrong_point_fraction``: share of people's tracked points that carry the other's track, side by side (Fig. 6.3).
-    """
+    """Compare the trackers as the thesis does (6.3): identities lost in the approach (Fig. 6.2), wrong points side by side (Fig. 6.3)."""
     approach: dict[str, Score] = {name: pooled(done, name, ("approach",), plain=plain) for name in (*TRACKERS, *THESIS, PEER)}
     approach = {name: score for name, score in approach.items() if score.clouds}
     return {
@@ -224,10 +216,5 @@ def finite(value: Any) -> Any:
 
 
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
-    """Measure; ``keep`` is a folder for finished scenes, with which an interrupted run goes on where it stopped.
-
-    Returns ``trackers``: tracker to scene to figures; ``summary`` of Group Tracker with Clustering, see `summary`; ``why``, see `why`; the
-    thesis's findings, see `findings`; ``one_direction``: the same with one direction in each cell, for the product's tracker and for all as
-    the thesis has them; ``step_ms_10_tracks_300_points``, clustering over scikit-learn's, ``over_stone_soup``, the hand; ``choices``.
-    """
+    """Measure; ``keep`` is a folder for finished scenes, with which an interrupted run goes on where it stopped."""
     return measure(QUICK if quick else FULL, quick, keep)

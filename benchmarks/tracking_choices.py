@@ -109,9 +109,7 @@ COMBINED: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
         "no arms (arm_depth, arm_speed off)": {"association.arm_depth": 100.0, "association.arm_speed": 100.0},
         "method=mahalanobis, gate_sigmas=3": {"association.method": "mahalanobis", "association.gate_sigmas": 3.0},
     },
-    "track management": {
-        "reflection_after=3, farther=0": {"life.reflection_after": 3.0, "life.reflection_farther": 0.0},
-    },
+    "track management": {"reflection_after=3, farther=0": {"life.reflection_after": 3.0, "life.reflection_farther": 0.0}},
     "clustering within the tracker": {
         "name=polar_dbscan, angle_reach=0.2": {"association.clustering.name": "polar_dbscan", "association.clustering.angle_reach": 0.2},
         "name=polar_dbscan, density_exponent=2": {

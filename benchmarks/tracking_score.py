@@ -97,10 +97,7 @@ def total(scores: Sequence[Score]) -> Score:
 
 
 class Scorer:
-    """Scores one tracker on one scene, cloud by cloud.
-
-    ``name``: key of `scenarios.SCENARIOS`: some scenes have questions of their own; ``info``: the radar: what it can resolve.
-    """
+    """Scores one tracker on one scene of `scenarios.SCENARIOS`, some of which have questions of their own, cloud by cloud."""
 
     def __init__(self, name: str, info: RadarInfo) -> None:
         self._name, self._info = name, info
@@ -185,10 +182,7 @@ def seen_by(moments: Sequence[Moment], info: RadarInfo) -> tuple[Float64Array, F
 
 
 def apart(moments: Sequence[Moment], info: RadarInfo, one: int, other: int) -> NDArray[np.bool_]:
-    """Whether two people (rows) differ by more than a range bin, a beamwidth or a Doppler bin, shape (n_moments,).
-
-    The beamwidth is that of a uniform aperture: 0.886 wavelengths over the width of the virtual array.
-    """
+    """Whether two people (rows) differ by more than a range bin, a beamwidth (0.886 wavelengths over the array) or a Doppler bin."""
     distance, azimuth, rate = seen_by(moments, info)
     width = float(np.ptp(info.array.virtual[:, 0]))
     beam = 0.886 * info.waveform.wavelength / width if width else np.inf

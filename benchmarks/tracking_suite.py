@@ -173,11 +173,7 @@ def work(job: Job) -> Done:
 
 
 def run_all(jobs: Sequence[Job], processes: int = PROCESSES, keep: Path | None = None) -> list[Done]:
-    """Do all jobs, the longest first; progress on stderr.
-
-    ``jobs``: what to do; ``processes``: how many at the same time; ``keep``: folder in which finished jobs are kept, and from which they
-    are taken when nothing in the sources has changed since.
-    """
+    """Do all jobs, the longest first; finished ones are taken from the folder ``keep`` while the sources are the same."""
     do = work if keep is None else Memory(keep / sources(PACKAGES), verbose=0).cache(work)
     order = sorted(range(len(jobs)), key=lambda i: -_length(jobs[i]))
     with parallel_config(backend="loky", inner_max_num_threads=1) if processes > 1 else parallel_config(backend="sequential"):

@@ -69,12 +69,11 @@ def draw(
     share: float = 0.0,
     spoil: Spoil | None = None,
 ) -> Hand:
-    """Draw a hand that moves and turns, and what the radars measure of it.
+    """Draw a hand at a place that moves and turns, and what radars at places (n_sensors, 3) [m] measure of it.
 
-    ``rng``: of everything drawn; ``place``, ``sensors``, shapes (3,), (n_sensors, 3): of the hand and of the radars [m]; ``config``: its
-    `spread`, `common` and `spin` are those that are drawn; ``speed``: of the hand [m/s]; None: drawn, up to `FASTEST`. The direction is
-    always drawn; ``angle_std``: error of the measured directions, the same across and up [rad]; the model leaves it out; ``share``,
-    ``spoil``: probability of a point to be no part of the hand, and what such a point is; None: a false alarm, with any range rate.
+    ``config``: its `spread`, `common` and `spin` are drawn; ``speed`` [m/s]: None: drawn, up to `FASTEST`; ``angle_std``: error of measured
+    directions [rad], which the model leaves out; ``share``, ``spoil``: probability of a point to be no part of the hand, and what it is
+    then; None: a false alarm, with any range rate.
     """
     sensor = np.repeat(np.arange(len(sensors)), rng.integers(POINTS[0], POINTS[1] + 1, len(sensors)))
     n = len(sensor)
@@ -200,10 +199,7 @@ def estimate(hand: Hand, snapshot: Snapshot) -> SnapshotVelocity:
 def draws(
     rng: np.random.Generator, place: Float64Array, sensors: Float64Array, n: int, *, config: SnapshotConfig | None = None, **changes: Any
 ) -> Errors:
-    """Draw hands at a place from the default model and estimate their velocity, with the same settings or others.
-
-    ``changes``: what else is drawn, as `draw` has it.
-    """
+    """Draw hands at a place from the default model (``changes``: see `draw`) and estimate their velocity, with its settings or others."""
     truth = SnapshotConfig()
     snapshot = Snapshot(config if config is not None else truth)
     found, std, limit, thesis = (np.full((n, 3), np.nan) for _ in range(4))

@@ -26,11 +26,9 @@ class WordLengthError:
 
 
 def word_length_error(word_length: int, levels: tuple[float, ...], *, size: int = 64, n_trial: int = 64, seed: int = 0) -> WordLengthError:
-    """Measure the error of a word length with the default windows on a square frame.
+    """Measure the error of a word of 8 to 16 bits with the default windows on a square frame, over channels of random noise and phases.
 
-    ``word_length``: bits of a real or imaginary word, 8 to 16; ``levels``: powers of the strongest echo in the frame over the noise, both
-    in a raw sample [dB]: what the word has to span; ``size``: samples and chirps; ``n_trial``: channels with random noise and phases to
-    average over; ``seed``: of the random numbers; the same ones for every word length.
+    ``levels``: powers of the strongest echo in the frame over the noise, both in a raw sample [dB]: what the word has to span.
     """
     floor, spur = _spurs(word_length, size, n_trial, np.random.default_rng([seed, 1]))
     losses = tuple(_snr_loss(word_length, level, size, n_trial, np.random.default_rng([seed, 2])) for level in levels)

@@ -122,11 +122,9 @@ def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
 
 
 def report(results: Sequence[dict[str, Any]], *, command: str, quick: bool, factor: float, pictures: str = "", note: str = "") -> str:
-    """Write the report of the stages' results.
+    """Write the report of the stages' results for a command; ``quick``: small amounts; ``factor``: what times were multiplied by.
 
-    ``results``: contents of the stages' files; ``command``: what was run; ``quick``: whether the amounts were the small ones; ``factor``:
-    what times were multiplied by; ``pictures``: folder of the pictures as seen from the report, with a slash at its end; empty: the same;
-    ``note``: one more sentence at the head.
+    ``pictures``: their folder as seen from the report, with a slash at its end; ``note``: one more sentence at the head.
     """
     amount = "a quick run: few scenes and repetitions, to see that it runs, not for quoting" if quick else "a full run"
     notes = [note] if note else []

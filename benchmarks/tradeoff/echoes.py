@@ -26,10 +26,7 @@ def noise(rng: np.random.Generator) -> NDArray[np.complex64]:
 
 
 def echo(truth: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Make a unit echo of range [m] (middle of the acquisition), range rate [m/s], azimuth and elevation [rad], shape (4,).
-
-    Returns of the default radar, exact at every sample, shape (n_tx, n_chirp, n_rx, n_sample).
-    """
+    """Make a unit echo of range [m] (middle of the acquisition), range rate [m/s], azimuth, elevation [rad]: (tx, chirp, rx, sample)."""
     distance, speed, azimuth, elevation = truth
     fast = np.arange(WAVE.n_sample) * WAVE.chirp_duration / WAVE.n_sample
     turns = np.arange(WAVE.n_chirp)[None, :] * WAVE.n_tx + np.arange(WAVE.n_tx)[:, None]

@@ -26,11 +26,7 @@ FILTER = Panel("hand filter", "hand residual (rms)", "m", "lower", "mm_vel_est",
 
 
 class Stream:
-    """A drawing hand up to the hand tracker, as one radar sees it or several put together.
-
-    ``info``: the radar that the clouds seem to come from; ``clouds``: moment by moment; ``before_ms``: what everything before the hand
-    tracker took [ms].
-    """
+    """A drawing hand up to the hand tracker, as one radar sees it or several; what came before took ``before_ms``."""
 
     def __init__(self, infos: Sequence[RadarInfo]) -> None:
         self.info = infos[0] if len(infos) == 1 else fused_info(infos)
@@ -53,10 +49,7 @@ class Stream:
 
 @lru_cache(maxsize=2)
 def streams(study: StudyConfig) -> tuple[tuple[Stream, Stream], NDArray[np.float64], NDArray[np.float64]]:
-    """Simulate the hand of ``two_radars`` (or of the user's scene with two radars), seen by the first radar and by both.
-
-    Also the time of each moment, shape (n,) [s], and the true hand, shape (n, 3) [m]; NaN: it does not draw.
-    """
+    """Simulate the drawing hand, seen by one radar and by both; times (n,) [s], and true hand (n, 3) [m], NaN: it does not draw."""
     scene = short(study.scene or "two_radars", study.seed, study.scene is None, radars=2)
     simulators = [Simulator(scene, radar.frame_id) for radar in scene.radars[:2]]
     infos, time, hand = [simulator.info for simulator in simulators], [], []

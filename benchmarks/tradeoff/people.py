@@ -47,10 +47,7 @@ def scenes(study: StudyConfig) -> tuple[str, ...]:
 
 
 def short(name: str, seed: int, ours: bool, radars: int = 1) -> Scene:
-    """Load a scene, with another seed than its own unless ``seed`` is 1; one of ours in the cheapest model of propagation.
-
-    Raises ConfigError when nobody is in the scene, or it has fewer radars than asked for.
-    """
+    """Load a scene with another seed; ours in the cheapest propagation; raise ConfigError without people or with too few radars."""
     scene = load_scene(name)
     if not scene.people or len(scene.radars) < radars:
         has = f"{len(scene.people)} people and {len(scene.radars)} radars"
@@ -115,10 +112,9 @@ def rows(panel: Panel, judges: Mapping[str, Judge], reference_ms: Sequence[float
 
 
 def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1) -> tuple[dict[str, Judge], float, list[float]]:
-    """Run trackers in turn over the clouds of all scenes, or over each so many'th, as a radar of a lower frame rate gives them.
+    """Run trackers in turn over the clouds of all scenes, or each so many'th, as at a lower frame rate.
 
-    Returns ``judges``: by the names of ``configs``; ``interval``: from cloud to cloud [s]; ``baseband_ms``: what the baseband took for each
-    cloud [ms].
+    Returns judges by the names of ``configs``, the interval from cloud to cloud [s], and what the baseband took for each cloud [ms].
     """
     judges, interval, spent = {name: Judge() for name in configs}, 0.02, []
     for scene in scenes(study):

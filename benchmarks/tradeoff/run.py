@@ -78,10 +78,7 @@ def write(stage: Stage, job: Job, found: dict[str, Any]) -> None:
 
 
 def measured(stage: Stage, job: Job) -> dict[str, Any]:
-    """Measure one stage, in one thread.
-
-    Raises DataError when a figure is not finite.
-    """
+    """Measure one stage, in one thread. Raises DataError when a figure is not finite."""
     with threadpool_limits(1):
         try:
             found = stage.measure(job.study)
@@ -99,10 +96,7 @@ def measured(stage: Stage, job: Job) -> dict[str, Any]:
 
 
 def run(job: Job) -> Iterator[tuple[Stage, bool]]:
-    """Measure what is not there yet; yields each stage when its files are there, and whether it was measured now.
-
-    Raises ConfigError when the folder cannot be made, the factor is none, or the scene makes no sense.
-    """
+    """Measure what is not there yet; yields each stage when its files are there, and whether it was measured now."""
     if job.study.scene is not None:
         load_scene(job.study.scene)
     make_folder(job.out, job.factor)
@@ -115,10 +109,7 @@ def run(job: Job) -> Iterator[tuple[Stage, bool]]:
 
 
 def make_folder(out: Path, factor: float) -> None:
-    """Make the folder of results.
-
-    Raises ConfigError when it cannot be made, or the factor of a device's times is none.
-    """
+    """Make the folder of results. Raises ConfigError when it cannot be made, or the factor of a device's times is none."""
     if not 0 < factor < float("inf"):
         raise ConfigError(f"--device-factor {factor:g}: give a positive number, e.g. 8 for a device that is eight times slower")
     try:

@@ -83,10 +83,7 @@ STAGES: Final[dict[str, Stage]] = {
 
 
 def chosen(names: tuple[str, ...]) -> tuple[Stage, ...]:
-    """Look stages up by name; none: all.
-
-    Raises ConfigError: naming what there is not, and what there is.
-    """
+    """Look stages up by name; none: all. Raises ConfigError: naming what there is not, and what there is."""
     unknown = [name for name in names if name not in STAGES]
     if unknown:
         raise ConfigError(f"--stage {unknown[0]}: there is no such stage; choose of {', '.join(STAGES)}")

@@ -137,11 +137,9 @@ def tracking(study: StudyConfig) -> list[Candidate]:
 
 
 def losses(found: Sequence[Candidate], default: str) -> list[float]:
-    """Say how inaccurate the candidates are [m], chance left out.
+    """Say how inaccurate the candidates (presets at the highest frame rate, then at the next) are [m], chance left out.
 
-    What cannot be told from the default at the same frame rate is as accurate as the default; and leaving out more frames makes nothing
-    more accurate, whatever one run shows.
-    ``found``: all presets at all frame rates, rates one after the other, the highest first; ``default``: name of the default preset.
+    What cannot be told from the default at the same frame rate is as accurate as it; leaving out more frames makes nothing more accurate.
     """
     result: list[float] = []
     worst: dict[str, float] = {}
@@ -194,11 +192,7 @@ class Tuned:
 
 
 def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
-    """Measure the stages that have levels, in one thread.
-
-    ``study``: how much, and of which scene; ``factor``: what times are multiplied by; ``progress``: show a bar.
-    Raises ConfigError when nobody is in the scene.
-    """
+    """Measure the stages that have levels, in one thread, times multiplied by ``factor``; raise ConfigError when nobody is in the scene."""
     found = []
     stages: tuple[Literal["baseband", "tracking"], ...] = ("baseband", "tracking")
     with threadpool_limits(1):
