@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_scenes import fitted
-from benchmarks.report import choice, kept_folder, timed
+from benchmarks.report import against_first, timed
 from benchmarks.scenarios import person, walk
-from benchmarks.stores import Store, clouds_of, pack, room_effects, unpack
+from benchmarks.stores import Store, clouds_of, kept, pack, room_effects, unpack
 from radar_core import PointCloud, Pose
 from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker, calibrate_pair
 from radar_sim import Scene
@@ -212,7 +212,7 @@ def figures(found: Errors, label: str) -> dict[str, Any]:
 
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure; with ``keep``, clouds stay there and are not simulated again."""
-    with kept_folder(keep) as folder:
+    with kept(keep) as folder:
         return measure(PairStore(folder), quick)
 
 
@@ -226,13 +226,9 @@ def measure(store: PairStore, quick: bool) -> dict[str, Any]:
     result: dict[str, Any] = {"seeds": len(seeds), "seconds": seconds, "frame_interval_s": FRAME} | figures(chosen, "all")
     for name in PAIRS:
         result |= figures(chosen.select([case.pair == name for case in every]), f"apart_{APART[name]:g}_m")
-    result["choices"] = []
-    for label, other in variants(config).items():
-        found = chosen if other == config else calibrated(every, other)
-        rms = float(np.sqrt((found.distance**2).mean()) * 1e3)
-        reference, figure = chosen.times_ms if result["choices"] else None, ("position_error", rms, "mm")
-        result["choices"].append(choice("calibrate_pair", label, accuracy=figure, times_ms=found.times_ms, reference_ms=reference))
-    return result
+    tried = {label: chosen if other == config else calibrated(every, other) for label, other in variants(config).items()}
+    rows = {label: (float(np.sqrt((found.distance**2).mean()) * 1e3), found.times_ms) for label, found in tried.items()}
+    return result | {"choices": against_first("calibrate_pair", "position_error", rows, "mm")}
 
 
 def variants(config: PairConfig) -> dict[str, PairConfig]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.cluster import DBSCAN
 
-from benchmarks.report import Found, Panel, choice, measure_together
+from benchmarks.report import Found, Panel, against_first, measure_together
 from benchmarks.tradeoff.stages import StudyConfig
 from radar_tracking import AssociationConfig
 from radar_tracking.clustering import Clustering, ClusteringConfig, cluster, kmeans, optics, seen_from, split
@@ -69,17 +69,12 @@ def against_sklearn(n: int, repeat: int) -> tuple[list[dict[str, Any]], float]:
             repeat,
         ),
     }
-    rows, ratio = [], float("nan")
+    rows = []
     for name, (theirs, ours, times) in pairs.items():
         measured = measure_together({"sklearn": theirs, "ours": ours}, repeat=times)
-        accuracy = ("labels equal", same(ours(), theirs()), "")
-        rows.append(choice("clustering", f"{name}: sklearn n={n}", accuracy=("labels equal", 1.0, ""), times_ms=measured["sklearn"]))
-        rows.append(
-            choice("clustering", f"{name}: ours n={n}", accuracy=accuracy, times_ms=measured["ours"], reference_ms=measured["sklearn"])
-        )
-        if name == "dbscan":
-            ratio = rows[-1]["ratio"]
-    return rows, ratio
+        found = {f"{name}: sklearn n={n}": (1.0, measured["sklearn"]), f"{name}: ours n={n}": (same(ours(), theirs()), measured["ours"])}
+        rows += against_first("clustering", "labels equal", found)
+    return rows, rows[1]["ratio"]
 
 
 def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
@@ -95,13 +90,8 @@ def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
     calls["split by optics"] = lambda: split(points, len(CENTRES), CENTRES + 0.2)[0]
     calls["split by kmeans"] = lambda: kmeans(points, CENTRES + 0.2)[0]
     times = measure_together(calls, repeat=repeat)
-    reference = times["sklearn dbscan"]
-    rows = []
-    for name, call in calls.items():
-        accuracy = ("adjusted Rand index", agreement(call(), owner), "")
-        other = None if name == "sklearn dbscan" else reference
-        rows.append(choice("clustering", f"{name} n={n}", accuracy=accuracy, times_ms=times[name], reference_ms=other))
-    return rows
+    found = {f"{name} n={n}": (agreement(call(), owner), times[name]) for name, call in calls.items()}
+    return against_first("clustering", "adjusted Rand index", found)
 
 
 def figures(quick: bool) -> dict[str, Any]:

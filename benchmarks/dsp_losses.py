@@ -9,11 +9,8 @@ seeds that nothing was tuned on; the frames of a scene are simulated once and go
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import itertools
-import json
 import math
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -22,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_scenes import NAMED, gesture_stream, stroke
-from benchmarks.report import Panel, share_interval
-from benchmarks.stores import sources
+from benchmarks.report import Panel, share_interval, timed
+from benchmarks.stores import digest, once, sources
 from benchmarks.tradeoff.echoes import AMPLITUDE, INFO, LIMITS, SNR_DB, WAVE, echo, noise
 from radar_core import RadarFrame
 from radar_core.config import plain
@@ -113,9 +110,7 @@ def baseband_ms(method: Missing, rate: float, n: int) -> list[float]:
     cube = (noise(rng) + 30 * AMPLITUDE * echo(np.array([2.5, 0.5, 0.1, 0.0]))).astype(np.complex64)
     times = []
     for missing in itertools.islice(struck_frames(rng, rate, "random"), n):
-        start = time.perf_counter_ns()
-        baseband.process(RadarFrame(cube, 0, 0, "radar", missing))
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        times.append(timed(baseband.process, RadarFrame(cube, 0, 0, "radar", missing))[1])
     return times
 
 
@@ -162,15 +157,8 @@ def _hit(segment: TruthSegment, found: RecognisedGesture | None) -> bool:
 def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
     """Run the scene of a seed, or read what it gave before with the same settings and sources."""
     scene = gesture_stream(seed, duration, brief)
-    if keep is None:
-        return perform(scene)
-    told = json.dumps([plain(scene), cases(), BURST, sources(PACKAGES)], sort_keys=True)
-    path = keep / f"lost_chirps_{hashlib.sha256(told.encode()).hexdigest()[:16]}.json"
-    if not path.exists():
-        keep.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(perform(scene)), encoding="utf-8")
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    told = digest([plain(scene), cases(), BURST, sources(PACKAGES)])
+    return dict(once(None if keep is None else keep / f"lost_chirps_{told}.json", lambda: perform(scene)))
 
 
 def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:

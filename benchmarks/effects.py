@@ -21,7 +21,6 @@ scene that does not name another radar has none.
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Sequence
@@ -34,7 +33,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.report import choice
+from benchmarks.report import choices
+from benchmarks.stores import once
 from radar_lab.pipeline import Pipeline, PipelineResult
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.audit import called_for, everything, ours, real
@@ -213,26 +213,16 @@ def measure(scene: Scene, radar: str, label: str, quick: bool) -> dict[str, Any]
 
 def rows(found: dict[str, Any]) -> list[dict[str, Any]]:
     """Put agreement beside time; the reference is everything on."""
-    own, reference = found["times_ms"], found["times_ms"]["everything"]
-    result = []
-    for name, value in (("real", 0.0), ("auto", max(found["deviation"].values()))):
-        accuracy = ("deviation from all that is real on", value, "")
-        result.append(choice(STAGE, f"{found['label']}: {name}", accuracy=accuracy, times_ms=own[name], reference_ms=reference))
-    return result
+    own, label = found["times_ms"], found["label"]
+    values = {f"{label}: real": 0.0, f"{label}: auto": max(found["deviation"].values())}
+    times = {f"{label}: {name}": taken for name, taken in own.items()}
+    return choices(STAGE, ("deviation from all that is real on", ""), values, times, f"{label}: everything")
 
 
 def kept(label: str, scene: Scene, radar: str, quick: bool, keep: Path | None) -> dict[str, Any]:
     """Measure one scene, or read what an earlier run of the same kind left in a folder."""
-    if keep is None:
-        return measure(scene, radar, label, quick)
-    path = keep / f"{label.replace(' ', '_')}{'_quick' if quick else ''}.json"
-    if not path.exists():
-        keep.mkdir(parents=True, exist_ok=True)
-        made = json.dumps(measure(scene, radar, label, quick))
-        path.with_suffix(".part").write_text(made, encoding="utf-8")
-        path.with_suffix(".part").replace(path)
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    path = None if keep is None else keep / f"{label.replace(' ', '_')}{'_quick' if quick else ''}.json"
+    return dict(once(path, lambda: measure(scene, radar, label, quick)))
 
 
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.gesture_clouds import Found, Run
-from benchmarks.report import Tally, choice, timed
+from benchmarks.report import Tally, against_first, timed
 from radar_core import GESTURES
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FeatureConfig, summarise
@@ -230,25 +230,22 @@ def rules() -> dict[str, GestureConfig]:
 
 
 def rows_of_rules(
-    stage: str, judged: Sequence[Judged], model: GestureModel, figures: Callable[[Sequence[Judged]], tuple[str, tuple[str, float, str]]]
+    stage: str, figure: str, judged: Sequence[Judged], model: GestureModel, figures: Callable[[Sequence[Judged]], tuple[str, float]]
 ) -> list[dict[str, Any]]:
     """Accuracy by every rule beside the time of naming one event; nothing when there is no event.
 
-    ``figures`` gives of judged streams what to say behind a configuration's name, and the accuracy of its row.
+    ``figures`` gives of judged streams what to say behind a configuration's name, and the value of its row's figure.
     """
     if not any(one.surplus or any(o.found is not None for o in one.outcomes) for one in judged):
         return []
-    made: list[dict[str, Any]] = []
-    reference: list[float] | None = None
+    made: dict[str, tuple[float, list[float]]] = {}
     for one in judged:  # the first rules would pay for cold caches
         named_again(one, GestureRecognizer(GestureConfig(), model), [])
     for name, config in rules().items():
-        recogniser, times = GestureRecognizer(config, model), []
-        again = [named_again(one, recogniser, times) for one in judged]
-        more, accuracy = figures(again)
-        made.append(choice(stage, f"{name}{more}", accuracy=accuracy, times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return made
+        recogniser, times = GestureRecognizer(config, model), list[float]()
+        more, accuracy = figures([named_again(one, recogniser, times) for one in judged])
+        made[f"{name}{more}"] = accuracy, times
+    return against_first(stage, figure, made)
 
 
 def named_again(judged: Judged, recogniser: GestureRecognizer, times: list[float]) -> Judged:

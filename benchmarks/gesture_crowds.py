@@ -97,11 +97,11 @@ def total(judged: Sequence[Judged]) -> Tally:
 def rule_rows(judged: Sequence[Judged], model: GestureModel) -> list[dict[str, Any]]:
     """Accuracy of all crowds by other rules of the recogniser, see `rules`."""
 
-    def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
+    def figures(again: Sequence[Judged]) -> tuple[str, float]:
         shares = total(again).figures()
-        return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", (_ACCURACY, shares["accuracy"] or 0.0, "")
+        return f", {shares['cross_talk'] or 0.0:.1%} cross-talk", shares["accuracy"] or 0.0
 
-    return rows_of_rules("crowds: rules, one event", judged, model, figures)
+    return rows_of_rules("crowds: rules, one event", _ACCURACY, judged, model, figures)
 
 
 def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:

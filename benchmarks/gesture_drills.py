@@ -7,7 +7,6 @@ tenths of a second before and after the stroke. Bounds are wide, since nobody kn
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 import math
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.gesture_studies import GATES
-from benchmarks.stores import fill_samples, sources
+from benchmarks.stores import digest, fill_samples, sources
 from radar_core import AntennaArray, PointCloud, Pose, RadarInfo, Waveform
 from radar_core.config import config, knob, plain
 from radar_core.waveform import SPEED_OF_LIGHT
@@ -304,7 +303,7 @@ def simulate(drill: Drill) -> list[PointCloud]:
 def generate(plan: Drills, n: int, folder: Path, *, n_jobs: int = 1, progress: bool = True) -> Path:
     """Simulate the first drills of a plan that a folder does not hold yet; returns their place, one for each plan and sources."""
     manifest = {"format": FORMAT, "plan": plain(plan), "sources": sources(), "drills": drawn(plan)}
-    place = folder / f"drills_{_digest(manifest)}"
+    place = folder / f"drills_{digest(manifest)}"
     return fill_samples(place, manifest, n, functools.partial(_write, plan), n_jobs=n_jobs, progress=progress)[0]
 
 
@@ -314,11 +313,7 @@ def drawn(plan: Drills) -> str:
     for drill in (draw_drill(plan, number) for number in range(8 * len(LABELS))):
         path = [np.round(drill.move.at(float(time)), 9).tolist() for time in np.linspace(0.0, drill.scene.duration, 21)]
         parts.append([drill.label, plain(drill.scene), path, drill.start, drill.end, drill.static])
-    return _digest(parts)
-
-
-def _digest(parts: object) -> str:
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+    return digest(parts)
 
 
 def _write(plan: Drills, place: Path, number: int) -> None:

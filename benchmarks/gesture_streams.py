@@ -201,12 +201,12 @@ def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: Gesture
     """Count gestures named right, and false ones an hour of idle time, by other rules of the recogniser, see `rules`."""
     hours = math.fsum(one.hours for one in idle)
 
-    def figures(again: Sequence[Judged]) -> tuple[str, tuple[str, float, str]]:
+    def figures(again: Sequence[Judged]) -> tuple[str, float]:
         recognised = gesture_figures(again[: len(gestures)])["recognised_all"]
         false = sum(s.false for one in again[len(gestures) :] for s in one.surplus)
-        return f", {false / hours:.1f} false gestures an hour", ("recognised", math.nan if recognised is None else recognised, "")
+        return f", {false / hours:.1f} false gestures an hour", math.nan if recognised is None else recognised
 
-    return rows_of_rules("streams: rules, one event", [*gestures, *idle], model, figures)
+    return rows_of_rules("streams: rules, one event", "recognised", [*gestures, *idle], model, figures)
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:

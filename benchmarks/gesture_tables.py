@@ -16,7 +16,7 @@ from joblib import Memory
 from numpy.typing import NDArray
 
 from benchmarks.gesture_model import model_file
-from benchmarks.report import against_first, choice, matrix, measure_together, timed
+from benchmarks.report import against_first, matrix, measure_together, timed
 from benchmarks.stores import kept, sources
 from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
@@ -35,7 +35,6 @@ from radar_sim.motions.strokes import library_hash
 from radar_tracking import PeopleTracker, TrackedCloud
 
 _PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
-_RATES: Final = "frame rate and transmitters, time per second"
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
 SETTINGS: Final = TrainingConfig()
 
@@ -144,25 +143,18 @@ def table_4_1(readings: Readings, quick: bool) -> tuple[dict[str, dict[str, dict
     """Accuracy and time of a frame at three rates with both transmitters and with one; the loss of directions is in the clouds."""
     times = {n_tx: frame_times(n_tx, 60 if quick else 250) for n_tx in (2, 1)}
     table: dict[str, dict[str, dict[str, float]]] = {}
-    rows = []
+    rows = {}
     for n_tx in (2, 1):
         for every, rate in RATES:
             samples = readings.samples(every, n_tx == 1)
             found = counted(validate(samples, leave_subjects_out(samples.person), SETTINGS), samples)
-            name = f"{rate} Hz, {n_tx} Tx"
-            busy = float(np.median(times[n_tx])) * rate * 1e-3
             table.setdefault(f"{rate} Hz", {})[f"{n_tx} Tx"] = {
-                "accuracy": found["accuracy"],
-                "recognised": found["recognised"],
-                "missed": found["missed"],
+                **{name: found[name] for name in ("accuracy", "recognised", "missed")},
                 "frame_ms": float(np.median(times[n_tx])),
-                "busy": busy,
+                "busy": float(np.median(times[n_tx])) * rate * 1e-3,
             }
-            accuracy = ("held-out accuracy", found["accuracy"], "")
-            per_second = [value * rate for value in times[n_tx]]
-            reference = None if (every, n_tx) == (1, 2) else [value * RATES[0][1] for value in times[2]]
-            rows.append(choice(_RATES, name, accuracy=accuracy, times_ms=per_second, reference_ms=reference))
-    return table, rows
+            rows[f"{rate} Hz, {n_tx} Tx"] = found["accuracy"], [value * rate for value in times[n_tx]]
+    return table, against_first("frame rate and transmitters, time per second", "held-out accuracy", rows)
 
 
 def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +18,8 @@ from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_model import model_file
 from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.recordings import folder
-from benchmarks.report import choice, matrix, measure
-from benchmarks.stores import sources
+from benchmarks.report import against_first, matrix, measure
+from benchmarks.stores import once, sources
 from radar_core import DataError
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
@@ -103,15 +102,8 @@ class Parts:
 
     def once(self, name: str, work: Callable[[], Any]) -> Any:
         """Return what ``work`` gives, or gave in an earlier run."""
-        if self.folder is None:
-            return work()
-        digest = hashlib.sha256(f"{self.settings} {sources(('radar_core', 'radar_lab', 'radar_gestures'))}".encode()).hexdigest()[:16]
-        path = self.folder / f"{name}_{digest}.joblib"
-        if not path.exists():
-            self.folder.mkdir(parents=True, exist_ok=True)
-            joblib.dump(work(), path.with_suffix(".part"))
-            path.with_suffix(".part").replace(path)
-        return joblib.load(path)
+        told = hashlib.sha256(f"{self.settings} {sources(('radar_core', 'radar_lab', 'radar_gestures'))}".encode()).hexdigest()[:16]
+        return once(None if self.folder is None else self.folder / f"{name}_{told}.joblib", work)
 
 
 def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> list[dict[str, float]]:
@@ -206,13 +198,12 @@ def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:
 
 def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[dict[str, Any]]:
     """Measure each choice's accuracy on the same held-out people (the first `CHOICE_FOLDS` folds) beside its time."""
-    rows, reference = [], event_times(first, model, 20 if quick else 200)
+    rows, reference = {}, event_times(first, model, 20 if quick else 200)
     for name, made in _variants(first, quick):
-        accuracy = made.held_out(CHOICE_FOLDS).accuracy
         few = made.data.person == made.data.person[0]  # times do not depend on how well it is trained
         times = reference if made is first else event_times(made, made.fit(few), 20 if quick else 200)
-        rows.append(choice("gestures of real people", name, accuracy=("held out", accuracy, ""), times_ms=times, reference_ms=reference))
-    return rows
+        rows[name] = made.held_out(CHOICE_FOLDS).accuracy, times
+    return against_first("gestures of real people", "held out", rows)
 
 
 def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:

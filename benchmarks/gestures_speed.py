@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.report import choice, measure_together, timed
+from benchmarks.report import against_first, choice, measure_together, timed
 from radar_core import PointCloud, RadarInfo
 from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp import Baseband, BasebandConfig
@@ -136,16 +136,12 @@ def selected(frames: list[SimulatedFrame], info: RadarInfo, rounds: int) -> list
                 clouds[key].append(cloud)
                 times[key].append(spent)
         maps = {key: feature_maps(own, info.waveform.speed_resolution, info.waveform.max_speed) for key, own in clouds.items()}
-    return [
-        choice(
-            "baseband",
-            f"grouping={group} select={name}",
-            accuracy=("map cells as with all detections", _equal(maps[group, "all"], maps[group, name]), ""),
-            times_ms=times[group, name],
-            reference_ms=times[group, "all"] if name != "all" else None,
-        )
-        for group, name in chains
-    ]
+    rows = []
+    for group in groups:
+        equal = {name: _equal(maps[group, "all"], maps[group, name]) for name in ("all", "doppler")}
+        found = {f"grouping={group} select={name}": (value, times[group, name]) for name, value in equal.items()}
+        rows += against_first("baseband", "map cells as with all detections", found)
+    return rows
 
 
 def _equal(reference: FeatureMaps, other: FeatureMaps) -> float:
@@ -169,11 +165,11 @@ def figures(quick: bool = False) -> dict[str, Any]:
     one = np.add(events["probabilities"], events["known"]).tolist()
     delays, computing = publication(frames, info, model, rounds)
     median = {name: float(np.median(values)) for name, values in events.items()}
+    named = {"classification, scikit-learn's predict": events["sklearn"], "classification": events["probabilities"]}
+    named |= {"classification and rejection": one}
     rows = [
         choice("gestures", "maps and events, 4 tracks of 40 points", accuracy=("tracks", N_TRACKS, ""), times_ms=steps),
-        choice("gestures", "classification, scikit-learn's predict", accuracy=("samples", 1, ""), times_ms=events["sklearn"]),
-        choice("gestures", "classification", accuracy=("samples", 1, ""), times_ms=events["probabilities"], reference_ms=events["sklearn"]),
-        choice("gestures", "classification and rejection", accuracy=("samples", 1, ""), times_ms=one, reference_ms=events["sklearn"]),
+        *against_first("gestures", "samples", {name: (1, taken) for name, taken in named.items()}),
     ]
     return {
         "maps_and_events_ms": float(np.median(steps)),

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
 from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
-from benchmarks.report import choice, matrix, measure, share
+from benchmarks.report import choices, matrix, measure, share
 from benchmarks.stores import kept
 from radar_gestures.curves import Curves, curve_names, join
 from radar_gestures.features import FEATURE_NAMES
@@ -87,12 +87,9 @@ def judge(training: Study, test: RealSet) -> Validation:
 def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Simulate, train, and test on recordings.
 
-    ``made``: of mHomeGes; only its recordings are used, for the test; ``quick``: few drills, to see that it runs; ``keep``: folder for the
-    drills, with which an interrupted run goes on; None: they are thrown away.
-    Returns ``synthetic_to_real``: accuracy over the five gestures of the fourteen people of mHomeGes who are not in `DEVELOPMENT`;
-    ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of mTransSee;
-    ``synthetic_samples``, ``synthetic_seconds_per_sample``; ``confusion`` of the first and the last; ``choices``: accuracy and time to
-    simulate by number of drills.
+    Returns ``synthetic_to_real``: accuracy over the five gestures of the fourteen people of mHomeGes (``made``) who are not in
+    `DEVELOPMENT`; ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of
+    mTransSee; ``confusion`` of the first and the last; ``choices``: accuracy and time to simulate by number of drills.
     """
     n = 100 if quick else SAMPLES
     drills, config = Drills(), transfer_training(quick)
@@ -118,11 +115,6 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     for fewer in () if quick else _FEWER:
         part = transfer_study(data.select(data.person < fewer), config)
         accuracy[fewer] = judge(part, tests["synthetic_to_real"]).accuracy
-    return result | {"choices": [_row(count, accuracy[count], each, n) for count in sorted(accuracy)]}
-
-
-def _row(count: int, accuracy: float, each: list[float], most: int) -> dict[str, Any]:
-    """Accuracy of training on so many drills, and what these take to simulate."""
-    times, reference = ([value * n for value in each] for n in (count, most))
-    named = ("fourteen real people", accuracy, "")
-    return choice("synthetic to real", f"{count} drills", accuracy=named, times_ms=times, reference_ms=reference)
+    values = {f"{count} drills": accuracy[count] for count in sorted(accuracy)}
+    taken = {f"{count} drills": [value * count for value in each] for count in accuracy}
+    return result | {"choices": choices("synthetic to real", ("fourteen real people", ""), values, taken, f"{n} drills")}

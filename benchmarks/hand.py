@@ -29,7 +29,8 @@ from benchmarks.hand_runs import (
     settling,
     track,
 )  # fmt: skip
-from benchmarks.report import choice, kept_folder, varied
+from benchmarks.report import against_first, varied
+from benchmarks.stores import kept
 from radar_core.config import load, nest
 from radar_sim import Scene
 from radar_tracking import HandConfig
@@ -122,14 +123,11 @@ KNOBS: Final[Mapping[str, Sequence[Any]]] = {
 
 def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracked]) -> list[dict[str, Any]]:
     """Error over all scenes beside the time of one cloud; the first configuration is the reference."""
-    made, reference = [], None
+    made = {}
     for name, config in configs.items():
         found = runs(tracked, config)
-        times = [value for _, f in found for value in f.times_ms]
-        error = rms(errors(found, [counts(t) for t, _ in found]))
-        made.append(choice(stage, name, accuracy=("rms error", error, "m"), times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return made
+        made[name] = rms(errors(found, [counts(t) for t, _ in found])), [value for _, f in found for value in f.times_ms]
+    return against_first(stage, "rms error", made, "m")
 
 
 def slider(found: Runs) -> dict[str, float]:
@@ -235,5 +233,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``;
     ``tuned_for_slow_hands``; ``choices``.
     """
-    with kept_folder(keep) as folder:
+    with kept(keep) as folder:
         return measure(folder, quick, 1 if quick else os.cpu_count() or 1)

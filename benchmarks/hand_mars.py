@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmarks.recordings import PRESETS, TRACKERS, folder, tracker_for
-from benchmarks.report import AbsentError, choice, timed
+from benchmarks.report import AbsentError, against_first, timed
 from radar_core import PointCloud, RadarInfo
 from radar_driver.clouds import to_our_axes
 from radar_lab.importers import open_original
@@ -263,11 +262,14 @@ def over_tests(split: Split, model: PostureModel) -> dict[str, Estimated]:
 
 def evaluate(split: Split, config: PostureTrainingConfig) -> tuple[dict[str, Any], PostureModel]:
     """Train, and give the figures of every test file."""
-    start = time.perf_counter()
-    model = fit_postures(samples_of(split.recordings, config.features, config.block), config)
-    took = time.perf_counter() - start
+    model, took = timed(lambda: fit_postures(samples_of(split.recordings, config.features, config.block), config))
     files = {name: figures_of(split, name, found) for name, found in over_tests(split, model).items()}
-    about = {"training_s": took, "samples": model.figures["samples"], "kinect_m": split.kinect.tolist(), "parameters": model.n_parameters}
+    about = {
+        "training_s": 1e-3 * took,
+        "samples": model.figures["samples"],
+        "kinect_m": split.kinect.tolist(),
+        "parameters": model.n_parameters,
+    }
     return {"files": files, "worst_ratio": max(one["ratio"] for one in files.values()), **about}, model
 
 
@@ -289,23 +291,20 @@ def configs_of(quick: bool) -> dict[str, PostureTrainingConfig]:
 
 def rows(split: Split, quick: bool) -> list[dict[str, Any]]:
     """Error of every choice, known people, beside the time of one cloud; the first is the reference."""
-    made: list[dict[str, Any]] = []
-    reference: list[float] | None = None
+    made: dict[str, tuple[float, list[float]]] = {}
     samples: dict[PostureFeatureConfig, PostureSamples] = {}
     for name, config in configs_of(quick).items():
         own = config.features
         samples[own] = samples.get(own) or samples_of(split.recordings, own, config.block)
         found = over_tests(split, fit_postures(samples[own], dataclasses.replace(config, folds=2)))
-        times = [value for one in found.values() for value in one.times_ms]
         error = split.ratio({name: one.position - split.truth(name) for name, one in found.items()})
-        made.append(choice("posture", name, accuracy=("error over the mean pose's", error, ""), times_ms=times, reference_ms=reference))
-        reference = reference or times
-    assert reference is not None
-    return made + other_models(split, configs_of(quick)["default"], reference, quick)
+        made[name] = error, [value for one in found.values() for value in one.times_ms]
+    made |= other_models(split, configs_of(quick)["default"], float(np.median(made["default"][1])), quick)
+    return against_first("posture", "error over the mean pose's", made)
 
 
-def other_models(split: Split, config: PostureTrainingConfig, reference: list[float], quick: bool) -> list[dict[str, Any]]:
-    """Other kinds of models on the same features, as scikit-learn runs them: what the perceptron costs or gains."""
+def other_models(split: Split, config: PostureTrainingConfig, before: float, quick: bool) -> dict[str, tuple[float, list[float]]]:
+    """Error and times, two hands each, of scikit-learn's models on the same features, behind what takes ``before`` [ms]."""
     from sklearn.ensemble import ExtraTreesRegressor
     from sklearn.linear_model import Ridge
     from sklearn.pipeline import make_pipeline
@@ -317,13 +316,12 @@ def other_models(split: Split, config: PostureTrainingConfig, reference: list[fl
     }
     train = samples_of(split.recordings, config.features)
     test = {name: samples_of([recording_of(name, split.kinect)], config.features) for name in split.test}
-    made = []
+    made = {}
     for label, make in makers.items():
         model = make().fit(train.features, train.hand)
         wrong = {name: _places(split, name, one, model.predict(one.features)) for name, one in test.items()}
-        times = _times(model, next(iter(test.values())).features[: 20 if quick else 200], float(np.median(reference)))
-        figure = ("error over the mean pose's", split.ratio(wrong), "")
-        made.append(choice("posture", label, accuracy=figure, times_ms=times, reference_ms=reference))
+        rows = next(iter(test.values())).features[: 20 if quick else 200]
+        made[label] = split.ratio(wrong), [before + timed(model.predict, rows[k : k + 2])[1] for k in range(0, len(rows) - 1, 2)]
     return made
 
 
@@ -332,14 +330,6 @@ def _places(split: Split, name: str, samples: PostureSamples, predicted: Float64
     wrong = np.full(split.truth(name).shape, np.nan)
     wrong[samples.cloud, samples.side] = predicted - samples.hand
     return wrong
-
-
-def _times(model: Any, features: Float64Array, before: float) -> list[float]:
-    """Time one cloud at a time, two hands each, on top of what comes ``before`` the model [ms]."""
-    times = []
-    for k in range(0, len(features) - 1, 2):
-        times.append(before + timed(model.predict, features[k : k + 2])[1])
-    return times
 
 
 def run(quick: bool = False) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from scipy.signal import savgol_filter
 
 from benchmarks.hand import scenes
 from benchmarks.hand_runs import BASELINE, DISTANCES, Followed, HandStore, Tracked, counts, follow, rms, track
-from benchmarks.report import choice, kept_folder, timed
+from benchmarks.report import against_first, timed
+from benchmarks.stores import kept
 from benchmarks.velocity_room import (
     HEIGHT,
     Errors,
@@ -133,22 +134,20 @@ def knobs() -> dict[str, HandConfig]:
 
 def measure_scenes(tracked: Sequence[Tracked], distances: Sequence[float], quick: bool) -> dict[str, Any]:
     """Follow the hand with every setting: ``scenes`` (all clouds), ``scenes_by`` (distance, speed), ``scenes_by_knob``, ``choices``."""
-    made: dict[str, Any] = {"scenes_by_knob": {}, "choices": []}
-    reference = None
+    made: dict[str, Any] = {"scenes_by_knob": {}}
+    found = {}
     for name, config in list(knobs().items())[: 2 if quick else None]:
         runs = [(one, follow(one, config)) for one in tracked]
         judged = judge(runs)
         every = scene_figures(judged)
-        off = [np.linalg.norm((f.velocity - t.velocity)[counts(t) & np.isfinite(f.position[:, 0])], axis=1) for t, f in runs]
-        place = [np.linalg.norm((f.position - t.hand)[counts(t) & np.isfinite(f.position[:, 0])], axis=1) for t, f in runs]
-        times = [value for _, followed in runs for value in followed.times_ms]
-        made["scenes_by_knob"][name] = every | {"track_velocity_rms_m_s": rms(off), "track_rms_m": rms(place)}
-        accuracy = ("rms error of the track's velocity", rms(off), "m/s")
-        made["choices"].append(choice("hand velocity, scenes", name, accuracy=accuracy, times_ms=times, reference_ms=reference))
-        reference = reference or times
+        own = [counts(t) & np.isfinite(f.position[:, 0]) for t, f in runs]
+        off = rms(np.linalg.norm((f.velocity - t.velocity)[mask], axis=1) for (t, f), mask in zip(runs, own, strict=True))
+        place = rms(np.linalg.norm((f.position - t.hand)[mask], axis=1) for (t, f), mask in zip(runs, own, strict=True))
+        made["scenes_by_knob"][name] = every | {"track_velocity_rms_m_s": off, "track_rms_m": place}
+        found[name] = off, [value for _, followed in runs for value in followed.times_ms]
         if name == "default":
             made |= {"scenes": every, "scenes_by": tables(judged, distances)}
-    return made
+    return made | {"choices": against_first("hand velocity, scenes", "rms error of the track's velocity", found, "m/s")}
 
 
 BASELINES: Final = (0.3, 0.5, 0.6)  # from one radar to the other [m]; the thesis has 0.3 (section 7.3) and 0.6 (figure 7.6)
@@ -208,17 +207,12 @@ def rows(n: int) -> list[dict[str, Any]]:
     configs |= {f"{name}={value:g}": load(SnapshotConfig, {"max_std": 100.0, name: value}) for name, value in changes}
     calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": pseudo_inverse}
     calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in configs.items()}
-    made, reference = [], None
+    made = {}
     for name, call in calls.items():
-        off, times = [], []
-        for hand, axis in zip(hands, axes, strict=True):
-            velocity, spent = timed(call, hand)
-            times.append(spent)
-            off.append(float(axis @ (velocity - hand.velocity)))
-        error = float(np.sqrt(np.mean(np.square(off))))
-        made.append(choice("hand velocity", name, accuracy=("rms error across", error, "m/s"), times_ms=times, reference_ms=reference))
-        reference = reference or times
-    return made
+        found, times = zip(*(timed(call, hand) for hand in hands), strict=True)
+        off = [float(axis @ (velocity - hand.velocity)) for velocity, hand, axis in zip(found, hands, axes, strict=True)]
+        made[name] = float(np.sqrt(np.mean(np.square(off)))), times
+    return against_first("hand velocity", "rms error across", made, "m/s")
 
 
 def _told(snapshot: Snapshot, hand: Hand) -> Float64Array:
@@ -264,6 +258,6 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     }
     if quick and keep is None:
         return figure
-    with kept_folder(keep) as folder:
+    with kept(keep) as folder:
         other = in_scenes(folder, quick)
     return {**figure, **other, "choices": figure["choices"] + other["choices"]}

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -35,13 +33,6 @@ def checkout(*parts: str) -> Path:
     if not path.exists():
         raise AbsentError(f"{path}: not there; this needs a checkout of the project, start it from there")
     return path
-
-
-@contextmanager
-def kept_folder(keep: Path | None) -> Iterator[Path]:
-    """Folder for what is simulated: that of ``--keep``; None: one that is thrown away."""
-    with tempfile.TemporaryDirectory() as folder:
-        yield Path(folder) if keep is None else keep
 
 
 def timed(call: Callable[..., T], *arguments: Any) -> tuple[T, float]:
@@ -106,10 +97,10 @@ def choices(
     ]
 
 
-def against_first(stage: str, figure: str, found: Mapping[str, tuple[float, Sequence[float]]]) -> list[Row]:
+def against_first(stage: str, figure: str, found: Mapping[str, tuple[float, Sequence[float]]], unit: str = "") -> list[Row]:
     """Rows of values and times [ms] by name of the setting, see `choices`; the first is the reference."""
     values, times_ms = {name: value for name, (value, _) in found.items()}, {name: times for name, (_, times) in found.items()}
-    return choices(stage, (figure, ""), values, times_ms, next(iter(found))) if found else []
+    return choices(stage, (figure, unit), values, times_ms, next(iter(found))) if found else []
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +40,11 @@ def code_of(text: str) -> str:
     return ast.unparse(tree)
 
 
+def digest(parts: object) -> str:
+    """Sixteen letters that stand for plain data."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
 @functools.cache
 def sources(parts: tuple[str, ...] = PACKAGES) -> str:
     """Digest of the code of packages, or of single files, by their paths beside this package: figures of other code are not these."""
@@ -51,11 +57,20 @@ def sources(parts: tuple[str, ...] = PACKAGES) -> str:
 @contextmanager
 def kept(folder: Path | None) -> Iterator[Path]:
     """Give the folder in which parts are kept; None: one that is thrown away."""
-    if folder is not None:
-        yield folder
-        return
     with tempfile.TemporaryDirectory() as passing:
-        yield Path(passing)
+        yield Path(passing) if folder is None else folder
+
+
+def once(path: Path | None, make: Callable[[], Any]) -> Any:
+    """Return what ``make`` gives, or gave when an earlier run left it in a file of JSON or joblib; None: nothing is kept."""
+    if path is None:
+        return make()
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        found, partial = make(), path.with_suffix(".part")
+        joblib.dump(found, partial) if path.suffix == ".joblib" else partial.write_text(json.dumps(found), encoding="utf-8")
+        partial.replace(path)
+    return joblib.load(path) if path.suffix == ".joblib" else json.loads(path.read_text(encoding="utf-8"))
 
 
 def fill_samples(
@@ -86,8 +101,7 @@ class Store:
 
     def path(self, scene: Scene, part: int) -> Path:
         """File of a part of a scene."""
-        text = json.dumps([plain(scene), *self._config], sort_keys=True)
-        return self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}_{part:03d}.npz"
+        return self._folder / f"{digest([plain(scene), *self._config])}_{part:03d}.npz"
 
     def make(self, parts: Sequence[tuple[Scene, int]], *, n_jobs: int = 1, progress: bool = True) -> list[tuple[Scene, int]]:
         """Simulate what is not there yet, and say what that was; a stopped run goes on where it stopped."""

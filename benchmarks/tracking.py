@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.clustering_parts import figures as clustering
-from benchmarks.report import choice, timed
+from benchmarks.report import against_first, timed
 from benchmarks.scenarios import HIGH_MOUNT, MATCHING, MOUNT, SCENARIOS
-from benchmarks.tracking_choices import rows, speed, variants
+from benchmarks.tracking_choices import rows, speed, titled, variants
 from benchmarks.tracking_score import Score
 from benchmarks.tracking_suite import PEER, PROCESSES, THESIS, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
 from radar_dsp import Baseband, BasebandConfig
@@ -178,17 +178,12 @@ def directions(done: Sequence[Done]) -> list[dict[str, Any]]:
         for plain in (True, False)
     }
     times = {plain: [ms for d in own for ms in d.baseband_ms] for plain, own in pairs.items()}
-    found = []
+    found = {}
     for plain, label in ((True, "doa.method=dml"), (False, "doa.method=dml2 (preset people)")):
-        if not times[plain]:
-            continue
-        score = pooled(pairs[plain], PRODUCT, plain=plain)
-        title = f"{label}, MOTA {score.mota:.3f}, {score.switches:.0f} switches"
-        accuracy = ("mean GOSPA", score.mean_gospa, "m")
-        found.append(
-            choice("directions in a cell", title, accuracy=accuracy, times_ms=times[plain], reference_ms=None if plain else times[True])
-        )
-    return found
+        if times[plain]:
+            score = pooled(pairs[plain], PRODUCT, plain=plain)
+            found[titled(label, score)] = score.mean_gospa, times[plain]
+    return against_first("directions in a cell", "mean GOSPA", found, "m")
 
 
 def measure(plan: Plan, quick: bool, keep: Path | None = None) -> dict[str, Any]:

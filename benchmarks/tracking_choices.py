@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.report import choice, timed
+from benchmarks.report import against_first, timed
 from benchmarks.tracking_score import Score, total
 from benchmarks.tracking_suite import TRACKERS, Done, changed
 from radar_core import PointCloud, RadarInfo
@@ -180,25 +180,19 @@ def rows(done: Sequence[Done]) -> list[dict[str, Any]]:
     if not with_choices:
         return []
     scores = {label: total([d.choices[label] for d in with_choices]) for label in with_choices[0].choices}
-    reference = scores[DEFAULT].times.tolist()
     stages = dict.fromkeys(label.split(": ", 1)[0] for label in scores if label != DEFAULT)
     found = []
     for stage in stages:
-        found.append(_row(stage, DEFAULT, scores[DEFAULT], reference))
-        own = {label: score for label, score in scores.items() if label.startswith(f"{stage}: ")}
-        found += [_row(stage, label.split(": ", 1)[1], score, reference) for label, score in own.items()]
+        own = {label.removeprefix(f"{stage}: "): one for label, one in scores.items() if label == DEFAULT or label.startswith(f"{stage}: ")}
+        found += against_first(
+            stage, "mean GOSPA", {titled(label, one): (one.mean_gospa, one.times.tolist()) for label, one in own.items()}, "m"
+        )
     return found
 
 
-def _row(stage: str, label: str, score: Score, reference: list[float]) -> dict[str, Any]:
-    title = f"{label}, MOTA {score.mota:.3f}, {score.switches:.0f} switches"
-    return choice(
-        stage,
-        title,
-        accuracy=("mean GOSPA", score.mean_gospa, "m"),
-        times_ms=score.times.tolist(),
-        reference_ms=None if label == DEFAULT else reference,
-    )
+def titled(label: str, score: Score) -> str:
+    """Name of a row, with the figures beside its own."""
+    return f"{label}, MOTA {score.mota:.3f}, {score.switches:.0f} switches"
 
 
 def crowd(n_clouds: int, seed: int = 1) -> list[PointCloud]:
@@ -240,15 +234,5 @@ def speed(quick: bool) -> dict[str, Any]:
             if k >= len(clouds) // 4:  # everybody is confirmed
                 times[name].append(spent)
                 followed[name] += tracks.people_count
-    first = next(iter(trackers))
-    found = [
-        choice(
-            "10 people, 300 points",
-            f"tracker={name}",
-            accuracy=("tracks", followed[name] / len(spent), ""),
-            times_ms=spent,
-            reference_ms=None if name == first else times[first],
-        )
-        for name, spent in times.items()
-    ]
-    return {"step_ms_10_tracks_300_points": float(np.median(times[first])), "choices": found}
+    rows = against_first("10 people, 300 points", "tracks", {f"tracker={name}": (followed[name] / len(t), t) for name, t in times.items()})
+    return {"step_ms_10_tracks_300_points": rows[0]["time_ms"]["median"], "choices": rows}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import json
 import os
@@ -16,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.plot import draw
 from benchmarks.report import Found, scaled
-from benchmarks.stores import sources
+from benchmarks.stores import digest, sources
 from benchmarks.tradeoff.document import report, verdicts
 from benchmarks.tradeoff.stages import STAGES, Stage, StudyConfig
 from radar_core import ConfigError, DataError, HandwaveError
@@ -50,7 +49,7 @@ def key(stage: Stage, study: StudyConfig) -> str:
     told |= {"format": FORMAT, "code": sources((*stage.packages, *_SHARED, f"{stage.module.replace('.', '/')}.py"))}
     told |= {"machine": f"{platform.machine()} {os.cpu_count()}", "python": platform.python_version()}
     told |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+    return digest(told)
 
 
 def read(stage: Stage, job: Job) -> dict[str, Any] | None:

@@ -308,9 +308,9 @@ def test_events_named_again_by_other_rules():
     def figures(again):
         (one,) = again
         seen[len(seen)] = (one.outcomes[0].found.gesture, one.surplus[0].found.gesture)
-        return "!", ("gestures", 1.0, "")
+        return "!", 1.0
 
-    rows = gesture_causes.rows_of_rules("rules", [judged], sure_of_push(), figures)
+    rows = gesture_causes.rows_of_rules("rules", "gestures", [judged], sure_of_push(), figures)
     names = list(gesture_causes.rules())
     assert [row["choice"] for row in rows] == [f"{name}!" for name in names]
     for k, name in enumerate(names):
