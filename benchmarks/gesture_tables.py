@@ -102,10 +102,22 @@ def _judge_cnn(code: str, given: Cubes, config: CnnConfig, known: Mask, test: Ma
 
 def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
     """Figures of a validation; ``recognised`` counts gestures without an event as wrong, and random movements without one as right."""
-    right = np.diag(found.confusion).astype(float)
-    performed = found.confusion.sum(axis=1) + samples.missed
-    right[0] += samples.missed[0]
-    return {**found.figures(), "recognised": float(right.sum() / performed.sum()), "missed": int(samples.missed[1:].sum())}
+    return {**found.figures(), "recognised": recognised(found, samples)[0], "missed": int(samples.missed[1:].sum())}
+
+
+def recognised(found: Validation, samples: SampleSet) -> tuple[float, int]:
+    """Share of performed gestures named right, and their number; one without an event is wrong, a random movement without one is right."""
+    right = float(np.diag(found.confusion).sum() + samples.missed[0])
+    performed = int(found.confusion.sum() + samples.missed.sum())
+    return right / performed, performed
+
+
+def network(given: Cubes) -> CnnModel:
+    """Convolutional network of one epoch on a few cubes: its size and its time do not depend on how well it is trained."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "network.onnx"
+        export(train_cnn(given.cube[:64], given.label[:64], CnnConfig(epochs=1)), path, given.cube.shape[1:])
+        return CnnModel(path)
 
 
 def ten_classes(samples: SampleSet) -> tuple[dict[str, Any], dict[str, Validation]]:
@@ -186,16 +198,12 @@ def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict
         found, given = readings.validate_cnn(config), readings.cubes()
     except ConfigError as error:
         return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "network.onnx"
-        shape = (given.cube.shape[1], given.cube.shape[2], given.cube.shape[3])
-        flop = export(train_cnn(given.cube[:64], given.label[:64], CnnConfig(epochs=1)), path, shape)
-        cnn, n_bytes = CnnModel(path), path.stat().st_size
-        one, cube = samples.features[0], given.cube[:1]
-        calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
-        times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
-    figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": n_bytes, "cnn_flop": flop}
-    names = (f"perceptron 13-32-10, {mlp.flop} FLOP", f"feature cube and CNN, {flop / 1e6:.1f} MFLOP")
+    cnn = network(given)
+    one, cube = samples.features[0], given.cube[:1]
+    calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
+    times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
+    figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": cnn.n_bytes, "cnn_flop": cnn.flop}
+    names = (f"perceptron 13-32-10, {mlp.flop} FLOP", f"feature cube and CNN, {cnn.flop / 1e6:.1f} MFLOP")
     rows = {names[0]: (accuracy, times["mlp"]), names[1]: (found.accuracy, times["cnn"])}
     return figures, against_first("classifier", "held-out accuracy", rows), {"CNN": found}
 

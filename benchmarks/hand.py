@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +13,7 @@ import numpy as np
 from benchmarks.hand_runs import (
     DISTANCES,
     SCRIPTS,
+    SLOP,
     TUNING,
     Followed,
     HandStore,
@@ -28,12 +29,17 @@ from benchmarks.hand_runs import (
     scene,
     settling,
     track,
-)  # fmt: skip
-from benchmarks.report import against_first, varied
+)
+from benchmarks.report import Found, Panel, against_first, of_rms, timed, varied
 from benchmarks.stores import kept
+from benchmarks.tradeoff.people import short
+from benchmarks.tradeoff.stages import StudyConfig
+from radar_core import RadarFrame, RadarInfo, merge
 from radar_core.config import load, nest
-from radar_sim import Scene
-from radar_tracking import HandConfig
+from radar_dsp import Baseband, BasebandConfig
+from radar_sim import Scene, Simulator
+from radar_tracking import HandConfig, PeopleTracker, TrackedCloud
+from radar_tracking.fusion.clouds import fused_info
 
 FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")  # estimators that are compared; all take the same points
 GRID: Final = {"process_noise": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0), "position_std": (0.02, 0.04, 0.08)}
@@ -217,9 +223,9 @@ def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {}
     for deviation in SMOOTH:
         row = found[f"{deviation:g}"] = {}
-        for name, short in (("linear", "kf"), ("mm_vel_est", "mmvelest")):
+        for name, label in (("linear", "kf"), ("mm_vel_est", "mmvelest")):
             off = errors(runs(quick, configured(name, 1.0, deviation)), [fast(t) for t in quick])
-            row |= {f"{short}_max_m": float(np.median([one.max() for one in off])), f"{short}_p95_m": percentile(off)}
+            row |= {f"{label}_max_m": float(np.median([one.max() for one in off])), f"{label}_p95_m": percentile(off)}
     return found
 
 
@@ -235,3 +241,61 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     with kept(keep) as folder:
         return measure(folder, quick, 1 if quick else os.cpu_count() or 1)
+
+
+_TRIGGER, _COUNTED = 0.8, 1.3  # s: the hand is followed from there on; its errors count from there on
+_SAME = 0.2  # s: residuals this near tell the same, because the hand goes some 0.1 m meanwhile
+RADARS = Panel("number of radars", "hand residual (rms)", "m", "lower", "1 radar", "baseband and people tracking of one radar")
+FILTER = Panel("hand filter", "hand residual (rms)", "m", "lower", "mm_vel_est", "baseband and people tracking of one radar")
+
+
+def chain(infos: Sequence[RadarInfo]) -> tuple[RadarInfo, Callable[[Sequence[RadarFrame]], TrackedCloud]]:
+    """Baseband, fusion and tracking of some radars; their frames are the first ones that it is given."""
+    info = infos[0] if len(infos) == 1 else fused_info(infos)
+    people, basebands = PeopleTracker(None, info), [Baseband(BasebandConfig(), one) for one in infos]
+
+    def process(frames: Sequence[RadarFrame]) -> TrackedCloud:
+        parts = [baseband.process(frame) for baseband, frame in zip(basebands, frames, strict=False)]
+        room = parts[0].to_room(info.mount) if len(parts) == 1 else merge(parts, [one.mount for one in infos], SLOP)
+        return TrackedCloud(room, people.process(room))
+
+    return info, process
+
+
+def streams(study: StudyConfig) -> list[tuple[Tracked, list[float]]]:
+    """Simulate a drawing hand, seen by one radar and by both, and time each moment [ms]; `Tracked.hand`: NaN while it does not draw."""
+    scene = short(study.scene or "two_radars", study.seed, study.scene is None, radars=2)
+    simulators = [Simulator(scene, radar.frame_id) for radar in scene.radars[:2]]
+    infos = [simulator.info for simulator in simulators]
+    both, truths = [(*chain(infos[:1]), []), (*chain(infos), [])], []
+    for k in range(min(*(simulator.n_frames for simulator in simulators), round(study.pick(4.5, 8.5) / simulators[0].interval))):
+        made = [simulator.process(k) for simulator in simulators]
+        for _, process, found in both:
+            found.append(timed(process, [one.frame for one in made]))
+        truths.append(made[0].truth)
+    time = np.array([truth.stamp_ns * 1e-9 for truth in truths])
+    joint, velocity = (np.array([getattr(truth, name)[0] for truth in truths]) for name in ("hand_position", "hand_velocity"))
+    hand = np.where(np.array([truth.drawing[0] for truth in truths])[:, None], joint, np.nan)
+    return [(Tracked([c for c, _ in found], info, time, hand, joint, velocity), [ms for _, ms in found]) for info, _, found in both]
+
+
+def filters(study: StudyConfig) -> Found:
+    """Compare one radar with two, and the filters with each other, on the same drawing hand."""
+    found, default = Found(), HandConfig()
+    (one, reference), (both, spent) = streams(study)
+    counted = (one.time >= _COUNTED) & np.isfinite(one.hand[:, 0])
+    if not counted.any():
+        found.leave_out(RADARS.name, "all", f"nobody draws with a hand after {_COUNTED:g} s; choose a scene such as two_radars")
+        return found
+    n = max(round((one.time[-1] - _COUNTED) / _SAME), 1)
+
+    def add(panel: Panel, name: str, tracked: Tracked, config: HandConfig, before: Sequence[float] = (0.0,)) -> None:
+        followed = follow(tracked, config, _TRIGGER)
+        value = rms([residual(tracked, followed)[counted]])
+        found.rows.append(panel.row(name, value, np.add(before, followed.spent_ms).tolist(), reference, margin=of_rms(value, n)))
+
+    add(RADARS, "1 radar", one, default, reference)
+    add(RADARS, "2 radars", both, default, spent)
+    for name in FILTERS:
+        add(FILTER, name, both, load(HandConfig, nest({"estimator.name": name})))
+    return found

@@ -184,7 +184,12 @@ class Followed:
     covariance: Float64Array  # shape (n, 6, 6): of both
     value: Float64Array  # shape (n,): control value
     snapshots: list[SnapshotVelocity | None]  # what each cloud alone said of the velocity
-    times_ms: list[float]  # what each cloud with a hand track took [ms]
+    spent_ms: list[float]  # what each cloud took [ms]
+
+    @property
+    def times_ms(self) -> list[float]:
+        """What each cloud with a hand track took [ms]."""
+        return [spent for spent, active in zip(self.spent_ms, np.isfinite(self.position[:, 0]), strict=True) if active]
 
 
 def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene | None = None, clock_ns: int = 0) -> Tracked:
@@ -215,20 +220,20 @@ def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene
     return Tracked(clouds, info, seconds, hand[kept], streams[0].hand[kept], streams[0].velocity[kept])
 
 
-def follow(tracked: Tracked, config: HandConfig | None = None) -> Followed:
-    """Follow the hand through a tracked scene, from `TRIGGER` on."""
+def follow(tracked: Tracked, config: HandConfig | None = None, trigger: float = TRIGGER) -> Followed:
+    """Follow the hand through a tracked scene, from a time on [s]."""
     tracker, n = HandTracker(config, tracked.info), len(tracked.clouds)
-    tracker.start(None, round(TRIGGER * 1e9))
+    tracker.start(None, round(trigger * 1e9))
     position, velocity = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     covariance, value = np.full((n, 6, 6), np.nan), np.full(n, np.nan)
     snapshots: list[SnapshotVelocity | None] = []
     times: list[float] = []
     for k, cloud in enumerate(tracked.clouds):
         hand, spent = timed(tracker.process, cloud)
+        times.append(spent)
         snapshots.append(None if tracker.measured is None else tracker.measured.snapshot)
         if hand is not None and hand.active:
             position[k], velocity[k], covariance[k], value[k] = hand.position, hand.velocity, hand.covariance, hand.value
-            times.append(spent)
     return Followed(position, velocity, covariance, value, snapshots, times)
 
 

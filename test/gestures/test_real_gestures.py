@@ -10,7 +10,7 @@ import pytest
 from benchmarks import gesture_studies as real
 from benchmarks import gestures_shipped
 from benchmarks.gesture_model import model_file
-from benchmarks.gestures_real import FEWEST, REACH, accuracy_without, alone, figures, from_the_end, nobody_there
+from benchmarks.gestures_real import FEWEST, REACH, accuracy_without, alone, closing_figures, from_the_end, nobody_there
 from benchmarks.recordings import folder
 from radar_core import DataError
 from radar_gestures.curves import CURVE_NAMES, Curves
@@ -123,7 +123,7 @@ def test_the_ceiling_is_what_segments_without_a_gesture_leave() -> None:
     number, person, place = np.tile(np.arange(4), 150), np.repeat(np.arange(6), 100), np.arange(600) % 10
     vectors = rng.standard_normal((600, 12)).astype(np.float32)
     vectors[place > 1, :6] += 8 * number[place > 1, None]
-    found = figures(vectors, number, person, place == 0, place == 1, place == 5)
+    found = closing_figures(vectors, number, person, place == 0, place == 1, place == 5)
     assert found["closing_share"] == found["nobody_share"] == pytest.approx(0.1)
     assert found["others_alone"] == 1.0
     assert found["without_alone"] < 0.4  # one in four +- four sigma of 120 draws
