@@ -59,14 +59,7 @@ STAGES: Final[dict[str, Stage]] = {
     stage.name: stage
     for stage in (
         Stage("simulator", "Simulator: fidelity", ("radar_core", "radar_sim"), True, "benchmarks.propagation", "fidelity"),
-        Stage(
-            "transforms",
-            "Baseband: sample type, FFT back end, word length, lost chirps",
-            (*_DSP, "benchmarks/dsp_losses.py"),
-            False,
-            _BASEBAND,
-            "transforms",
-        ),
+        Stage("transforms", "Baseband: sample type, FFT back end, word length, lost chirps", _LOSSES, False, _BASEBAND, "transforms"),
         Stage("detection", "Baseband: CFAR, detections kept, grouping", _DSP, False, _BASEBAND, "detection"),
         Stage("directions", "Baseband: direction of arrival, refinement", _DSP, False, _BASEBAND, "directions"),
         Stage("clustering", "Tracking: clustering alone", ("radar_core", "radar_tracking"), False, "benchmarks.clustering_parts"),
