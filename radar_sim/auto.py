@@ -30,15 +30,7 @@ def choose_effects(scene: Scene, make: MakeSimulator, radar: str = "") -> Choice
     What the scene names stays. Of the others in `CANDIDATES`, those are left out, smallest first, that together change what the scene is
     for by no more than its tolerance (root sum of squares of `radar_sim.probe.Change`); where it is for samples, each is held against the
     tolerance by itself. The rest is named, with its defaults. The choice depends on the scene only, not on the machine.
-
-    Parameters
-    ----------
-    scene : Scene
-        Any scene.
-    make : MakeSimulator
-        What simulates it: `radar_sim.Simulator`.
-    radar : str
-        Which radar sees it.
+    ``make``, what simulates it, is `radar_sim.Simulator`; ``radar`` says which radar sees it.
     """
     plain = replace(scene, effects=replace(scene.effects, auto=False))
     probe, effects, reasons = Probe(plain, make, radar), plain.effects, []

@@ -9,17 +9,9 @@ from radar_core import GESTURES, ConfigError
 from radar_core.config import config, knob
 
 GESTURE_DURATION = {
-    "random": 1.0,
-    "pull": 0.5,
-    "push": 0.5,
-    "swipe_up": 0.7,
-    "swipe_down": 0.7,
-    "swipe_right": 0.7,
-    "swipe_left": 0.7,
-    "rotate": 0.95,
-    "wave": 1.3,
-    "push_pull": 0.85,
-}
+    "random": 1.0, "pull": 0.5, "push": 0.5, "swipe_up": 0.7, "swipe_down": 0.7, "swipe_right": 0.7, "swipe_left": 0.7, "rotate": 0.95,
+    "wave": 1.3, "push_pull": 0.85,
+}  # fmt: skip
 """How long a stroke takes unless the scene says otherwise [s]."""
 
 VARIANTS = {"pull": 2, "push": 2, "rotate": 2}

@@ -59,21 +59,11 @@ world that another one made, where it is given."""
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """Some frames of a scene as one radar would see them, with any set of effects.
+    """Some frames of a scene as one radar would see them, with any set of effects."""
 
-    Parameters
-    ----------
-    scene : Scene
-        Without ``effects: auto``.
-    make : MakeSimulator
-        What simulates it: `radar_sim.Simulator`.
-    radar : str
-        Which radar.
-    """
-
-    scene: Scene
-    make: MakeSimulator
-    radar: str = ""
+    scene: Scene  # without ``effects: auto``
+    make: MakeSimulator  # what simulates it: `radar_sim.Simulator`
+    radar: str = ""  # which radar
 
     def simulator(self, effects: Effects, **more: Any) -> Any:
         """Simulate the scene with other effects."""

@@ -12,7 +12,6 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_sim.scatterers import THING, Float64Array, Hull, Motion, Scatterers, Triangles
 from radar_sim.scene import Scene, SceneRadar
@@ -106,8 +105,7 @@ def _inner_edges(corner: Corner, radar: tuple[float, float]) -> Float64Array:
     axis = np.array([math.cos(heading), math.sin(heading), 0.0])
     side, up = np.array([-axis[1], axis[0], 0.0]), np.array([0.0, 0.0, 1.0])
     roll = np.radians([0.0, 120.0, 240.0])[:, None]
-    edges: Float64Array = (axis + math.sqrt(2.0) * (np.cos(roll) * up + np.sin(roll) * side)) / math.sqrt(3.0)
-    return edges
+    return np.asarray((axis + math.sqrt(2.0) * (np.cos(roll) * up + np.sin(roll) * side)) / math.sqrt(3.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +171,6 @@ def _rough(scene: Scene) -> Scatterers:
                 rcs.append(np.full(len(places), area * thing.diffuse))
     sigma = np.concatenate(rcs)
     motion = Motion.still(np.concatenate(position))
-    return Scatterers(motion, np.concatenate(normal), sigma, np.full(len(sigma), THING, np.int32), _hulls(hull))
-
-
-def _hulls(parts: list[NDArray[np.float64]]) -> tuple[Hull, ...]:
-    """Make what still things hide with, once."""
-    if not parts:
-        return ()
-    triangles = Triangles(np.concatenate(parts))
-    return (lambda: triangles,)
+    triangles = Triangles(np.concatenate(hull)) if hull else None
+    hulls: tuple[Hull, ...] = () if triangles is None else (lambda: triangles,)
+    return Scatterers(motion, np.concatenate(normal), sigma, np.full(len(sigma), THING, np.int32), hulls)

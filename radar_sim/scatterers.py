@@ -15,32 +15,18 @@ THING = -1
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Where points are during one frame: each on a parabola in time about the middle of the acquisition.
+    """Where points are during one frame: each on a parabola in time about the middle of the acquisition; shapes (n, 3)."""
 
-    Attributes
-    ----------
-    position, velocity, acceleration : ndarray of float64, shape (n, 3)
-        In the middle of the acquisition [m], [m/s], [m/s^2].
-    """
-
-    position: Float64Array
-    velocity: Float64Array
-    acceleration: Float64Array
+    position: Float64Array  # in the middle of the acquisition [m]
+    velocity: Float64Array  # [m/s]
+    acceleration: Float64Array  # [m/s^2]
 
     def __len__(self) -> int:
         return len(self.position)
 
     @classmethod
     def through(cls, places: Float64Array, span: float) -> Motion:
-        """Lay the parabola through places at start, middle and end of a stretch of time.
-
-        Parameters
-        ----------
-        places : ndarray, shape (3, n, 3)
-            Positions [m].
-        span : float
-            From start to end [s].
-        """
+        """Lay the parabola through places at start, middle and end, shape (3, n, 3) [m], of a stretch of time [s]."""
         start, middle, end = places
         return cls(middle, (end - start) / span, (start - 2 * middle + end) * (4 / span**2))
 
@@ -201,5 +187,4 @@ class Echoes:
 
 def _rate(leg: Motion) -> Float64Array:
     distance = np.sqrt((leg.position**2).sum(-1))
-    rate: Float64Array = (leg.position * leg.velocity).sum(-1) / np.maximum(distance, 1e-9)
-    return rate
+    return np.asarray((leg.position * leg.velocity).sum(-1) / np.maximum(distance, 1e-9))

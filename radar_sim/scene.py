@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_args
 
@@ -12,9 +12,8 @@ from radar_core import ConfigError, RadarInfo
 from radar_core.config import config, knob, load_file
 from radar_core.paths import find_config
 from radar_sim.effects.config import Effects, EffectsKnob
-from radar_sim.geometry import check_places
 from radar_sim.people import Action, Person
-from radar_sim.things import Corner, Furniture, Point, Wall
+from radar_sim.things import Corner, Furniture, Point, Wall, check_places
 
 Model = Literal["auto", "separable", "nufft", "blocks", "exact", "reference"]
 MODELS: Final[tuple[Model, ...]] = get_args(Model)[1:]
@@ -42,8 +41,7 @@ class Transmitter:
     """How the transmitters' amplitude is modulated, and whether they take turns."""
 
     amplitude: Literal["constant", "intra", "inter"] = knob(
-        "constant",
-        doc="intra: tapered over each chirp; inter: from chirp to chirp of a frame",
+        "constant", doc="intra: tapered over each chirp; inter: from chirp to chirp of a frame"
     )
     taper: str = knob("hann", doc="intra, inter: scipy's name of the taper, parameters after colons, e.g. chebwin:60")
     together: tuple[tuple[float, float], ...] = knob(
@@ -77,12 +75,12 @@ class SceneRadar(RadarInfo):
     @property
     def info(self) -> RadarInfo:
         """What the radar says of itself."""
-        return RadarInfo(**{f.name: getattr(self, f.name) for f in dataclasses.fields(RadarInfo)})
+        return RadarInfo(**{f.name: getattr(self, f.name) for f in fields(RadarInfo)})
 
     @classmethod
     def of(cls, info: RadarInfo, **more: Any) -> SceneRadar:
         """Put a radar into a scene; ``more`` are the fields that only a simulation knows."""
-        return cls(**{f.name: getattr(info, f.name) for f in dataclasses.fields(RadarInfo)}, **more)
+        return cls(**{f.name: getattr(info, f.name) for f in fields(RadarInfo)}, **more)
 
     @property
     def namespace(self) -> str:
@@ -148,12 +146,10 @@ def load_scene(name: str | Path) -> Scene:
     """
     path = find_config(name, "scenes", ".yaml")
     scene = load_file(Scene, path)
-    people = tuple(dataclasses.replace(p, script=tuple(_beside(action, path.parent) for action in p.script)) for p in scene.people)
-    return dataclasses.replace(scene, people=people)
 
+    def beside(action: Action) -> Action:
+        """Take a motion capture's path as relative to the scene's file."""
+        play = action.play
+        return action if play is None else replace(action, play=replace(play, file=str(path.parent / play.file)))
 
-def _beside(action: Action, folder: Path) -> Action:
-    """Take a motion capture's path as relative to the scene's file."""
-    if action.play is None:
-        return action
-    return dataclasses.replace(action, play=dataclasses.replace(action.play, file=str(folder / action.play.file)))
+    return replace(scene, people=tuple(replace(p, script=tuple(map(beside, p.script))) for p in scene.people))

@@ -31,27 +31,12 @@ class ChannelErrors:
     seed: int = knob(0, low=0, high=1 << 62, doc="of the errors")
 
     def draw(self, array: AntennaArray) -> AntennaArray:
-        """Put errors into an array.
-
-        Parameters
-        ----------
-        array : AntennaArray
-            The drawing; a calibration that it carries is replaced.
-
-        Returns
-        -------
-        AntennaArray
-            What stands on the turntable: `AntennaArray.steering` includes the errors.
-        """
+        """Put errors into an array, in place of a calibration that it carries: `AntennaArray.steering` then includes them."""
         n = array.n_tx * array.n_rx
         draws = np.random.Generator(np.random.SFC64([self.seed, 0x7A])).standard_normal((4, n))
-        shift = self.shift * draws[2:].T
-        return dataclasses.replace(
-            array,
-            channel_gain=tuple((self.gain * draws[0]).tolist()),
-            channel_phase=tuple((self.phase * draws[1]).tolist()),
-            channel_shift=tuple((y, z) for y, z in shift.tolist()),
-        )
+        gain, phase = (tuple((rms * draw).tolist()) for rms, draw in zip((self.gain, self.phase), draws, strict=False))
+        shift = tuple((y, z) for y, z in (self.shift * draws[2:].T).tolist())
+        return dataclasses.replace(array, channel_gain=gain, channel_phase=phase, channel_shift=shift)
 
 
 @config
@@ -70,11 +55,7 @@ class Sweep:
     dwell: float = knob(1.0, unit="s", low=1e-3, high=1e4, doc="time at each angle")
     settle: float = knob(0.0, unit="s", low=0.0, high=1e4, doc="frames nearer than this to a change of angle are left out")
     begin: float | None = knob(
-        None,
-        unit="s",
-        low=0.0,
-        high=1e6,
-        doc="start of the first angle, after the recording's first frame; empty: after the sweep before",
+        None, unit="s", low=0.0, high=1e6, doc="start of the first angle, after the recording's first frame; empty: after the sweep before"
     )
 
     def validate(self) -> None:
@@ -88,8 +69,7 @@ class Sweep:
     def angles(self) -> NDArray[np.float64]:
         """Angles in their order, shape (n_angle,) [rad]."""
         n = math.floor((self.stop - self.start) / self.step + 1e-6) + 1
-        angles: NDArray[np.float64] = np.radians(self.start + self.step * np.arange(n))
-        return angles
+        return np.asarray(np.radians(self.start + self.step * np.arange(n)))
 
     def directions(self) -> NDArray[np.float64]:
         """Directions in their order, shape (n_angle, 2) = (azimuth, elevation) [rad]."""
@@ -139,21 +119,11 @@ class Turntable:
 
 @dataclass(frozen=True, eq=False)
 class TurntableFrame:
-    """One frame from the turntable and what its scale says.
+    """One frame from the turntable and what its scale says."""
 
-    Attributes
-    ----------
-    azimuth, elevation : float
-        Where the reflector is said to be, in the sensor frame [rad]; mounting errors are not in.
-    sweep : int
-        Number of the sweep.
-    frame : RadarFrame
-        Raw samples.
-    """
-
-    azimuth: float
+    azimuth: float  # where the reflector is said to be, in the sensor frame [rad]; mounting errors are not in
     elevation: float
-    sweep: int
+    sweep: int  # number of the sweep
     frame: RadarFrame
 
 
@@ -185,25 +155,16 @@ class TurntableSimulator:
 
     def _make_plan(self) -> list[tuple[float, int, float, float]]:
         """Time [s], sweep, azimuth and elevation [rad] of every frame."""
-        plan = []
-        for number, (sweep, begin) in enumerate(zip(self.config.sweeps, begins(self.config.sweeps), strict=True)):
-            for i, (azimuth, elevation) in enumerate(sweep.directions().tolist()):
-                for j in range(self.config.frames):
-                    plan.append((begin + (i + j / self.config.frames) * sweep.dwell, number, azimuth, elevation))
-        return plan
+        frames, timed = self.config.frames, zip(self.config.sweeps, begins(self.config.sweeps), strict=True)
+        return [
+            (begin + (i + j / frames) * sweep.dwell, number, azimuth, elevation)
+            for number, (sweep, begin) in enumerate(timed)
+            for i, (azimuth, elevation) in enumerate(sweep.directions().tolist())
+            for j in range(frames)
+        ]
 
     def process(self, sequence: int) -> TurntableFrame:
-        """Simulate one frame: a function of the configuration and ``sequence`` only.
-
-        Parameters
-        ----------
-        sequence : int
-            Number of the frame.
-
-        Returns
-        -------
-        TurntableFrame
-            Samples in volts at 50 ohm, and the stated direction.
+        """Simulate one frame: samples in volts at 50 ohm, and the stated direction, of the configuration and ``sequence`` only.
 
         Raises
         ------

@@ -52,32 +52,12 @@ class World:
         return [figure.skeleton.pose(timeline.posture(times)) for figure, timeline in zip(self._figures, self.timelines, strict=True)]
 
     def scatterers(self, middle: float, span: float, poses: list[Pose]) -> Scatterers:
-        """Everything that could echo, in ``room``: things first, then people in the scene's order.
-
-        Parameters
-        ----------
-        middle, span : float
-            The acquisition's middle in scene time, and its length [s].
-        poses : list of Pose
-            As `poses` gives them.
-        """
+        """Everything that could echo, in ``room``: things first, then people in the scene's order; arguments are those of `poses`."""
         bodies = [figure.body.surface(pose, span, i) for i, (figure, pose) in enumerate(zip(self._figures, poses, strict=True))]
         return Scatterers.join([self._things.scatterers(middle), *bodies])
 
     def truth(self, waveform: Waveform, start_ns: int, sequence: int, poses: list[Pose], seen: Scatterers) -> Truth:
-        """Tell what is true in the middle of a frame.
-
-        Parameters
-        ----------
-        waveform : Waveform
-            Of the radar.
-        start_ns, sequence : int
-            Of the frame.
-        poses : list of Pose
-            As `poses` gives them.
-        seen : Scatterers
-            What echoes.
-        """
+        """Tell what is true in the middle of a frame, with poses as `poses` gives them and what of everything is seen."""
         n, span = len(poses), waveform.acquisition_time
         middle_ns = start_ns + waveform.acquisition_ns // 2
         doing = [timeline.at(middle_ns / _SECOND) for timeline in self.timelines]
@@ -111,8 +91,7 @@ class World:
 
 def _rate(places: Float64Array, span: float) -> Float64Array:
     """Mean velocity between start and end, (n, 3), of places (n, 3 times, 3)."""
-    rate: Float64Array = (places[:, 2] - places[:, 0]) / span
-    return rate
+    return np.asarray((places[:, 2] - places[:, 0]) / span)
 
 
 def _gestures(doing: list[Segment | None]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -57,8 +57,7 @@ def sphere(n: int) -> Float64Array:
 
 def stretch(unit: Float64Array, half: Float64Array) -> Float64Array:
     """Area of an ellipsoid's surface over that of the unit sphere there, shape (n,), for half axes (3,) and unit vectors (n, 3)."""
-    ratio: Float64Array = half.prod() * np.sqrt(((unit / half) ** 2).sum(-1))
-    return ratio
+    return np.asarray(half.prod() * np.sqrt(((unit / half) ** 2).sum(-1)))
 
 
 def spread(half: Float64Array, n: int, twist: float = 0.0) -> tuple[Float64Array, Float64Array]:

@@ -89,8 +89,7 @@ class Skeleton:
         """Forward kinematics in the person's frame, shape (T, 22, 3) [m]."""
         steps = (rotation[:, self._parents] @ self._offset[..., None])[..., 0]
         steps[:, _PELVIS] = self._offset[_PELVIS] + pelvis * self._leg
-        joint: Float64Array = self._ancestors @ steps
-        return joint
+        return np.asarray(self._ancestors @ steps)
 
     def _solve(self, posture: Posture) -> Float64Array:
         """Rotation of every bone from rest to the person's frame, shape (T, 22, 3, 3)."""
@@ -125,8 +124,7 @@ class Skeleton:
 
 def _pitch(shank: Float64Array) -> Float64Array:
     """By how much shanks (..., 3) are turned, ankle backwards, from hanging [rad]."""
-    angle: Float64Array = np.arctan2(-shank[..., 0], -shank[..., 2])
-    return angle
+    return np.asarray(np.arctan2(-shank[..., 0], -shank[..., 2]))
 
 
 def bend(

@@ -42,8 +42,7 @@ def blend(
     """
     # rotation @ (x - rest) + joint = rotation @ x + shift: one blend of both per point
     shift = pose.joint - (pose.rotation @ rest[:, :, None])[..., 0]
-    moved: Float64Array = _blend(points, swell, bone, weight, np.ascontiguousarray(pose.rotation), shift, pose.breath)
-    return moved
+    return np.asarray(_blend(points, swell, bone, weight, np.ascontiguousarray(pose.rotation), shift, pose.breath))
 
 
 @_jit
@@ -149,8 +148,7 @@ class MeshBody:
 
     def vertices(self, pose_at_one_time: Pose) -> Float64Array:
         """Places of the skin's vertices in ``room`` for a pose at one time, shape (n_vertex, 3) [m]."""
-        vertices: Float64Array = self._skin(pose_at_one_time)[0]
-        return vertices
+        return np.asarray(self._skin(pose_at_one_time)[0])
 
     def _skin(self, pose: Pose) -> Float64Array:
         subject = self.subject

@@ -86,8 +86,7 @@ class Subject:
         total = np.zeros_like(self.vertices)
         for k in range(3):
             np.add.at(total, self.faces[:, k], across)
-        unit: Float64Array = total / np.maximum(np.sqrt((total**2).sum(-1, keepdims=True)), 1e-12)
-        return unit
+        return np.asarray(total / np.maximum(np.sqrt((total**2).sum(-1, keepdims=True)), 1e-12))
 
 
 def _coefficients(shape: _Shape, person: Person) -> Float64Array:
@@ -99,8 +98,7 @@ def _coefficients(shape: _Shape, person: Person) -> Float64Array:
     n_vertex = len(shape.weight)
     statures = [float(np.ptp((np.tensordot(level, shape.basis[..., 2], 1) + shape.mean[:, 2])[:n_vertex])) for level in levels]
     at = float(np.interp(person.height, statures, [0.0, 1.0, 2.0]))
-    total: Float64Array = sum((a * levels[h] for h, a in _between(at)), np.zeros(shape.coef.shape[1]))
-    return total
+    return np.asarray(sum((a * levels[h] for h, a in _between(at)), np.zeros(shape.coef.shape[1])))
 
 
 def _between(at: float) -> list[tuple[int, float]]:
@@ -145,5 +143,4 @@ def between(start: Float64Array, end: Float64Array) -> Float64Array:
     """Smallest rotation that takes one unit vector (3,) to another that is not its opposite; shape (3, 3)."""
     k = np.cross(start, end)
     cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-    rotation: Float64Array = np.eye(3) + cross + cross @ cross / (1.0 + start @ end)
-    return rotation
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + start @ end))

@@ -200,8 +200,7 @@ class Playing:
         base = Rotation.from_matrix(standing.reshape(-1, 3, 3))
         step = (base.inv() * Rotation.from_matrix(played.reshape(-1, 3, 3))).as_rotvec()
         weight = np.repeat([self.weight(time) for time in times.tolist()], len(BONES))
-        mixed: Float64Array = (base * Rotation.from_rotvec(weight[:, None] * step)).as_matrix().reshape(played.shape)
-        return mixed
+        return np.asarray((base * Rotation.from_rotvec(weight[:, None] * step)).as_matrix().reshape(played.shape))
 
 
 def _rest_places(bvh: Bvh) -> Float64Array:

@@ -168,5 +168,4 @@ class Leg:
 
 
 def _norm(vector: Float64Array) -> Float64Array:
-    norm: Float64Array = np.sqrt((vector**2).sum(-1))
-    return norm
+    return np.asarray(np.sqrt((vector**2).sum(-1)))
