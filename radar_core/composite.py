@@ -72,12 +72,11 @@ class CloudComposite(PointCloud):
     @property
     def parts(self) -> tuple[PointCloud, ...]:
         """The points of each source as a cloud of its own in ``room``, with that source's stamp, sequence, quality and stride."""
-        return tuple(self._part(number, source) for number, source in enumerate(self.sources))
-
-    def _part(self, number: int, source: CloudSource) -> PointCloud:
-        own = self.sensor == number
-        arrays = {name: getattr(self, name)[own] for name in ARRAY_FIELDS}
-        return PointCloud(source.stamp_ns, source.sequence, self.frame_id, **arrays, quality=source.quality, every=source.every)
+        found = []
+        for number, s in enumerate(self.sources):
+            arrays = {name: getattr(self, name)[self.sensor == number] for name in ARRAY_FIELDS}
+            found.append(PointCloud(s.stamp_ns, s.sequence, self.frame_id, **arrays, quality=s.quality, every=s.every))
+        return tuple(found)
 
 
 def merge(clouds: Sequence[PointCloud], mounts: Sequence[Pose], tolerance: float = 0.02) -> CloudComposite:

@@ -218,7 +218,8 @@ def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> s
     where = f"{source}:{line}" if line else source
     key = ".".join(map(str, location)) or "(top level)"
     if problem["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
-        known = _known_keys(cls, location[:-1])
+        owner = _inside(cls, location[:-1])
+        known = [field.name for field in dataclasses.fields(owner)] if owner is not None else []
         return f"{where}: unknown key '{key}'{_nearest(location[-1], known)}" + (f"; known here: {', '.join(known)}" if known else "")
     if problem["type"] in ("missing", "missing_argument"):
         return f"{where}: '{key}' is missing; add it"
@@ -252,11 +253,6 @@ def _child(node: yaml.Node, part: Any) -> yaml.Node | None:
     elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
         return node.value[part]  # type: ignore[no-any-return]
     return None
-
-
-def _known_keys(cls: Any, location: Sequence[Any]) -> list[str]:
-    cls = _inside(cls, location)
-    return [field.name for field in dataclasses.fields(cls)] if cls is not None else []
 
 
 def _inside(cls: Any, location: Sequence[Any]) -> Any:

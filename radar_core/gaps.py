@@ -17,12 +17,7 @@ class Gaps:
     def due(self, sequence: int, every: int) -> bool:
         """Say whether a message is to be taken when one in so many is: no other of its slot was, or it is of a new source.
 
-        Parameters
-        ----------
-        sequence : int
-            Of the message.
-        every : int
-            Length of a slot, at least 1.
+        ``every`` is the length of a slot, at least 1.
         """
         last = self._last
         return last is None or sequence <= last or sequence // every > last // every
@@ -34,17 +29,8 @@ class Gaps:
         kind count. Where it changed with a message that was lost, only the source knows what was left out: the count is then what the slots
         of the two that came allow.
 
-        Parameters
-        ----------
-        sequence : int
-            Of the message. One that is not larger than the one before is of a new source, which lost nothing yet.
-        every : int
-            Length of a slot; 0, of whoever does not say it, means 1.
-
-        Returns
-        -------
-        int
-            At least 0.
+        A sequence that is not larger than the one before is of a new source, which lost nothing yet. ``every`` is the length of a slot; 0,
+        of whoever does not say it, means 1.
         """
         last, slot = self._last, max(self._every, every, 1)
         self._last, self._every = sequence, every

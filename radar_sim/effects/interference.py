@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,10 +15,8 @@ from radar_sim.effects.config import InterferenceConfig, NoiseConfig
 from radar_sim.effects.echo import Pattern
 from radar_sim.effects.receiver import elements
 from radar_sim.propagation.base import IMPEDANCE, NEAR
-from radar_sim.propagation.kernels import cosine, reduced, sine
+from radar_sim.propagation.kernels import cosine, jit, reduced, sine
 from radar_sim.scatterers import Echoes, Float64Array
-
-_jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 
 
 class Interference:
@@ -68,7 +65,7 @@ class Interference:
         return f"floor raised by {rise:.1f} dB, in band for {100 * share(config, setting.info.waveform):.2g} % of the time"
 
 
-@_jit
+@jit
 def cross(starts: Any, ours: Any, theirs: Any, bursts: Any) -> Any:
     """Mix sweeps of another radar with ours; `cross_reference` in the tests says the same in numpy.
 
@@ -113,7 +110,7 @@ def cross(starts: Any, ours: Any, theirs: Any, bursts: Any) -> Any:
     return heard
 
 
-@_jit
+@jit
 def _burst(burst: Any, n0: Any, n1: Any, rate: Any, phase: Any, offset: Any, alpha: Any, zoom: Any, sign: Any) -> None:
     """Filter the tone of phase + offset t + alpha t^2 / 2 turns: exp(j pi/4) / sqrt(2) times the Fresnel integral over the band."""
     eighth = np.float32(0.5)  # exp(j pi/4) / sqrt(2) = (1 + j) / 2
@@ -130,7 +127,7 @@ def _burst(burst: Any, n0: Any, n1: Any, rate: Any, phase: Any, offset: Any, alp
         burst[n] += np.complex64(complex(re * cos - im * sin, re * sin + im * cos))
 
 
-@_jit
+@jit
 def _fresnel(v: Any) -> Any:
     """Fresnel integrals C and S, to 2e-3 (Abramowitz and Stegun, 7.3.9, 7.3.10, 7.3.32, 7.3.33)."""
     x = np.float32(min(abs(v), 1e9))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,10 +13,8 @@ from radar_sim.effects.base import BOLTZMANN, Moment, Setting, Signal
 from radar_sim.effects.config import NoiseConfig
 from radar_sim.effects.physics import amplitudes
 from radar_sim.propagation.base import IMPEDANCE
-from radar_sim.propagation.kernels import cosine, sine
+from radar_sim.propagation.kernels import cosine, jit, sine
 from radar_sim.scatterers import Echoes
-
-_jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 
 
 def _fit_logarithm() -> NDArray[np.float32]:
@@ -64,7 +61,7 @@ def power(config: NoiseConfig, info: RadarInfo) -> float:
     return BOLTZMANN * config.temperature * 10 ** (config.noise_figure / 10) * w.n_sample / w.chirp_duration
 
 
-@_jit
+@jit
 def add_noise(raw: Any, volts: Any, gain: Any, parts: Any) -> None:
     """Add circular Gaussian noise to samples, then amplify them; `add_noise_reference` in the tests says the same in numpy.
 
