@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from radar_driver.boards import Board, Found
-    from radar_driver.probing import Probe
+    from radar_driver.health import Probe
     from radar_driver.sources import Source
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
@@ -156,7 +156,7 @@ def probe(
     """
     from radar_core.config import load, nest
     from radar_driver.health import HealthConfig
-    from radar_driver.probing import probe as listen
+    from radar_driver.health import probe as listen
 
     limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
     if scene is not None and board != "sim":

@@ -1,11 +1,10 @@
-"""What a radar is made of: devices that are opened and closed, parts that are powered and suspended, a radar composed of them (3.4).
+"""What a radar is made of: parts that are powered and suspended, and a radar composed of them (3.4).
 
 The thesis has one class for each integrated circuit, one for each board, and a radar that delegates to its boards in a fixed sequence.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import Enum
@@ -17,30 +16,12 @@ Report = Mapping[str, Any]
 
 
 class PowerState(Enum):
-    """How far up something is."""
+    """How far up something is, the lowest first."""
 
+    FAILED = "failed"
     OFF = "off"
     SUSPENDED = "suspended"
     RUNNING = "running"
-    FAILED = "failed"
-
-
-class Device(ABC):
-    """One part that talks: a chip behind a bus, a USB or serial link, a socket."""
-
-    name: str
-
-    @abstractmethod
-    def open(self) -> None:
-        """Make it ready to use; a `DeviceError` says that it is not there or does not answer, and leaves it closed."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Let go of it; may be called twice, and never fails."""
-
-    def report(self) -> Report:
-        """Say what is known of it."""
-        return {}
 
 
 class Component:
@@ -68,10 +49,7 @@ class Component:
 class Radar:
     """Powers its components in sequence, and backwards; a failure at any step takes back all steps before it.
 
-    Parameters
-    ----------
-    components : sequence of Component
-        In the order in which they are powered up and resumed; suspended and powered down in the reverse order.
+    ``components`` are powered up and resumed in the order given, suspended and powered down in the reverse order.
     """
 
     def __init__(self, components: Sequence[Component]) -> None:
@@ -83,8 +61,7 @@ class Radar:
     @property
     def state(self) -> PowerState:
         """The state that all components share; failed when one has, else the lowest."""
-        order = (PowerState.FAILED, PowerState.OFF, PowerState.SUSPENDED, PowerState.RUNNING)
-        return min(self._states.values(), key=order.index, default=PowerState.OFF)
+        return min(self._states.values(), key=list(PowerState).index, default=PowerState.OFF)
 
     def power_up(self) -> None:
         """Power up every component that is off, in order; a `DeviceError` names the one that failed, and all are powered down then."""
@@ -129,6 +106,5 @@ class Radar:
         except HandwaveError as error:
             self._states[component.name] = PowerState.FAILED
             Radar.power_down(self)
-            gone = getattr(error, "gone", False)
-            raise DeviceError(f"{component.name} did not {step}: {error}", gone=gone) from error
+            raise DeviceError(f"{component.name} did not {step}: {error}", gone=getattr(error, "gone", False)) from error
         self._states[component.name] = state

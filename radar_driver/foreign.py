@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
@@ -52,25 +53,13 @@ class ForeignConfig:
 
     def info(self, frame_id: str) -> RadarInfo:
         """Describe the radar: of its waveform and antennas nothing is known."""
-        general = cloud_source_info(self.frame_interval, (self.fov_azimuth, self.fov_elevation), self.mount)
-        return RadarInfo(frame_id=frame_id, waveform=general.waveform, array=general.array, mount=self.mount)
+        return replace(cloud_source_info(self.frame_interval, (self.fov_azimuth, self.fov_elevation), self.mount), frame_id=frame_id)
 
 
 def foreign_cloud(
     values: Mapping[str, Float64Array], config: ForeignConfig, stamp_ns: int, sequence: int, frame_id: str
 ) -> tuple[PointCloud, int]:
-    """Make a cloud of the values of somebody's fields.
-
-    Parameters
-    ----------
-    values : mapping of str to ndarray, shape (n,)
-        ``x``, ``y`` and, where they are there, ``z``, ``doppler``, ``intensity``.
-    config : ForeignConfig
-        What they mean.
-    stamp_ns, sequence : int
-        Of the cloud.
-    frame_id : str
-        Of the sensor.
+    """Make a cloud of somebody's fields, each of shape (n,): ``x``, ``y`` and, where they are there, ``z``, ``doppler``, ``intensity``.
 
     Returns
     -------
@@ -94,9 +83,7 @@ def foreign_cloud(
 
 
 def _decibel(value: Float64Array, unit: str) -> Float64Array:
-    if unit == "db":
-        return value
-    return decibel(value) * (1.0 if unit == "power" else 2.0)
+    return value if unit == "db" else decibel(value) * (1.0 if unit == "power" else 2.0)
 
 
 def _sane(value: Float64Array) -> Float64Array:

@@ -1,13 +1,11 @@
-"""Health of a radar from a few seconds of its data: each check has a measured value, a verdict and what to do.
-
-Nothing here talks to a device: frames or clouds go in, with the times of their arrival, and the source's own report.
-"""
+"""Health of a radar from a few seconds of its data: each check has a measured value, a verdict and what to do."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Final
 
@@ -15,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
-from radar_core import PointCloud, RadarFrame, RadarInfo
+from radar_core import DeviceError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
+from radar_driver.sources import Source
 from radar_driver.spectra import Levels, Spectra
 
 Float64Array = NDArray[np.float64]
 
 _ROUNDING: Final = 1e-6  # of the largest sample; less is no noise but the rounding of single precision
+_WAIT: Final = 0.2  # s: how long one read may take
 _LINE: Final = 300  # frames that the line is made of; it takes the square of them
 _ENOUGH: Final = 3  # frames; with fewer there is no rate and no jitter
 _LOST_FRAMES: Final = "the machine or the link is too slow: close other programs, use a port of its own, or a lower frame rate"
@@ -44,12 +44,10 @@ class Check:
 
     Attributes
     ----------
-    name : str
-        Of the check.
+    name, unit, text : str
+        Of the check; of the value; the value for people.
     value : float or None
         What was measured, in ``unit``; None: nothing could be.
-    unit, text : str
-        Of the value; the value for people.
     verdict : Verdict
         Whether it is all right.
     advice : str
@@ -71,9 +69,7 @@ class HealthConfig:
     temperature_warn: float = knob(75.0, unit="degC", low=-50.0, high=200.0, doc="warm")
     temperature_fail: float = knob(95.0, unit="degC", low=-50.0, high=200.0, doc="too hot for most radar chips")
     channel_spread: float = knob(6.0, unit="dB", low=0.1, high=100.0, doc="between the noise floors of two receivers")
-    coupling_warn: float = knob(
-        -12.0, unit="dBFS", low=-200.0, high=0.0, doc="leakage at zero range that takes a quarter of the converter's range"
-    )
+    coupling_warn: float = knob(-12.0, unit="dBFS", low=-200.0, high=0.0, doc="leakage at zero range: a quarter of the converter's range")
     coupling_fail: float = knob(-3.0, unit="dBFS", low=-200.0, high=0.0, doc="leakage that leaves no range for echoes")
     saturated_fail: float = knob(1e-3, low=0.0, high=1.0, doc="share of samples at the converter's limit; any at all is warned of")
     rate_warn: float = knob(0.02, low=0.0, high=1.0, doc="deviation of the frame rate from what the radar says")
@@ -109,12 +105,8 @@ class Arrivals:
     def pace(self) -> tuple[float, Float64Array]:
         """Fit a straight line through numbers and times.
 
-        Returns
-        -------
-        interval : float
-            Between two frames that the device made [s].
-        late : ndarray, shape (n,)
-            How late each came, against the earliest that the line allows [s].
+        Gives the interval between two frames that the device made [s], and how late each came against the earliest that the line allows
+        [s], shape (n,).
         """
         numbers = np.array(self._numbers, np.float64)
         times = (np.array(self._times) - self._times[0]) * 1e-9
@@ -125,15 +117,7 @@ class Arrivals:
 
 
 class Health:
-    """Takes in what a source gives and judges it.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        Of the source.
-    config : HealthConfig or None
-        The limits; None: the defaults.
-    """
+    """Takes in what a source with the description ``info`` gives, and judges it by the limits of ``config`` (None: the defaults)."""
 
     def __init__(self, info: RadarInfo, config: HealthConfig | None = None) -> None:
         self._info, self._config = info, config if config is not None else HealthConfig()
@@ -163,19 +147,9 @@ class Health:
         self._problem = self._problem or problem
 
     def checks(self, report: Mapping[str, Any], seconds: float) -> tuple[Check, ...]:
-        """Judge what came.
+        """Judge what came in ``seconds`` of listening: the link first; what cannot be measured of this source is `Verdict.UNKNOWN`.
 
-        Parameters
-        ----------
-        report : mapping
-            What the source says of itself; values named ``temperature`` (of any part) are degrees Celsius.
-        seconds : float
-            How long it was listened to.
-
-        Returns
-        -------
-        tuple of Check
-            The link first; what cannot be measured of this source is `Verdict.UNKNOWN`.
+        ``report`` is what the source says of itself; values named ``temperature`` (of any part) are degrees Celsius.
         """
         found = [self._link(seconds), *self._temperature(report)]
         if not len(self._arrivals):
@@ -202,10 +176,9 @@ class Health:
 
     def _temperature(self, report: Mapping[str, Any]) -> list[Check]:
         limits = self._config
-        named = {key: value for key, value in report.items() if key.rpartition(".")[2] == "temperature"}
         found = []
-        for key, value in named.items():
-            if not isinstance(value, (int, float)) or not np.isfinite(value):
+        for key, value in report.items():
+            if key.rpartition(".")[2] != "temperature" or not isinstance(value, (int, float)) or not np.isfinite(value):
                 continue
             verdict = _above(value, limits.temperature_warn, limits.temperature_fail)
             advice = "let air reach the board, or make it transmit less of the time" if verdict is not Verdict.OK else ""
@@ -263,9 +236,8 @@ class Health:
         rate = 1 / measured if measured > 0 else float("inf")
         off = abs(rate * interval - 1)
         verdict = _above(off, self._config.rate_warn, self._config.rate_fail)
-        advice = ""
-        if verdict is not Verdict.OK:
-            advice = f"the radar's description says {1 / interval:.4g} Hz: correct that (.cfg, frame_interval), or the link is too slow"
+        said = f"the radar's description says {1 / interval:.4g} Hz: correct that (.cfg, frame_interval), or the link is too slow"
+        advice = said if verdict is not Verdict.OK else ""
         jitter = float(np.percentile(late, 99))
         shaky = _above(jitter / interval, self._config.jitter_warn, self._config.jitter_fail)
         hint = "data comes in bursts: another USB port without a hub, or less load on this machine" if shaky is not Verdict.OK else ""
@@ -289,8 +261,7 @@ class Health:
     def _strength(self) -> Check:
         if not self._snr:
             return Check("snr", None, "dB", "not given by this source", Verdict.UNKNOWN)
-        snr = float(np.median(self._snr))
-        return Check("snr", snr, "dB", f"{snr:.1f} dB median of all points", Verdict.OK)
+        return Check("snr", float(np.median(self._snr)), "dB", f"{np.median(self._snr):.1f} dB median of all points", Verdict.OK)
 
 
 def _noiseless(peak: float) -> Check:
@@ -310,3 +281,65 @@ def worst(checks: tuple[Check, ...]) -> Verdict:
     """Give the worst verdict of all."""
     order = (Verdict.UNKNOWN, Verdict.OK, Verdict.WARN, Verdict.FAIL)
     return max((check.verdict for check in checks), key=order.index, default=Verdict.UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What a probe found: its checks, each with value, verdict and advice, and what the source said of itself at the end."""
+
+    checks: tuple[Check, ...]
+    report: dict[str, Any]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all."""
+        return worst(self.checks)
+
+
+def probe(
+    source: Source, seconds: float, *, config: HealthConfig | None = None, progress: Callable[[float], None] = lambda _: None
+) -> Probe:
+    """Power a source up, listen to it for ``seconds``, and power it down again, whatever happens.
+
+    ``config`` has the limits (None: the defaults); ``progress`` is called with the share of the time that has passed. A device that cannot
+    be opened, or is lost meanwhile, is a failed link whose advice says why. A `DataError` says that frames contradict the source's
+    description.
+    """
+    health = Health(source.info, config)
+    started = time.monotonic()
+    report: dict[str, Any] = {}
+    lost = False
+    try:
+        source.power_up()
+        source.resume()
+        started = time.monotonic()
+        lost = _listen(source, seconds, health, progress)
+        report = dict(source.report())
+        source.suspend()
+    except DeviceError as error:
+        health.trouble(str(error))
+        lost = True
+    finally:
+        source.power_down()
+    progress(1.0)
+    checks = health.checks(report, time.monotonic() - started)
+    if lost:
+        checks = (replace(checks[0], verdict=Verdict.FAIL), *checks[1:])
+    return Probe(checks, report)
+
+
+def _listen(source: Source, seconds: float, health: Health, progress: Callable[[float], None]) -> bool:
+    """Take in what comes until the time is up; whether the device was lost."""
+    started = time.monotonic()
+    while (passed := time.monotonic() - started) < seconds:
+        progress(passed / seconds)
+        try:
+            reading = source.read(_WAIT)
+        except DeviceError as error:
+            health.trouble(str(error))
+            if error.gone:
+                return True
+            continue
+        if reading is not None:
+            health.process(reading.data, time.monotonic_ns())
+    return False

@@ -28,10 +28,8 @@ class Reader:
 
     Attributes
     ----------
-    replaced : int
-        Readings that nobody took before a newer one came.
-    counts : Counter
-        ``reopened``, ``errors``: since the start.
+    replaced, counts : int, Counter
+        Readings that nobody took before a newer one came; ``reopened`` and ``errors`` since the start.
     """
 
     def __init__(self, source: Source, notify: Callable[[], None], *, again: float = _AGAIN) -> None:

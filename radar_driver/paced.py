@@ -49,25 +49,15 @@ class Frames(Protocol):
 class Paced:
     """Frames in their own time; a `radar_driver.sources.Source`. They begin again where they end.
 
-    A frame is given once its acquisition has ended. The next one is made while nothing else is to do; frames that are late by then are
-    left out and counted. A clock that stands at 0 (simulated time that nobody has told yet) or goes back makes no loss.
+    A frame is given once its acquisition has ended. The next one is made while nothing else is to do; frames that are late by then are left
+    out and counted. A clock that stands at 0 (simulated time that nobody has told yet) or goes back makes no loss.
 
     Parameters
     ----------
     frames : Frames
-        What to give.
+        What to give; a `ConfigError` says that there is no frame.
     context : Context
         The clock, the pace.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        Of the frames.
-
-    Raises
-    ------
-    ConfigError
-        When there is no frame.
     """
 
     def __init__(self, frames: Frames, context: Context) -> None:

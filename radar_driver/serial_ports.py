@@ -35,10 +35,8 @@ class TiPorts:
     ----------
     number : str
         Serial number; empty: it has none.
-    data, command : str
-        Paths; empty: not there.
-    description : str
-        Of the command port, as the system has it.
+    data, command, description : str
+        Paths, empty: not there; of the command port, as the system has it.
     """
 
     number: str

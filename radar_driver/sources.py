@@ -44,10 +44,8 @@ class Context:
         Which radar, where a scene or recording holds several, e.g. ``"left"``; the only one is taken whatever its namespace.
     clock : callable
         Reads the time on which frames are due and stamped [ns]. It may stand still or go back, as simulated time does.
-    rate : float
-        Pace relative to the radar's own.
-    nap : float
-        Longest sleep between two looks at the clock [s]; finite for a clock that does not run with real time.
+    rate, nap : float
+        Pace relative to the radar's own; longest sleep between two looks at the clock [s], finite for one that does not run with real time.
     """
 
     namespace: str = ""
@@ -59,12 +57,8 @@ class Context:
 class Source(Protocol):
     """Something that gives frames or clouds once resumed. Its methods are called from one thread at a time.
 
-    Stamps are on CLOCK_MONOTONIC, those of a source that was opened with a `Context` on the context's clock.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        What the radar is; known before `power_up`, but for the calibration.
+    Stamps are on CLOCK_MONOTONIC, those of a source that was opened with a `Context` on the context's clock. ``info`` says what the radar
+    is; it is known before `power_up`, but for the calibration.
     """
 
     info: RadarInfo

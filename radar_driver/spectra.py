@@ -36,18 +36,7 @@ class Levels:
 
 
 class Spectra:
-    """Gathers what the health of a receiver chain shows in, frame by frame.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        Of the frames.
-
-    Attributes
-    ----------
-    peak : float
-        Largest real or imaginary part so far.
-    """
+    """Gathers what the health of a receiver chain shows in, frame by frame; ``peak`` is the largest real or imaginary part so far."""
 
     def __init__(self, info: RadarInfo) -> None:
         w = info.waveform
@@ -115,15 +104,10 @@ def _hann(n: int) -> Float64Array:
 
 
 def _floor(power: Float64Array) -> Float64Array:
-    """Noise power per receiver.
+    """Noise power per receiver from powers, shape (tx, speed, rx, range), whose mean over noise alone is the noise power of a sample.
 
-    Each receiver's cells of one range are exponentially distributed where they hold noise only, so that their mean is their median over
-    ln 2; echoes are few and move it little. The median over ranges does the same once more for ranges full of echoes.
-
-    Parameters
-    ----------
-    power : ndarray, shape (tx, speed, rx, range)
-        Of noise alone, its mean is the noise power of a sample.
+    Each receiver's cells of one range are exponentially distributed where they hold noise only, so that their mean is their median over ln
+    2; echoes are few and move it little. The median over ranges does the same once more for ranges full of echoes.
     """
     n_tx, n_speed, n_rx, n_range = power.shape
     cells = np.median(power.transpose(2, 3, 0, 1).reshape(n_rx, n_range, n_tx * n_speed), axis=-1) / math.log(2)

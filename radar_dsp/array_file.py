@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, HandwaveError, RadarInfo
+from radar_core.checks import require_finite, require_shape
 from radar_core.config import load
-from radar_dsp.steering_table import SteeringTable
 
 Float64Array = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ FORMAT: Final = 1
 """Version of the file; a reader refuses every other."""
 
 _ARRAYS: Final = ("dead", "phase_residual", "gain_residual", "gain_std", "phase_std", "shift_std", "offset", "offset_std")
+_NUMBERS: Final = ("carrier", "condition", "structure", "range")
 _TABLE: Final = ("azimuth", "elevation", "vectors")
 _ADVICE: Final = "make one with `handwave calibrate RECORDING -o array.npz`"
 _SAME: Final = 1e-6
@@ -29,6 +30,43 @@ _SAME: Final = 1e-6
 _WEAK: Final = np.radians(1.0)
 _STRUCTURE: Final = 0.5
 _VISIBLE: Final = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class SteeringTable:
+    """The thesis's steering matrix on a grid: outer product of an azimuth and an elevation sweep over the boresight vector (3.1).
+
+    Kept for comparison. For ideal channels its phase is -2 pi / lambda (p_y sin(azimuth) + p_z sin(elevation)); the true one has p_y
+    cos(elevation) sin(azimuth). So away from elevation 0 it reads sin(azimuth) too small by cos(elevation): 41.6 degrees for 50 at an
+    elevation of 30.
+
+    Attributes
+    ----------
+    azimuth, elevation : ndarray of float64, shape (n_azimuth,), (n_elevation,)
+        Grid, ascending [rad].
+    vectors : ndarray of complex128, shape (n_azimuth, n_elevation, n_channel)
+        Steering vectors; dead channels are zero. A `DataError` says that the shapes disagree or a number is not finite.
+    """
+
+    azimuth: NDArray[np.float64]
+    elevation: NDArray[np.float64]
+    vectors: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        require_shape("SteeringTable.vectors", self.vectors, (len(self.azimuth), len(self.elevation), None))
+        for name in ("azimuth", "elevation", "vectors"):
+            require_finite(f"SteeringTable.{name}", getattr(self, name))
+
+    def direction(self, snapshot: NDArray[np.complex128]) -> tuple[float, float]:
+        """Azimuth and elevation [rad] of the best entry for a detection's amplitudes, ``snapshot`` (n_channel,): the likelihood (2.16).
+
+        A `DataError` says that the number of channels is not the table's.
+        """
+        require_shape("snapshot", snapshot, (self.vectors.shape[-1],))
+        norm = np.linalg.norm(self.vectors, axis=-1)
+        score = np.abs(self.vectors.conj() @ snapshot) / np.where(norm > 0, norm, np.inf)
+        i, j = np.unravel_index(int(np.argmax(score)), score.shape)
+        return float(self.azimuth[i]), float(self.elevation[j])
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,20 +85,16 @@ class CalibratedArray:
         Whether shifts along y and along z were fitted; those that were not are zero.
     phase_residual, gain_residual : ndarray of float64, shape (n_channel,)
         Rms of what the fit leaves [rad], [dB]; NaN for dead channels.
-    gain_std, phase_std : ndarray of float64, shape (n_channel,)
-        Standard deviations from the residuals [dB], [rad]: noise only.
-    shift_std : ndarray of float64, shape (n_channel, 2)
-        The same, along y and z [m]; NaN where not observed.
+    gain_std, phase_std, shift_std : ndarray of float64, shape (n_channel,), (n_channel,), (n_channel, 2)
+        Standard deviations from the residuals [dB], [rad], along y and z [m]: noise only; NaN where not observed.
     condition : float
         Condition number of the regression on (1, u_y, u_z) with unit columns; near 1: the angles tell gain, phase and shift well apart.
     structure : float
         Correlation of the residual phases of neighbouring angles, -1 to 1. Near 0: noise. Near 1: something that the model lacks.
     offset, offset_std : ndarray of float64, shape (n_sweep, 2)
         Fitted mounting offset of each sweep, true minus stated (azimuth, elevation) [rad], and its standard deviation; NaN: not fitted.
-    range : float
-        Distance of the reflector [m].
-    n_snapshot : int
-        How many snapshots went in.
+    range, n_snapshot : float, int
+        Distance of the reflector [m]; how many snapshots went in.
     table : SteeringTable or None
         Equation 3.1, of method ``outer``.
     """
@@ -109,30 +143,10 @@ class CalibratedArray:
 
 
 def save_array(result: CalibratedArray, path: str | Path) -> None:
-    """Write a calibration to ``path`` (.npz): plain arrays and JSON text, no pickles.
-
-    Parameters
-    ----------
-    result : CalibratedArray
-        What to write.
-    path : str or Path
-        Target; its folder is made.
-
-    Raises
-    ------
-    ConfigError
-        When it cannot be written.
-    """
+    """Write a calibration to ``path`` (.npz): plain arrays and JSON text, no pickles; a `ConfigError` says that it cannot be written."""
     path = Path(path)
-    about = {
-        "array": dataclasses.asdict(result.array),
-        "carrier": result.carrier,
-        "observed": list(result.observed),
-        "condition": result.condition,
-        "structure": result.structure,
-        "range": result.range,
-        "n_snapshot": result.n_snapshot,
-    }
+    about = {"array": dataclasses.asdict(result.array), "observed": list(result.observed), "n_snapshot": result.n_snapshot}
+    about |= {name: getattr(result, name) for name in _NUMBERS}
     content: dict[str, Any] = {name: getattr(result, name) for name in _ARRAYS}
     if result.table is not None:
         content |= {f"table_{name}": getattr(result.table, name) for name in _TABLE}
@@ -147,10 +161,7 @@ def save_array(result: CalibratedArray, path: str | Path) -> None:
 def load_array(path: str | Path) -> CalibratedArray:
     """Read a calibration.
 
-    Raises
-    ------
-    ConfigError
-        When there is no such file, it is no calibration, or it is of another version; the message says what to do.
+    A `ConfigError` says that there is no such file, that it is no calibration, or one of another version, and what to do.
     """
     path = Path(path)
     try:
@@ -180,41 +191,16 @@ def _build(content: dict[str, Any]) -> CalibratedArray:
         shape = content[name].shape
         if len(shape) != len(wanted) or any(w not in (None, g) for w, g in zip(wanted, shape, strict=True)):
             raise ConfigError(f"{name} has shape {shape} for {n} channels")
-    table = None
-    if "table_vectors" in content:
-        table = SteeringTable(*(content[f"table_{name}"] for name in _TABLE))
-    return CalibratedArray(
-        array=array,
-        carrier=float(about["carrier"]),
-        observed=(bool(about["observed"][0]), bool(about["observed"][1])),
-        condition=float(about["condition"]),
-        structure=float(about["structure"]),
-        range=float(about["range"]),
-        n_snapshot=int(about["n_snapshot"]),
-        table=table,
-        **{name: content[name] for name in _ARRAYS},
-    )
+    table = SteeringTable(*(content[f"table_{name}"] for name in _TABLE)) if "table_vectors" in content else None
+    observed, n_snapshot = (bool(about["observed"][0]), bool(about["observed"][1])), int(about["n_snapshot"])
+    values: dict[str, Any] = {**{name: content[name] for name in _ARRAYS}, **{name: float(about[name]) for name in _NUMBERS}}
+    return CalibratedArray(array=array, observed=observed, n_snapshot=n_snapshot, table=table, **values)
 
 
 def calibrate_info(info: RadarInfo, result: CalibratedArray) -> RadarInfo:
-    """Put a calibration into a radar's description; one that it carries is replaced.
+    """Put a calibration (gain, phase and shift of every channel) into a radar's description; it replaces an earlier one.
 
-    Parameters
-    ----------
-    info : RadarInfo
-        The radar; its mount, power and field of view stay.
-    result : CalibratedArray
-        The calibration.
-
-    Returns
-    -------
-    RadarInfo
-        With `AntennaArray.channel_gain`, ``channel_phase`` and ``channel_shift``.
-
-    Raises
-    ------
-    ConfigError
-        When the calibration is of another array or another carrier.
+    Mount, power and field of view stay. A `ConfigError` says that the calibration is of another array or another carrier.
     """
     for name in ("tx", "rx"):
         own, other = (np.asarray(getattr(array, name), np.float64) for array in (info.array, result.array))
@@ -229,10 +215,5 @@ def calibrate_info(info: RadarInfo, result: CalibratedArray) -> RadarInfo:
             f"the calibration holds at {result.carrier * 1e-9:.3f} GHz, but the radar's carrier is {carrier * 1e-9:.3f} GHz; the phases of "
             "its lines change with it: calibrate at that carrier"
         )
-    array = dataclasses.replace(
-        info.array,
-        channel_gain=result.array.channel_gain,
-        channel_phase=result.array.channel_phase,
-        channel_shift=result.array.channel_shift,
-    )
-    return dataclasses.replace(info, array=array)
+    measured = {name: getattr(result.array, name) for name in ("channel_gain", "channel_phase", "channel_shift")}
+    return dataclasses.replace(info, array=dataclasses.replace(info.array, **measured))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,11 @@ from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.doa import DirectionFinder, Directions
 from radar_dsp.gaps import Gaps
 from radar_dsp.kernels import CLOUD_ROWS, Cells, FloatMap, Scales
-from radar_dsp.peaks import Interpolator
 from radar_dsp.spectrum import make_spectrum, normalise
-from radar_dsp.windows import noise_correlation
+from radar_dsp.windows import Interpolator, noise_correlation
 
 if TYPE_CHECKING:
-    from radar_dsp.refine import Refiner
+    from radar_dsp.refine import Refined, Refiner
     from radar_dsp.unfold import Unfolder
 
 T = TypeVar("T")
@@ -28,6 +27,7 @@ FloatArray = NDArray[np.float64]
 _FAINT, _LOUD = 1e-20, 1e30
 """Powers within which float32 neither loses echoes nor overflows; outside, the samples are scaled first."""
 _AT_LIMIT = 0.999
+_REFINED = {f"{name}{end}" for name in ("distance", "speed", "azimuth", "elevation") for end in ("", "_std")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +62,13 @@ class Baseband:
     config : BasebandConfig
         What to do.
     info : RadarInfo
-        The radar whose frames will come.
+        The radar whose frames will come. A `ConfigError` says that its frames are too small for the CFAR window, or that its array cannot
+        measure what ``doa.mode`` asks for.
 
     Attributes
     ----------
     n_capped : int
         Detections lost so far because frames had more than ``max_detections``.
-
-    Raises
-    ------
-    ConfigError
-        When the frame is too small for the CFAR window, or the array cannot measure what ``doa.mode`` asks for.
     """
 
     def __init__(self, config: BasebandConfig, info: RadarInfo) -> None:
@@ -93,8 +89,16 @@ class Baseband:
         self._scales = make_scales(windows, info)
         self._gaps = Gaps(config.spectrum.missing, info)
         self._half_ns, self._least_snr = waveform.acquisition_ns // 2, 10 ** (config.min_snr / 10)
-        self._unfolder = _unfolder(info) if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1 else None
-        self._refiner = _refiner(info, self._finder.mode) if config.refine == "ml" else None
+        self._unfolder: Unfolder | None = None
+        if config.tdm.unfold and waveform.n_tx > 1 and waveform.n_chirp > 1:
+            from radar_dsp.unfold import Unfolder  # as the refinement, loaded only where it is chosen
+
+            self._unfolder = Unfolder(info)
+        self._refiner: Refiner | None = None
+        if config.refine == "ml":
+            from radar_dsp.refine import Refiner
+
+            self._refiner = Refiner(info, self._finder.mode)
         self._first_frame()
 
     def _first_frame(self) -> None:
@@ -110,18 +114,13 @@ class Baseband:
         self.n_capped = 0
 
     def process(self, frame: RadarFrame) -> PointCloud:
-        """Detect the echoes in a frame.
-
-        Parameters
-        ----------
-        frame : RadarFrame
-            Raw samples.
+        """Detect the echoes in a frame of raw samples.
 
         Returns
         -------
         PointCloud
-            Points in the sensor frame, ordered by speed bin, then range. Ranges and range rates hold at the cloud's stamp, the
-            middle of the acquisition.
+            Points in the sensor frame, ordered by speed bin, then range. Ranges and range rates hold at the cloud's stamp, the middle of
+            the acquisition.
 
         Raises
         ------
@@ -145,8 +144,9 @@ class Baseband:
         directions = self._finder.process(snapshot, estimates.snr)
         if len(directions.source) != len(kept[0]):
             estimates = pick(estimates, directions.source)
-        if self._refiner is not None:
-            estimates, directions = self._refine(self._refiner, cube, estimates, directions)
+        if self._refiner is not None:  # what did not converge stays; cells of the same echo then agree
+            found = self._refiner.process(cube, estimates.distance, estimates.speed, directions.azimuth, directions.elevation)
+            estimates, directions = _better(estimates, found), _better(directions, found)
         return self._cloud(frame, estimates, directions, 20 * np.log10(2.0) * exponent, quality)
 
     def _admit(self, frame: RadarFrame) -> tuple[NDArray[np.complex64], Quality]:
@@ -227,23 +227,6 @@ class Baseband:
         ]
         return np.stack(around, axis=1), estimates
 
-    @staticmethod
-    def _refine(
-        refiner: Refiner, cube: NDArray[np.complex64], estimates: Estimates, directions: Directions
-    ) -> tuple[Estimates, Directions]:
-        """Put refined estimates in the place of those that converged; cells of the same echo then agree."""
-        found = refiner.process(cube, estimates.distance, estimates.speed, directions.azimuth, directions.elevation)
-        good = found.converged
-
-        def better(name: str, given: FloatArray) -> FloatArray:
-            return np.where(good, getattr(found, name), given)
-
-        given: list[Any] = [estimates, directions]
-        names = (("distance", "distance_std", "speed", "speed_std"), ("azimuth", "elevation", "azimuth_std", "elevation_std"))
-        for i, group in enumerate(names):
-            given[i] = replace(given[i], **{name: better(name, getattr(given[i], name)) for name in group})
-        return given[0], given[1]
-
     def _cloud(self, frame: RadarFrame, found: Estimates, directions: Directions, shift_db: float, quality: Quality) -> PointCloud:
         keep = found.snr >= self._least_snr
         if self.config.doa.gate:
@@ -255,32 +238,17 @@ class Baseband:
         return PointCloud(frame.stamp_ns + self._half_ns, frame.sequence, frame.frame_id, quality=quality, **named)
 
 
-def _unfolder(info: RadarInfo) -> Unfolder:
-    from radar_dsp.unfold import Unfolder  # loaded only where it is chosen
-
-    return Unfolder(info)
-
-
-def _refiner(info: RadarInfo, mode: str) -> Refiner:
-    from radar_dsp.refine import Refiner  # loaded only where it is chosen
-
-    return Refiner(info, mode)
+def _better(given: T, found: Refined) -> T:
+    """Put refined values in the place of those of the same name where they converged."""
+    names = {field.name for field in fields(given)} & _REFINED  # type: ignore[arg-type]
+    return replace(given, **{name: np.where(found.converged, getattr(found, name), getattr(given, name)) for name in names})  # type: ignore[type-var]
 
 
 def strongest_per_speed(cells: Cells, power: FloatMap) -> Cells:
     """Keep of every speed bin only the cell with most power over range (thesis, section 4.2); of equal ones the nearest.
 
-    Parameters
-    ----------
-    cells : tuple of ndarray of intp, shape (n_cells,)
-        Speed and range, ordered by speed, then range.
-    power : ndarray of float32, shape (n_speed, n_range)
-        Integrated spectrum.
-
-    Returns
-    -------
-    tuple of ndarray of intp, shape (n_kept,)
-        At most one cell per speed, ordered by speed.
+    ``cells`` holds speed and range bins, shape (n_cells,) each, ordered by speed, then range; ``power`` has the shape (n_speed, n_range).
+    Of the result each speed bin has one cell at most, in the same order.
     """
     speed, distance = cells
     order = np.lexsort((-power[cells], speed))  # stable: equal powers stay in the order of range

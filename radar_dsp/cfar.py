@@ -7,7 +7,7 @@ zeros would raise the false-alarm rate there a hundredfold.
 from __future__ import annotations
 
 import functools
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ MIN_TRAINING = 4
 _USUAL = 0.1
 """Patterns of training cells that a larger share of the cells has get a more careful threshold than those beside ends and coupling."""
 
+AnyArray = NDArray[Any]
 Correlation = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 """Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), shapes (n_speed,) and (n_range,)."""
 
@@ -72,10 +73,8 @@ class TrainingWindow:
     def patterns(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
         """Group the cells by which of their training cells exist.
 
-        Returns
-        -------
-        tuple of (ndarray of bool, ndarray of intp)
-            Existing training cells, shape (n_patterns, n_offsets); pattern of every cell, shape (n_speed, n_range).
+        Gives the existing training cells of each pattern, shape (n_patterns, n_offsets), and the pattern of every cell, shape (n_speed,
+        n_range).
         """
         padded = kernels.pad(np.ones(self.usable.shape, np.float32), self.usable, self.half, 0.0) > 0
         n_speed, n_range = self.usable.shape
@@ -89,64 +88,25 @@ class TrainingWindow:
         return exists.reshape(len(first), len(place)), index.reshape(self.usable.shape)
 
 
-class Detector(Protocol):
-    """A CFAR algorithm with its window."""
-
-    factor: NDArray[np.float64]
-    """Threshold over the noise level of every cell, infinite where a cell is not judged, shape (n_speed, n_range)."""
-
-    def detect(self, power: FloatMap) -> NDArray[np.bool_]:
-        """Mask of the cells above their threshold, shape (n_speed, n_range)."""
-
-    def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
-        """Estimated noise power at single cells, shape (n_cells,)."""
-
-
-class OrderedStatistic:
-    """Ordered-statistic CFAR (Rohling 1983), as a rank test without sorting.
-
-    P > a x_(k) holds exactly when at least k training cells x have a x < P, so counting comparisons decides.
+class Detector:
+    """A CFAR algorithm with its window.
 
     Parameters
     ----------
     config : CfarConfig
-        Rank and wanted false-alarm probability.
+        Algorithm and wanted false-alarm probability.
     window : TrainingWindow
         Training cells.
     correlation : tuple of ndarray, shapes (n_speed,) and (n_range,)
         Of the noise.
     n_channel : int
         Number of integrated channels.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (n_speed, n_range)
+        Threshold over the noise level of every cell, infinite where a cell is not judged.
     """
-
-    def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int) -> None:
-        self._window = window
-        exists, pattern = window.patterns()
-        rank = np.clip(np.round(config.rank * exists.sum(axis=1)), 1, None).astype(np.int32)
-        factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
-        self.factor = np.where(window.usable, factor[pattern], np.inf)
-        judged = np.isfinite(self.factor)
-        self._reciprocal = np.where(judged, 1.0 / np.where(judged, self.factor, 1.0), 0.0).astype(np.float32)
-        self._rank = np.where(judged, rank[pattern], len(window.offsets) + 1).astype(np.int32)
-        self._level = level[pattern].astype(np.float32)
-
-    def detect(self, power: FloatMap) -> NDArray[np.bool_]:
-        """Mask of the cells above their threshold, shape (n_speed, n_range)."""
-        window = self._window
-        padded = kernels.pad(power, window.usable, window.half, np.inf)
-        mask: NDArray[np.bool_] = kernels.rank_test(padded, power * self._reciprocal, self._rank, window.offsets, window.half)
-        return mask
-
-    def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
-        """Estimated noise power at single cells, shape (n_cells,)."""
-        window = self._window
-        padded = kernels.pad(power, window.usable, window.half, np.inf)
-        level: FloatMap = kernels.ordered(padded, cells, window.offsets, window.half, self._rank[cells])
-        return level / self._level[cells]
-
-
-class Average:
-    """Cell-averaging CFAR, and the greater or the smaller of the averages on both sides; parameters as `OrderedStatistic`."""
 
     def __init__(self, config: CfarConfig, window: TrainingWindow, correlation: Correlation, n_channel: int) -> None:
         self._window = window
@@ -154,8 +114,54 @@ class Average:
         factor, level = _factors(config, window, exists, pattern, correlation, n_channel)
         self.factor = np.where(window.usable, factor[pattern], np.inf)
         self._judged = np.isfinite(self.factor)
-        self._factor = np.where(self._judged, self.factor, 1.0).astype(np.float32)
         self._mean_level = level[pattern].astype(np.float32)
+        self._prepare(config, exists, pattern)
+
+    def _prepare(self, config: CfarConfig, exists: NDArray[np.bool_], pattern: NDArray[np.intp]) -> None:
+        """Make the tables of the algorithm from the patterns of training cells, see `TrainingWindow.patterns`."""
+        raise NotImplementedError
+
+    def detect(self, power: FloatMap) -> NDArray[np.bool_]:
+        """Mask of the cells above their threshold, shape (n_speed, n_range)."""
+        raise NotImplementedError
+
+    def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
+        """Estimated noise power at single cells, shape (n_cells,)."""
+        raise NotImplementedError
+
+
+class OrderedStatistic(Detector):
+    """Ordered-statistic CFAR (Rohling 1983), as a rank test without sorting.
+
+    P > a x_(k) holds exactly when at least k training cells x have a x < P, so counting comparisons decides.
+    """
+
+    def _prepare(self, config: CfarConfig, exists: NDArray[np.bool_], pattern: NDArray[np.intp]) -> None:
+        rank = np.clip(np.round(config.rank * exists.sum(axis=1)), 1, None).astype(np.int32)
+        self._reciprocal = np.where(self._judged, 1.0 / np.where(self._judged, self.factor, 1.0), 0.0).astype(np.float32)
+        self._rank = np.where(self._judged, rank[pattern], len(self._window.offsets) + 1).astype(np.int32)
+
+    def detect(self, power: FloatMap) -> NDArray[np.bool_]:
+        """See `Detector.detect`."""
+        window = self._window
+        padded = kernels.pad(power, window.usable, window.half, np.inf)
+        mask: NDArray[np.bool_] = kernels.rank_test(padded, power * self._reciprocal, self._rank, window.offsets, window.half)
+        return mask
+
+    def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
+        """See `Detector.noise`."""
+        window = self._window
+        padded = kernels.pad(power, window.usable, window.half, np.inf)
+        level: FloatMap = kernels.ordered(padded, cells, window.offsets, window.half, self._rank[cells])
+        return level / self._mean_level[cells]
+
+
+class Average(Detector):
+    """Cell-averaging CFAR, and the greater or the smaller of the averages on both sides."""
+
+    def _prepare(self, config: CfarConfig, exists: NDArray[np.bool_], pattern: NDArray[np.intp]) -> None:
+        window = self._window
+        self._factor = np.where(self._judged, self.factor, 1.0).astype(np.float32)
         sides = [window.side, ~window.side] if config.algorithm != "ca" else [np.ones(len(window.side), np.bool_)]
         self._parts = []
         for side in sides:
@@ -175,34 +181,28 @@ class Average:
         return level
 
     def detect(self, power: FloatMap) -> NDArray[np.bool_]:
-        """Mask of the cells above their threshold, shape (n_speed, n_range)."""
+        """See `Detector.detect`."""
         level = self._level(power)
         return np.asarray((power > self._factor * level) & (level > 0) & self._judged)
 
     def noise(self, power: FloatMap, cells: Cells) -> FloatMap:
-        """Estimated noise power at single cells, shape (n_cells,)."""
+        """See `Detector.noise`."""
         return np.asarray((self._level(power) / self._mean_level)[cells], np.float32)
 
 
 def _factors(
-    config: CfarConfig,
-    window: TrainingWindow,
-    exists: NDArray[np.bool_],
-    pattern: NDArray[np.intp],
-    correlation: Correlation,
-    n_channel: int,
+    config: CfarConfig, window: TrainingWindow, exists: AnyArray, pattern: AnyArray, correlation: Correlation, n_channel: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Threshold factor and mean level of every pattern of training cells, shape (n_patterns,); infinite where there are too few."""
     factor, level = np.full(len(exists), np.inf), np.ones(len(exists))
-    key = tuple(c.tobytes() for c in correlation)
+    key = tuple(axis.tobytes() for axis in correlation)
     share = np.bincount(pattern.ravel(), minlength=len(exists)) / pattern.size
     for p, training in enumerate(exists):
         numbers = thresholds.NUMBERS if share[p] > _USUAL else thresholds.NUMBERS // 5
         if training.sum() >= MIN_TRAINING:
             offsets = _canonical(window.offsets[training])
-            factor[p], level[p] = _design(
-                config.algorithm, config.rank, config.false_alarm, n_channel, window.least, numbers, offsets, *key
-            )
+            wanted = config.algorithm, config.rank, config.false_alarm
+            factor[p], level[p] = _design(wanted, n_channel, window.least, numbers, offsets, key)
     return factor, level
 
 
@@ -214,19 +214,12 @@ def _canonical(offsets: NDArray[np.intp]) -> tuple[tuple[int, int], ...]:
 
 @functools.lru_cache(maxsize=4096)
 def _design(
-    algorithm: str,
-    rank: float,
-    false_alarm: float,
-    n_channel: int,
-    least: int,
-    numbers: int,
-    offsets: tuple[tuple[int, int], ...],
-    speed: bytes,
-    distance: bytes,
+    wanted: tuple[str, float, float], n_channel: int, least: int, numbers: int, offsets: tuple[tuple[int, int], ...], key: tuple[bytes, ...]
 ) -> tuple[float, float]:
-    """Threshold factor and mean level for a pattern of training cells; kept, because every baseband with these settings asks again."""
+    """Threshold factor and mean level for a pattern of training cells; kept, because every baseband with this configuration asks again."""
+    algorithm, rank, false_alarm = wanted
     place = np.array([(0, 0), *offsets])
-    axes = np.frombuffer(speed, np.complex128), np.frombuffer(distance, np.complex128)
+    axes = [np.frombuffer(axis, np.complex128) for axis in key]
     lag = place[:, None, :] - place[None, :, :]
     correlation = axes[0][lag[..., 0] % len(axes[0])] * axes[1][lag[..., 1] % len(axes[1])]
     along = np.where(place[1:, 1] != 0, place[1:, 1], place[1:, 0]) > 0
@@ -249,18 +242,11 @@ def make_detector(config: CfarConfig, usable: NDArray[np.bool_], correlation: Co
     Parameters
     ----------
     config : CfarConfig
-        Algorithm, window and their settings.
+        Algorithm, window and their knobs.
     usable : ndarray of bool, shape (n_speed, n_range)
-        False where the coupling is suppressed.
-    correlation : tuple of ndarray, shapes (n_speed,) and (n_range,)
-        Correlation coefficients of the noise over the distance in cells (`windows.noise_correlation`), per axis.
-    n_channel : int
-        Number of integrated channels.
-
-    Raises
-    ------
-    ConfigError
-        When the frame is too small for any cell to have enough training cells.
+        False where the coupling is suppressed. A `ConfigError` says that no cell has enough training cells.
+    correlation, n_channel
+        As of `Detector`.
     """
     window = TrainingWindow(config, usable)
     exists = window.patterns()[0] if len(window.offsets) else np.zeros((1, 0), np.bool_)

@@ -28,7 +28,7 @@ class SpectrumConfig:
     fft: FftName = knob("scipy", doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA")
     word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
     static: Literal["keep", "remove"] = knob(
-        "keep", doc="remove: take out the mean over the chirps, that is all that stands still, people included"
+        "keep", doc="remove: take out the mean over the chirps, all that stands still, people included"
     )
     missing: Missing = knob(
         "autoregressive",
@@ -65,10 +65,7 @@ class CfarConfig:
     training_range: int = knob(4, low=0, high=32, doc="training cells beyond the guard on each side, in range")
     training_speed: int = knob(2, low=0, high=32, doc="training cells beyond the guard on each side, in speed")
     rank: float = knob(
-        0.5,
-        low=0.05,
-        high=0.95,
-        doc="os only: order statistic over number of training cells; high ranks let a body hide its own limbs",
+        0.5, low=0.05, high=0.95, doc="os only: order statistic over number of training cells; high ranks let a body hide its own limbs"
     )
 
     def validate(self) -> None:
@@ -127,8 +124,7 @@ class BasebandConfig:
         doc="doppler: of every Doppler bin only the strongest cell over range becomes a point (thesis, 4.2); for one person in view",
     )
     refine: Literal["none", "ml"] = knob(
-        "none",
-        doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound",
+        "none", doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound"
     )
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
     min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")

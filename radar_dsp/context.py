@@ -30,16 +30,11 @@ class RadarContext:
     info : RadarInfo
         As the driver describes the radar.
     array : CalibratedArray or None
-        Gain, phase and shift of every channel, of ``handwave calibrate``.
+        Gain, phase and shift of every channel, of ``handwave calibrate``; a `ConfigError` says that it is of another array or carrier.
     mount : MountCalibration or None
         Where the radar stands, of ``handwave calibrate-pair``. One of another radar changes nothing.
     radar : RadarInfo
         The description with both put in: what processors are given. A source without raw frames has no array to correct.
-
-    Raises
-    ------
-    ConfigError
-        When the array calibration is of another array or another carrier.
     """
 
     info: RadarInfo
@@ -63,15 +58,9 @@ def load_context(info: RadarInfo, array: str = "", mount: str = "") -> RadarCont
     ----------
     info : RadarInfo
         As the driver describes the radar.
-    array : str
-        File of ``handwave calibrate`` (.npz); empty: none.
-    mount : str
-        File of ``handwave calibrate-pair`` (.yaml); empty: none.
-
-    Raises
-    ------
-    ConfigError
-        When a file is missing, cannot be read, or is of another array or carrier.
+    array, mount : str
+        Files of ``handwave calibrate`` (.npz) and of ``handwave calibrate-pair`` (.yaml); empty: none. A `ConfigError` says that one is
+        missing, cannot be read, or is of another array or carrier.
     """
     measured = found = None
     if mount:

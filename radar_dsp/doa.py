@@ -25,15 +25,12 @@ class Directions:
 
     Attributes
     ----------
-    azimuth, elevation : ndarray
-        Direction in the sensor frame [rad].
-    azimuth_std, elevation_std : ndarray
-        Cramer-Rao bounds [rad].
+    azimuth, elevation, azimuth_std, elevation_std : ndarray
+        Direction in the sensor frame and its Cramer-Rao bounds [rad].
     inside : ndarray of bool, shape (n_out,)
         Within the array's field of view; true where the mode measures nothing, false where the snapshot was all zeros.
     source : ndarray of intp, shape (n_out,)
-        Index of the snapshot that each echo came from, ascending; only the two-source mode gives one index twice, the stronger
-        echo first.
+        Index of the snapshot that each echo came from, ascending; only the two-source mode gives one index twice, the stronger echo first.
     """
 
     azimuth: FloatArray
@@ -48,16 +45,16 @@ class DirectionFinder:
     """Directions of the echoes in detected cells.
 
     ``dml``: maximum of the likelihood |a(u)^H v|^2 / |a|^2 of (2.16) over the calibrated steering vectors, by a coarse grid and Newton's
-    method, or on a grid alone. ``dml2``: two echoes where they fit clearly better, see `radar_dsp.two_sources`. ``capon``: maximum of
-    1 / (a^H R^-1 a) with the diagonally loaded covariance R of the snapshots (Capon, Proc. IEEE 57, 1969); the same direction as ``dml``
-    when there is one snapshot.
+    method, or on a grid alone. ``dml2``: two echoes where they fit clearly better, see `radar_dsp.two_sources`. ``capon``: maximum of 1 /
+    (a^H R^-1 a) with the diagonally loaded covariance R of the snapshots (Capon, Proc. IEEE 57, 1969); the same direction as ``dml`` when
+    there is one snapshot.
 
     Parameters
     ----------
     config : DoaConfig
         Mode, method, search.
     info : RadarInfo
-        The radar.
+        The radar. A `ConfigError` says that its array cannot measure what the mode or the method asks for, or that the back end is unknown.
     backend : str
         ``numba`` or ``numpy``: who runs the inner loops.
 
@@ -71,11 +68,6 @@ class DirectionFinder:
         The calibrated array; None in mode void. For kernels that call `radar_dsp.doa_kernels.locate` themselves.
     steps : int
         Newton steps.
-
-    Raises
-    ------
-    ConfigError
-        When the array cannot measure what the mode or the method asks for, or the back end is unknown.
     """
 
     def __init__(self, config: DoaConfig, info: RadarInfo, backend: Backend = "numba") -> None:
@@ -93,25 +85,15 @@ class DirectionFinder:
             self._pairs = TwoSources(config, info, self.mode, self.steering)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.floating]) -> Directions:
-        """Estimate directions.
+        """Estimate directions and their bounds (of one snapshot).
 
         Parameters
         ----------
         snapshot : ndarray of complex64, shape (n_points, n_channel) or (n_points, n_snapshot, n_channel)
             Spectrum of the virtual channels at each detection, motion compensated. ``dml`` sums the likelihoods of several snapshots,
-            ``capon`` makes its covariance of them.
+            ``capon`` makes its covariance of them. A `DataError` says that one is not finite, or that the shapes do not fit.
         snr : ndarray, shape (n_points,)
             Signal-to-noise power ratio per channel.
-
-        Returns
-        -------
-        Directions
-            Estimates and bounds (of one snapshot).
-
-        Raises
-        ------
-        DataError
-            When the shapes do not fit each other or the array, or a snapshot is not finite.
         """
         n = len(snapshot)
         if snapshot.ndim not in (2, 3) or snapshot.shape[-1] != self._n_channel or len(snr) != n:
@@ -136,11 +118,8 @@ class DirectionFinder:
         if self._backend == "numpy":
             from radar_dsp import doa_numpy
 
-            if self._method == "capon":
-                found = doa_numpy.capon(snapshot, snr, self.steering, self.steps, self._loading)
-            else:
-                found = doa_numpy.locate(snapshot, snr, self.steering, self.steps)
-            return *found, np.arange(n)
+            given = snapshot, snr, self.steering, self.steps
+            return *(doa_numpy.capon(*given, self._loading) if self._method == "capon" else doa_numpy.locate(*given)), np.arange(n)
         angles, inside = np.empty((4, n)), np.empty(n, np.bool_)
         if self._method == "capon":
             from radar_dsp.capon_kernels import locate_capon

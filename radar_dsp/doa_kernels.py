@@ -4,9 +4,9 @@
 `radar_dsp.steering.Steering`). Functions that carry ``fastmath`` flags only allow what cannot hurt: sums in any order and fused
 multiplications (numpy's matrix products do both), and comparisons that need not care for NaN, as the door refuses it.
 
-Everything that is called from within compiled code is inlined (``forceinline``). Called instead, it would be one of two copies, the
-caller's own or the one compiled on its own, whichever was loaded first. Fused differently, they round differently, and a run that compiles
-would give other last digits than a run that loads from the cache.
+Everything that is called from within compiled code is inlined (``forceinline``). Otherwise it would be the caller's own copy or the one
+compiled on its own, whichever was loaded first; fused differently, they round differently, and a run that compiles would give other last
+digits than one that loads from the cache.
 """
 
 from __future__ import annotations

@@ -45,9 +45,7 @@ class Plan:
     bits : int
         Word length.
     window : ndarray of int32, shape (n,)
-        Window over its largest value, times 2^(bits - 1).
-    scale : float
-        That largest value.
+        Window over its largest value, ``scale``, times 2^(bits - 1).
     cosine, sine : ndarray of int32, shape (n // 2,)
         Twiddle factors exp(-j 2 pi k / n), times 2^(bits - 1).
     order : ndarray of intp, shape (n,)
@@ -86,16 +84,11 @@ class FixedFft:
     Parameters
     ----------
     word_length : int
-        Bits of the real and of the imaginary word, 8 to 16.
+        Bits of the real and of the imaginary word, 8 to 16 (`ConfigError`: it is not).
     shape : tuple of int
-        Of the frames, (n_tx, n_chirp, n_rx, n_sample).
+        Of the frames, (n_tx, n_chirp, n_rx, n_sample); a `ConfigError` says that one of the lengths to transform is not a power of two.
     speed_window, range_window : ndarray, shape (n_chirp,) and (n_sample,)
         Windows.
-
-    Raises
-    ------
-    ConfigError
-        When the word length is outside 8 to 16, or a length is not a power of two.
     """
 
     def __init__(self, word_length: int, shape: Shape, speed_window: Window, range_window: Window) -> None:
@@ -185,7 +178,7 @@ def _stage(re: Any, im: Any, half: int, q: int, down: int, cosine: Any, sine: An
 
 @numba.njit(cache=True, nogil=True)
 def transform(real: Any, imag: Any, exponents: Any, bits: int, window: Any, cosine: Any, sine: Any, order: Any) -> None:
-    """Weight and transform lines of words in place.
+    """Weight and transform lines of words in place, with the tables of a `Plan`.
 
     Parameters
     ----------
@@ -193,8 +186,6 @@ def transform(real: Any, imag: Any, exponents: Any, bits: int, window: Any, cosi
         Words; replaced by their transforms.
     exponents : ndarray of int64, shape (n_line,)
         Of each line, value = word * 2^exponent; updated.
-    bits, window, cosine, sine, order
-        As in `Plan`.
     """
     n_line, n = real.shape
     limit, q = (1 << (bits - 1)) - 1, bits - 1

@@ -46,15 +46,7 @@ LOADING = 1e-9
 
 
 class Gaps:
-    """Fill in the chirps that a device lost.
-
-    Parameters
-    ----------
-    method : str
-        ``autoregressive``, ``cubic`` or ``zero``.
-    info : RadarInfo
-        The radar.
-    """
+    """Fill in the chirps that a device lost, by one of the methods of this module."""
 
     def __init__(self, method: Missing, info: RadarInfo) -> None:
         self._method, self._shape = method, info.cube_shape
@@ -114,17 +106,8 @@ def longest_gap(lost: Mask) -> int:
 def cubic(cube: Cube, wanted: Mask, lost: Mask) -> Cube:
     """Lost chirps on the polynomial through the four nearest ones of their transmitter; beyond the first or last of them, that one.
 
-    Parameters
-    ----------
-    cube : ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
-        Samples.
-    wanted, lost : ndarray of bool, shape (n_tx, n_chirp)
-        Which chirps to find, and which to find none from.
-
-    Returns
-    -------
-    ndarray of complex64, shape (n_wanted, n_rx, n_sample)
-        In the order of the transmitters, then the chirps.
+    ``wanted`` and ``lost``, shape (n_tx, n_chirp), say which chirps of ``cube`` (n_tx, n_chirp, n_rx, n_sample) to find, and which to find
+    none from. The result, shape (n_wanted, n_rx, n_sample), is in the order of the transmitters, then the chirps.
     """
     found = np.empty((int(wanted.sum()), *cube.shape[2:]), np.complex64)
     for i, (tx, chirp) in enumerate(np.argwhere(wanted)):
@@ -167,19 +150,8 @@ def usable_order(lost: Mask) -> int:
 def covariance(real: Any, imag: Any, lost: Any, order: int) -> Any:
     """Moments R[i, j] = sum of conj(x[n-i]) x[n-j] over all stretches without a gap, all channels, forward and backward.
 
-    Parameters
-    ----------
-    real, imag : ndarray of float64, shape (n_tx, n_chirp, n_rx, n_range)
-        Range profiles.
-    lost : ndarray of bool, shape (n_tx, n_chirp)
-        Chirps that count for nothing.
-    order : int
-        Number of coefficients.
-
-    Returns
-    -------
-    ndarray of float64, shape (2, order + 1, order + 1, n_range)
-        Real and imaginary parts; Hermitian.
+    ``real`` and ``imag`` are range profiles, shape (n_tx, n_chirp, n_rx, n_range); chirps that are ``lost`` (n_tx, n_chirp) count for
+    nothing. Gives real and imaginary parts, shape (2, order + 1, order + 1, n_range); Hermitian.
     """
     n_tx, n_chirp, n_rx, n_range = real.shape
     forward = np.zeros((2, order + 1, order + 1, n_range))
@@ -242,7 +214,7 @@ def weight(h: Any, n_chirp: int, m: int, k: int) -> Any:
 
 @numba.njit(cache=True, nogil=True)
 def fill_in(real: Any, imag: Any, moments: Any, tx: Any, chirp: Any, loading: float) -> Any:
-    """Range profiles of lost chirps that give the least prediction errors.
+    """Range profiles of lost chirps that give the least prediction errors, shape (n_wanted, n_rx, n_range).
 
     Parameters
     ----------
@@ -254,11 +226,6 @@ def fill_in(real: Any, imag: Any, moments: Any, tx: Any, chirp: Any, loading: fl
         Chirps to find, ordered by transmitter.
     loading : float
         Relative to the power of the cell.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n_wanted, n_rx, n_range)
-        Profiles.
     """
     n_chirp, n_rx, n_range = real.shape[1:]
     order = moments.shape[0] - 1

@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from radar_dsp.windows import FLOOR
+
 FloatMap = NDArray[np.float32]
 Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
 Mask = NDArray[np.bool_]
@@ -18,8 +20,6 @@ CLOUD_ROWS = (
     *("snr", "noise", "range_std", "azimuth_std", "elevation_std", "radial_speed_std"),
 )
 """Names of the rows that `pack` gives."""
-FLOOR = 1e-3
-"""Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
 LEAST_SNR = 1e-3
 TINY = float(np.finfo(np.float32).tiny)
 
@@ -182,16 +182,14 @@ class Scales(NamedTuple):
     Attributes
     ----------
     tables : ndarray of float64, shape (2, 2, n_table)
-        Of the speed and of the range axis (`peaks.Interpolator`): offset over the vertex of the parabola from -1 to 1, and variance of the
-        offset over the offset from -0.5 to 0.5, times the cell's total signal-to-noise ratio.
+        Of the speed and of the range axis (`windows.Interpolator`): offset over the vertex of the parabola from -1 to 1, and variance of
+        the offset over the offset from -0.5 to 0.5, times the cell's total signal-to-noise ratio.
     edges : ndarray of float64, shape (2,)
         Vertex beyond which an echo does not peak in the cell, per axis.
     range_resolution, speed_resolution, max_speed : float
         Of the waveform [m, m/s, m/s]; the range is not measured where its resolution is infinite, the speed where there is one chirp.
-    coupling : float
-        By how much a range rate of 1 m/s makes an echo look farther [s].
-    n_channel : int
-        Number of integrated channels.
+    coupling, n_channel : float, int
+        By how much a range rate of 1 m/s makes an echo look farther [s]; number of integrated channels.
     """
 
     tables: NDArray[np.float64]
@@ -211,10 +209,8 @@ def estimate(power: FloatMap, cells: Cells, noise: FloatMap, scales: Scales) -> 
     ----------
     power : ndarray of float32, shape (n_speed, n_range)
         Integrated spectrum.
-    cells : tuple of ndarray of intp, shape (n_points,)
-        Detections.
-    noise : ndarray of float32, shape (n_points,)
-        Noise power.
+    cells, noise : tuple of ndarray of intp, ndarray of float32, shape (n_points,)
+        Detections and the noise power there.
     scales : Scales
         Tables and units.
 
@@ -296,10 +292,8 @@ def pack(estimates: Any, noise: FloatMap, angles: Any, keep: Any, flat: bool, sh
 
     Parameters
     ----------
-    estimates : ndarray of float64, shape (5, n_points)
-        Of `estimate`.
-    noise : ndarray of float32, shape (n_points,)
-        Noise power.
+    estimates, noise : ndarray of float64, shape (5, n_points), and of float32, shape (n_points,)
+        Of `estimate`; noise power.
     angles : ndarray of float64, shape (4, n_points) = (azimuth, elevation, azimuth_std, elevation_std)
         Directions [rad].
     keep : ndarray of intp, shape (n_kept,)

@@ -37,10 +37,8 @@ class Refined:
 
     Attributes
     ----------
-    distance : ndarray
-        Range at the middle of the acquisition [m].
-    speed : ndarray
-        Range rate, positive = receding [m/s].
+    distance, speed : ndarray
+        Range at the middle of the acquisition [m]; range rate, positive = receding [m/s].
     azimuth, elevation : ndarray
         Direction in the sensor frame [rad]; NaN where the mode does not measure it.
     distance_std, speed_std, azimuth_std, elevation_std : ndarray
@@ -82,27 +80,20 @@ class _State(NamedTuple):
 class Refiner:
     """Gauss-Newton on the likelihood of the exact signal model, echo by echo, the others' models taken away (RELAX).
 
-    The echoes are visited strongest first, a few times around. A visit correlates what is left of the frame with the echo's model and
-    with its derivatives over range, range rate and direction, takes one step, and corrects the residual. The expected curvature is the
-    same for every echo (see `PhaseModel`), so a step costs one pass over the samples. Range migration and Doppler within a chirp are in
-    the model. Strong echoes that were not given are found and taken away too. Li and Stoica, "Efficient mixed-spectrum estimation with
-    applications to target feature extraction", IEEE Trans. Signal Processing 44 (1996).
+    The echoes are visited strongest first, a few times around. A visit correlates what is left of the frame with the echo's model and with
+    its derivatives over range, range rate and direction, takes one step, and corrects the residual. The expected curvature is the same for
+    every echo (see `PhaseModel`), so a step costs one pass over the samples. Range migration and Doppler within a chirp are in the model.
+    Strong echoes that were not given are found and taken away too. Li and Stoica, "Efficient mixed-spectrum estimation with applications to
+    target feature extraction", IEEE Trans. Signal Processing 44 (1996).
 
     Parameters
     ----------
     info : RadarInfo
-        The radar; FMCW only.
+        The radar; FMCW only (`ConfigError`: it is not).
     mode : str
         What of the direction is refined (a mode of `DoaConfig`); ``void``: nothing, channels are integrated without their phases.
-    cycles : int
-        How often every echo is visited at most.
-    max_echoes : int
-        Only this many of the strongest are refined.
-
-    Raises
-    ------
-    ConfigError
-        When the waveform is not FMCW, or the mode is unknown.
+    cycles, max_echoes : int
+        How often every echo is visited at most; only this many of the strongest are refined.
     """
 
     def __init__(self, info: RadarInfo, mode: str = "auto", cycles: int = 8, max_echoes: int = 64) -> None:
@@ -119,7 +110,7 @@ class Refiner:
     def process(
         self, cube: NDArray[np.complex64], distance: NDArray[Any], speed: NDArray[Any], azimuth: NDArray[Any], elevation: NDArray[Any]
     ) -> Refined:
-        """Refine the estimates of the echoes in a frame.
+        """Refine the estimates of the echoes in a frame; a `DataError` says that the shapes disagree or a sample is not finite.
 
         Parameters
         ----------
@@ -135,11 +126,6 @@ class Refiner:
         Refined
             In the order given. A detection on the flank of a stronger echo that leaves nothing of it gets that echo's estimates. One that
             moved by more than 0.6 cells, did not settle, has no echo left, or is not among the strongest, comes back as it was.
-
-        Raises
-        ------
-        DataError
-            When the shapes disagree or a sample is not finite.
         """
         require_shape("cube", cube, self.info.cube_shape)
         given = []

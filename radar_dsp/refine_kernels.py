@@ -84,10 +84,9 @@ def correlate(re: FloatCube, im: FloatCube, model: Model, distance: float, speed
     for tx in range(n_tx):
         phasor = _tile(first, turn, ones)
         total = np.zeros((4, flat), np.float32)
-        ar, ai, br, bi = total[0], total[1], total[2], total[3]
         for chirp in range(n_chirp):
             start = np.float32((chirp * n_tx + tx) * model.interval - model.middle)
-            _accumulate(re[tx, chirp], im[tx, chirp], phasor[0], phasor[1], phasor[2], phasor[3], start, ar, ai, br, bi)
+            _accumulate(re[tx, chirp], im[tx, chirp], phasor, start, total)
         for rx in range(n_rx):
             out[tx * n_rx + rx] = _gradient(total[:, rx * n_sample : (rx + 1) * n_sample], model)
         first = first * phasors[1]
@@ -107,20 +106,10 @@ def _gradient(total: FloatCube, model: Model) -> tuple[complex, complex, complex
 
 
 @numba.njit(cache=True)
-def _accumulate(
-    xr: FloatCube,
-    xi: FloatCube,
-    pr: FloatCube,
-    pi: FloatCube,
-    qr: FloatCube,
-    qi: FloatCube,
-    start: np.float32,
-    ar: FloatCube,
-    ai: FloatCube,
-    br: FloatCube,
-    bi: FloatCube,
-) -> None:
+def _accumulate(xr: FloatCube, xi: FloatCube, phasor: FloatCube, start: np.float32, total: FloatCube) -> None:
     """Add one chirp to the sums over chirps, plain and times its start; turn the phasor to the next."""
+    pr, pi, qr, qi = phasor[0], phasor[1], phasor[2], phasor[3]
+    ar, ai, br, bi = total[0], total[1], total[2], total[3]
     for k in range(len(xr)):
         p, q = pr[k], pi[k]
         real = xr[k] * p + xi[k] * q
@@ -144,14 +133,15 @@ def replace(re: FloatCube, im: FloatCube, model: Model, old: FloatArray, was: Co
         p = _tile(first, back[2], was[tx * n_rx : (tx + 1) * n_rx])
         q = _tile(second, out[2], -now[tx * n_rx : (tx + 1) * n_rx])
         for chirp in range(n_chirp):
-            _mix(re[tx, chirp], im[tx, chirp], p[0], p[1], p[2], p[3])
-            _mix(re[tx, chirp], im[tx, chirp], q[0], q[1], q[2], q[3])
+            _mix(re[tx, chirp], im[tx, chirp], p)
+            _mix(re[tx, chirp], im[tx, chirp], q)
         first, second = first * back[1], second * out[1]
 
 
 @numba.njit(cache=True)
-def _mix(xr: FloatCube, xi: FloatCube, pr: FloatCube, pi: FloatCube, qr: FloatCube, qi: FloatCube) -> None:
+def _mix(xr: FloatCube, xi: FloatCube, phasor: FloatCube) -> None:
     """Add a phasor to one chirp and turn it to the next."""
+    pr, pi, qr, qi = phasor[0], phasor[1], phasor[2], phasor[3]
     for k in range(len(xr)):
         p, q = pr[k], pi[k]
         xr[k] += p

@@ -8,7 +8,7 @@ Here the false-alarm probability of any detector is an expectation over the trai
 
 whose inner probability is known in closed form: given the training cells, the cell under test is Gaussian per channel, its power over n
 channels noncentral chi-squared. The expectation is a weighted mean over training cells drawn from an exponentially tilted distribution, in
-which low noise levels, those that cause the alarms, are usual; the draws are seeded, so the same configuration gives the same threshold.
+which the low noise levels that cause alarms are usual; the draws are seeded, so the same configuration gives the same threshold.
 """
 
 from __future__ import annotations
@@ -43,10 +43,7 @@ def ca_factor(false_alarm: float, n_effective: Array, n: int) -> Array:
 def effective_number(correlation: NDArray[np.complex128]) -> float:
     """Count the independent cells whose mean power varies as much as that of these.
 
-    Parameters
-    ----------
-    correlation : ndarray of complex128, shape (n_training, n_training)
-        Correlation coefficients of the noise between the cells.
+    ``correlation`` has the correlation coefficients of the noise between the cells, shape (n_training, n_training).
     """
     return float(len(correlation) ** 2 / np.sum(np.abs(correlation) ** 2))
 
@@ -62,10 +59,8 @@ def design(correlation: NDArray[np.complex128], level: Level, false_alarm: float
         The detector's noise level.
     false_alarm : float
         Wanted probability.
-    n : int
-        Number of integrated channels.
-    numbers : int
-        Effort: how many complex normal numbers are drawn.
+    n, numbers : int
+        Number of integrated channels; effort: how many complex normal numbers are drawn.
 
     Returns
     -------
@@ -93,19 +88,14 @@ def design(correlation: NDArray[np.complex128], level: Level, false_alarm: float
         mean = tilted @ foretell.astype(np.complex64)
         noncentral = (np.abs(mean) ** 2).reshape(draws, n).sum(axis=1, dtype=np.float64)
     factor = _solve(level(power), weight, false_alarm, n, noncentral, 1 - known if known > _DEPENDENT else 1.0, guess)
-    return factor, _mean_level(value, vector, level, n, white)
+    cells = (white[: 500 * n] * np.sqrt(value / 2).astype(np.float32)) @ vector.T.astype(np.complex64)
+    return factor, float(np.mean(level((cells.real**2 + cells.imag**2).reshape(500, n, -1).mean(axis=1))))
 
 
 @functools.lru_cache(maxsize=2)
 def _white(n: int) -> NDArray[np.complex64]:
     """Complex normal numbers of variance two, shape (n,); the same for every pattern of an array, which saves half the time."""
     return np.random.Generator(np.random.SFC64(0)).standard_normal(2 * n, np.float32).view(np.complex64)
-
-
-def _mean_level(value: Array, vector: NDArray[np.complex128], level: Level, n: int, white: NDArray[np.complex64]) -> float:
-    few = white[: 500 * n]
-    cells = (few * np.sqrt(value / 2).astype(np.float32)) @ vector.T.astype(np.complex64)
-    return float(np.mean(level((cells.real**2 + cells.imag**2).reshape(500, n, -1).mean(axis=1))))
 
 
 def _tilt(value: Array, n_training: int, factor: float, n: int) -> float:

@@ -24,6 +24,7 @@ from radar_dsp.two_source_kernels import locate_pairs
 
 Floats = NDArray[np.float64]
 Split = tuple[Floats, NDArray[np.bool_], NDArray[np.intp]]
+Tables = tuple[NDArray[np.float32], NDArray[np.float32]]
 _MAX_GRID = 2048
 _TRIALS = 6000
 
@@ -34,21 +35,15 @@ class TwoSources:
     Parameters
     ----------
     config : DoaConfig
-        Grid and probability of a false split.
-    info : RadarInfo
-        The radar.
-    steering : Steering
-        Its array.
+        Grid and probability of a false split. A `ConfigError` says that the search cannot do it, or that the array has too few channels to
+        tell one echo from two.
+    info, mode, steering : RadarInfo, str, Steering
+        The radar, what it measures, and its array.
 
     Attributes
     ----------
     threshold : float
         Two echoes are reported where their likelihood exceeds that of one by more than this many noise powers.
-
-    Raises
-    ------
-    ConfigError
-        When the search cannot do it, or the array has too few channels to tell one echo from two.
     """
 
     def __init__(self, config: DoaConfig, info: RadarInfo, mode: str, steering: Steering) -> None:
@@ -65,7 +60,7 @@ class TwoSources:
         if 2 * n <= unknowns:
             raise ConfigError(f"doa.method 'dml2' needs at least {unknowns // 2 + 1} virtual channels, the array has {n}; choose 'dml'")
         self._steering = steering
-        self._gain, self._cross = _pair_tables(steering)
+        self._tables = _pair_tables(steering)
         self.threshold = _tail(config, info, mode).threshold(config.split)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.float32]) -> Split:
@@ -74,7 +69,7 @@ class TwoSources:
         Parameters
         ----------
         snapshot : ndarray of complex64, shape (n_points, 1, n_channel)
-            One snapshot per detection.
+            One snapshot per detection; a `DataError` says that there are several.
         snr : ndarray of float32, shape (n_points,)
             Measured signal-to-noise power ratio per channel; the noise power is mean power of the snapshot / (1 + snr).
 
@@ -82,48 +77,31 @@ class TwoSources:
         -------
         angles : ndarray, shape (4, n_out)
             Azimuth, elevation, their standard deviations [rad]: the joint bound of both echoes at the fitted amplitudes.
-        inside : ndarray of bool, shape (n_out,)
-            Within the field of view.
-        source : ndarray of intp, shape (n_out,)
-            Detection that each output belongs to, ascending.
-
-        Raises
-        ------
-        DataError
-            When there are several snapshots per detection.
+        inside, source : ndarray of bool and of intp, shape (n_out,)
+            Within the field of view; detection that each output belongs to, ascending.
         """
         if snapshot.shape[1] != 1:
             raise DataError(
                 f"doa.method 'dml2' takes one snapshot per detection, got {snapshot.shape[1]}; choose 'capon' or 'dml' for more"
             )
-        angles, inside, second, _ = self.fit(snapshot, snr, self.threshold)
+        angles, inside, second, _ = _run(snapshot, snr, self._steering, self._tables, self.threshold)
         keep = np.ones(2 * len(second), np.bool_)
         keep[1::2] = second
         slot = np.flatnonzero(keep)
         return angles[:, slot], inside[slot], slot // 2
 
-    def fit(
-        self, snapshot: NDArray[np.complex64], snr: NDArray[np.float32], threshold: float
-    ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], Floats]:
-        """Run the search with a given threshold, see `radar_dsp.two_source_kernels.locate_pairs` for the results."""
-        return _run(snapshot, snr, self._steering, self._gain, self._cross, threshold)
-
 
 def _run(
-    snapshot: NDArray[np.complex64],
-    snr: NDArray[np.float32],
-    steering: Steering,
-    gain: NDArray[np.float32],
-    cross: NDArray[np.float32],
-    threshold: float,
+    snapshot: NDArray[np.complex64], snr: NDArray[np.float32], steering: Steering, tables: Tables, threshold: float
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], Floats]:
+    """Run the search with a given threshold, see `radar_dsp.two_source_kernels.locate_pairs` for the results."""
     n = len(snapshot)
     angles, inside, second, statistic = np.full((4, 2 * n), np.nan), np.zeros(2 * n, np.bool_), np.zeros(n, np.bool_), np.zeros(n)
-    locate_pairs(snapshot, snr, steering, gain, cross, threshold, angles, inside, second, statistic)
+    locate_pairs(snapshot, snr, steering, *tables, threshold, angles, inside, second, statistic)
     return angles, inside, second, statistic
 
 
-def _pair_tables(steering: Steering) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _pair_tables(steering: Steering) -> Tables:
     """Tables ``gain`` and ``cross`` of `radar_dsp.pair_kernels.best_pair`."""
     table = steering.table[0] + 1j * steering.table[1].astype(np.float64)
     n = len(table)
@@ -171,4 +149,4 @@ def _tail(config: DoaConfig, info: RadarInfo, mode: str) -> _Tail:
     noise = rng.normal(scale=math.sqrt(0.5), size=(*a.shape, 2)) @ np.array([1, 1j])
     snapshot = (10 * a + noise).astype(np.complex64)
     snr = (np.mean(np.abs(snapshot) ** 2, axis=1) - 1).astype(np.float32)
-    return _Tail(_run(snapshot[:, None], snr, steering, *_pair_tables(steering), -1.0)[3])
+    return _Tail(_run(snapshot[:, None], snr, steering, _pair_tables(steering), -1.0)[3])

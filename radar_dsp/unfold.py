@@ -28,10 +28,8 @@ class Unfolded:
 
     Attributes
     ----------
-    speed : ndarray of float64, shape (n_points,)
-        Range rate [m/s], within n_tx times the unambiguous ones.
-    fold : ndarray of int64, shape (n_points,)
-        How often 2 max_speed was added to the folded range rate.
+    speed, fold : ndarray of float64, of int64, shape (n_points,)
+        Range rate [m/s], within n_tx times the unambiguous ones; how often 2 max_speed was added to the folded one.
     snapshot : ndarray of complex64, shape (n_points, n_channel)
         Spectrum of the virtual channels with the turn between transmitters taken out.
     confidence : ndarray of float64, shape (n_points,)
@@ -60,12 +58,7 @@ class Unfolder:
     info : RadarInfo
         The radar, calibration included.
     threshold : float
-        Log-likelihood that another hypothesis has to gain over the folded range rate to be taken.
-
-    Raises
-    ------
-    ConfigError
-        When the threshold is negative.
+        Log-likelihood that another hypothesis has to gain over the folded range rate to be taken; a `ConfigError` says that it is negative.
     """
 
     def __init__(self, info: RadarInfo, threshold: float = 10.0) -> None:
@@ -92,10 +85,8 @@ class Unfolder:
         ----------
         snapshot : ndarray of complex64, shape (n_points, n_tx, n_rx)
             Spectrum of the channels at each detection as it came out of the transforms, not motion compensated.
-        speed : ndarray, shape (n_points,)
-            Folded range rate [m/s]; where it is NaN, nothing is compensated.
-        snr : ndarray, shape (n_points,)
-            Signal-to-noise power ratio of the cell, mean of the channels.
+        speed, snr : ndarray, shape (n_points,)
+            Folded range rate [m/s]; where it is NaN, nothing is compensated. Signal-to-noise power ratio of the cell, mean of the channels.
 
         Returns
         -------
@@ -132,17 +123,10 @@ class Unfolder:
         return Unfolded(folded + fold * period, fold, candidates[np.arange(n), chosen], confidence, np.abs(confidence) < self.threshold)
 
     def kept_power(self, azimuth: NDArray[Any], elevation: NDArray[Any]) -> FloatArray:
-        """Compute the part of an echo's power that a plane wave still explains under the best wrong hypothesis.
+        """Compute the part of an echo's power that a plane wave still explains under the best wrong hypothesis, shape (n_points,).
 
-        Parameters
-        ----------
-        azimuth, elevation : ndarray, shape (n_points,)
-            True directions [rad].
-
-        Returns
-        -------
-        ndarray of float64, shape (n_points,)
-            0 to 1; at 1 the hypotheses cannot be told apart from there. 0 with one transmitter, where there are none.
+        ``azimuth`` and ``elevation`` (n_points,) are true directions [rad]. At 1 the hypotheses cannot be told apart from there; it is 0
+        with one transmitter, where there are none.
         """
         w, array = self.info.waveform, self.info.array
         tx = np.arange(w.n_tx)
@@ -169,9 +153,8 @@ class Unfolder:
             matched = flat * self._steering(u).conj()
             level = matched.sum(axis=1)
             highest = np.maximum(highest, np.abs(level) ** 2)
-            slope = (level.conj()[:, None] * (matched @ self._phase)).imag / np.maximum(np.abs(level) ** 2, np.finfo(np.float64).tiny)[
-                :, None
-            ]
+            strength = np.maximum(np.abs(level) ** 2, np.finfo(np.float64).tiny)
+            slope = (level.conj()[:, None] * (matched @ self._phase)).imag / strength[:, None]
             u = u + np.clip(slope @ self._information, -self._step, self._step)
         final = np.abs((flat * self._steering(u).conj()).sum(axis=1)) ** 2
         return np.asarray(np.maximum(highest, final).reshape(snapshots.shape[:-1]))

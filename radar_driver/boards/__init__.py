@@ -24,10 +24,8 @@ class Found:
 
     Attributes
     ----------
-    board : str
-        What it is, as in `boards`.
-    address : str
-        Where it is, for people.
+    board, address : str
+        What it is, as in `boards`; where it is, for people.
     options : mapping
         Knobs of the board's configuration that choose this device among several.
     problem : str
@@ -46,10 +44,8 @@ class Board:
 
     Attributes
     ----------
-    name : str
-        Value of the driver's parameter ``source``.
-    title : str
-        For people.
+    name, title : str
+        Value of the driver's parameter ``source``; for people.
     config : type
         Knobs, a class made with `radar_core.config.config`; the driver declares each as a parameter.
     open : callable
@@ -136,16 +132,9 @@ def broken() -> Mapping[str, str]:
 
 
 def board(name: str) -> Board:
-    """Look up a kind of source; imports no other one of ours.
-
-    Raises
-    ------
-    ConfigError
-        When there is none of that name.
-    """
+    """Look up a kind of source, importing no other one of ours; a `ConfigError` says that there is none of that name."""
     if name in _ours():
-        found: Board = importlib.import_module(f"{__name__}.{name}").BOARD
-        return found
+        return importlib.import_module(f"{__name__}.{name}").BOARD  # type: ignore[no-any-return]
     if name in _registered:
         return _registered[name]
     if name in broken():

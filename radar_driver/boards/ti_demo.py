@@ -6,27 +6,20 @@ from collections.abc import Sequence
 from typing import Final
 
 from radar_driver.boards import Board, Found
-from radar_driver.serial_ports import TiPorts, access_problem, ti_ports
+from radar_driver.serial_ports import access_problem, ti_ports
 from radar_driver.ti_demo.source import TiDemo, TiDemoConfig
 
 
 def find() -> Sequence[Found]:
     """List what is plugged in."""
-    return [_found(board) for board in ti_ports()]
-
-
-def _found(board: TiPorts) -> Found:
-    parts = {"": board.data, "commands at ": board.command, "serial number ": board.number}
-    address = ", ".join(word + part for word, part in parts.items() if part)
     lone = "only the command port is there: plug the board in again, or try another cable"
-    return Found("ti_demo", address, {"port": board.data}, access_problem(board.data) if board.data else lone)
+    found = []
+    for board in ti_ports():
+        parts = {"": board.data, "commands at ": board.command, "serial number ": board.number}
+        address = ", ".join(word + part for word, part in parts.items() if part)
+        found.append(Found("ti_demo", address, {"port": board.data}, access_problem(board.data) if board.data else lone))
+    return found
 
 
-BOARD: Final = Board(
-    name="ti_demo",
-    title="TI mmWave radar with the out-of-the-box or a people-counting demo (point clouds over a serial port)",
-    config=TiDemoConfig,
-    open=TiDemo,
-    find=find,
-    clouds=True,
-)
+_TITLE: Final = "TI mmWave radar with the out-of-the-box or a people-counting demo (point clouds over a serial port)"
+BOARD = Board("ti_demo", _TITLE, TiDemoConfig, TiDemo, find, clouds=True)

@@ -10,14 +10,19 @@ from typing import Any, Final, Literal
 from radar_core import ConfigError, DeviceError, Pose, RadarFrame, RadarInfo, Waveform
 from radar_core.config import config, knob
 from radar_driver.components import Component, Radar, Report
-from radar_driver.dca1000.commands import Event, Lvds, advice
-from radar_driver.dca1000.control import Control
+from radar_driver.dca1000.control import Control, Event, Lvds, advice
 from radar_driver.dca1000.decode import ORDERS, decode_frame, frame_bytes, looks_mirrored
 from radar_driver.dca1000.packets import LARGEST, RawFrame
 from radar_driver.dca1000.receiver import Receiver
 from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.ti_config import TiConfig, cli_lines, radar_info, read_ti_config
 from radar_driver.sources import Reading
+
+_STOP_WAIT: Final = 0.5  # s: for a sensor that may not be there any more
+_SETTLE: Final = 0.1  # s, and a frame: samples that come sooner are of a sensor that ran already
+_OWN_LINES: Final = ("sensorStop", "flushCfg", "sensorStart")  # sent when it is time for them, wherever they stand in the file
+_DRIFT: Final = 1e-4  # of the time since the last frame: two crystals differ by less
+_ENDS: Final = {Event.MODE_FAILURE, Event.RECORD_COMPLETED}  # after these the board has to be set up anew
 
 
 @config
@@ -65,23 +70,11 @@ def check_config(config: Dca1000Config, ti: TiConfig, size: int) -> None:
         raise ConfigError(f"{config.config}: adcbufCfg gives samples in the order {ti.order}, but dca1000.order is {config.order}")
 
 
-_STOP_WAIT: Final = 0.5  # s: for a sensor that may not be there any more
-_SETTLE: Final = 0.1  # s, and a frame: samples that come sooner are of a sensor that ran already
-_OWN_LINES: Final = ("sensorStop", "flushCfg", "sensorStart")  # sent when it is time for them, wherever they stand in the file
-_DRIFT: Final = 1e-4  # of the time since the last frame: two crystals differ by less
-_ENDS: Final = {Event.MODE_FAILURE, Event.RECORD_COMPLETED}  # after these the board has to be set up anew
-
-
 class Stamps:
     """Estimates the starts of acquisitions on the clock of the packets.
 
     A packet comes after its samples, sometimes late, never early, and frames follow each other by the sensor's crystal: of what a packet
     says and what the frame before says, the earlier is right. More than half a frame between both is another beginning.
-
-    Parameters
-    ----------
-    waveform : Waveform
-        Frame interval and acquisition.
     """
 
     def __init__(self, waveform: Waveform) -> None:
@@ -103,15 +96,7 @@ class Stamps:
 
 
 class CaptureBoard(Component):
-    """The DCA1000EVM.
-
-    Parameters
-    ----------
-    config : Dca1000Config
-        Addresses, lanes, delays.
-    size : int
-        Bytes of a frame.
-    """
+    """The DCA1000EVM; ``size`` is the number of bytes of a frame."""
 
     name = "capture board"
 
@@ -157,13 +142,7 @@ class CaptureBoard(Component):
 
 
 class Sensor(Component):
-    """The radar sensor, through its command line.
-
-    Parameters
-    ----------
-    config : Dca1000Config
-        Port, time, .cfg file.
-    """
+    """The radar sensor, through its command line."""
 
     name = "sensor"
 
@@ -219,17 +198,8 @@ class Dca1000Source(Radar):
     """A sensor with a capture board, as a source of frames.
 
     The capture board is set up and records before the sensor starts: the first byte of a recording is then the first of a frame, and stays
-    so by the byte counts, whatever is lost.
-
-    Parameters
-    ----------
-    config : Dca1000Config
-        Where they are and what they do.
-
-    Raises
-    ------
-    ConfigError, DataError
-        When the .cfg is missing, does not stream raw samples for ever, or contradicts the configuration; naming file and line.
+    so by the byte counts, whatever is lost. A `ConfigError` or `DataError` says that the .cfg is missing, does not stream raw samples for
+    ever, or contradicts the configuration; naming file and line.
     """
 
     def __init__(self, config: Dca1000Config) -> None:
@@ -248,8 +218,7 @@ class Dca1000Source(Radar):
         self._silence = max(config.silence, 3 * ti.frame_interval)
         self._stamps = Stamps(self.info.waveform)
         self._resumed = 0.0
-        self._heard = False
-        self._mirrored = False
+        self._heard = self._mirrored = False
 
     def resume(self) -> None:
         """Record, then start the sensor."""

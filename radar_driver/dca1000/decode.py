@@ -28,7 +28,7 @@ def frame_bytes(info: RadarInfo, lanes: int) -> int:
 
 
 def decode_frame(data: bytes | bytearray, info: RadarInfo, *, order: str = "q_first", lanes: int = 2) -> NDArray[np.complex64]:
-    """Unpack the 16-bit words of one frame.
+    """Unpack the 16-bit words of one frame, in counts of the converter, shape (n_tx, n_chirp, n_rx, n_sample).
 
     Two lanes: chirp by chirp, all samples of the first receiver, then of the next; words in groups of four, two of one component, two of
     the other. Four lanes: sample by sample, the in-phase words of four receivers, then their quadrature words.
@@ -43,11 +43,6 @@ def decode_frame(data: bytes | bytearray, info: RadarInfo, *, order: str = "q_fi
         Two lanes: whether a group starts with quadrature (``q_first``) or in-phase words (``i_first``).
     lanes : int
         2 or 4.
-
-    Returns
-    -------
-    ndarray of complex64, shape (n_tx, n_chirp, n_rx, n_sample)
-        In counts of the converter.
     """
     n_tx, n_chirp, n_rx, n_sample = info.cube_shape
     words = np.frombuffer(data, "<i2")
@@ -80,10 +75,8 @@ def looks_mirrored(cube: NDArray[np.complex64]) -> bool:
 def zeroed_chirps(cube: NDArray[np.complex64]) -> NDArray[np.uint32]:
     """Find the chirps with holes that a recorder filled with zeros, in a frame of shape (n_tx, n_chirp, n_rx, n_sample).
 
-    Returns
-    -------
-    ndarray of uint32, shape (n_missing,)
-        Numbers ``chirp * n_tx + tx``, ascending, of chirps with a receiver that gives 16 zeros in a row, or nothing else.
+    Gives the numbers ``chirp * n_tx + tx``, ascending, of chirps with a receiver that gives 16 zeros in a row, or nothing else, shape
+    (n_missing,).
     """
     hole = cube == 0
     length = 1

@@ -28,10 +28,8 @@ class RawFrame:
     ----------
     number : int
         Counts the frames of the recording, lost ones too.
-    data : bytearray
-        As sent; 0 where packets were lost.
-    seen : bytearray
-        1 for every byte that arrived.
+    data, seen : bytearray
+        As sent, 0 where packets were lost; 1 for every byte that arrived.
     arrived_ns, sent : int
         When the first packet with bytes of this frame came [ns], and how many of its bytes had been sent by then.
     received : int
@@ -59,10 +57,8 @@ class Counts:
 
     Attributes
     ----------
-    packets : int
-        Accepted.
-    lost : int
-        Left out in the sequence numbers and not come later.
+    packets, lost : int
+        Accepted; left out in the sequence numbers and not come later.
     reordered, duplicated, late : int
         Accepted though others overtook them; came twice; came when their frame was gone already.
     garbled : int
@@ -117,16 +113,14 @@ class _Line:
 class Reassembler:
     """Cuts a stream of packets into frames, by the byte counts in their heads: frame ``k`` begins at byte ``k * frame_bytes``.
 
-    A packet that contradicts the others is kept until the next one confirms it (the counters jumped, a new recording began) or does
-    not (it is garbled), so neither a jump nor a garbled head shifts a frame. Sequence numbers may overflow; the byte count, good for
-    more than a year, may not.
+    A packet that contradicts the others is kept until the next one confirms it (the counters jumped, a new recording began) or does not (it
+    is garbled), so neither a jump nor a garbled head shifts a frame. Sequence numbers may overflow; the byte count, good for more than a
+    year, may not.
 
     Parameters
     ----------
-    frame_bytes : int
-        Bytes of one frame, at least 1.
-    window : int
-        An incomplete frame is waited for until packets so far behind its end have come [bytes].
+    frame_bytes, window : int
+        Bytes of one frame, at least 1. An incomplete one is waited for until packets ``window`` bytes behind its end have come.
 
     Attributes
     ----------

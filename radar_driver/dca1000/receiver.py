@@ -1,7 +1,9 @@
-"""The data port: packets into frames, as fast as they come, with bounded buffers."""
+"""UDP ports on which the capture board sends; the one for data: packets into frames, as fast as they come, with bounded buffers."""
 
 from __future__ import annotations
 
+import errno
+import select
 import socket
 import time
 from collections import deque
@@ -9,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
+from radar_core import DeviceError
 from radar_driver.components import Report
 from radar_driver.dca1000.packets import RawFrame, Reassembler
-from radar_driver.dca1000.sockets import UdpPort, wait
 
 _KEPT: Final = 4  # finished frames that wait to be read; older ones make room
 _WANTED, _NEEDED = 16, 2  # frames that the system is asked to buffer, and that it has to
@@ -21,17 +23,66 @@ _NAP: Final = 0.001  # s: to wake up for every packet costs a third more, to wai
 _AT_ONCE: Final = 4096  # packets; then whoever waits for a frame gets to see what is finished
 
 
-class Receiver(UdpPort):
-    """Receives data packets, and finishes frames.
+class UdpPort:
+    """A UDP port of this computer (``host``) on which the board sends; what others send is counted and passed over."""
 
-    Parameters
-    ----------
-    host, board, port : str, str, int
-        As of `UdpPort`.
-    frame_bytes : int
-        Bytes of a frame.
-    nap : float
-        How long packets gather before they are taken together [s].
+    what = ""  # arrives there, for messages
+
+    def __init__(self, host: str, board: str, port: int) -> None:
+        self._host, self._board, self._port = host, board, port
+        self._link: socket.socket | None = None
+
+    def open(self) -> None:
+        """Open the socket; a `DeviceError` says that the address or the port cannot be had."""
+        self._link = bind(self._host, self._port, self.what)
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+
+def bind(host: str, port: int, what: str) -> socket.socket:
+    """Open a UDP socket that does not block; ``what`` arrives there, for messages.
+
+    A `DeviceError` says that this computer does not have the address ``host``, or that another program has the port.
+    """
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        link.setblocking(False)
+        link.bind((host, port))
+    except OSError as error:
+        link.close()
+        raise DeviceError(_why(host, port, what, error), gone=True) from None
+    return link
+
+
+def wait(link: socket.socket, timeout: float) -> bool:
+    """Wait until something can be read; whether it can. ``timeout`` in seconds."""
+    if timeout <= 0:
+        return False
+    poll = select.poll()
+    poll.register(link, select.POLLIN)
+    return bool(poll.poll(timeout * 1e3))
+
+
+def _why(host: str, port: int, what: str, error: OSError) -> str:
+    if error.errno == errno.EADDRNOTAVAIL:
+        return (
+            f"this computer has no address {host}, to which the capture board sends {what}: plug the board in, then give the network port "
+            f"that address: sudo ip address add {host}/24 dev <port>; or set host_address"
+        )
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"another program holds UDP port {port} of {host}, to which the capture board sends {what}: end it (another driver, "
+            f"mmWave Studio, a DCA1000 tool); this finds it: ss -lunp sport = :{port}"
+        )
+    return f"UDP port {port} of {host} cannot be opened for {what} ({error}); check host_address and the ports"
+
+
+class Receiver(UdpPort):
+    """Receives data packets, and finishes frames of ``frame_bytes``; packets gather for ``nap`` [s] before they are taken together.
 
     Attributes
     ----------
@@ -41,7 +92,6 @@ class Receiver(UdpPort):
         When the last packet came, on CLOCK_MONOTONIC [s]; 0: none since `start_afresh`.
     """
 
-    name = "data port"
     what = "its samples"
 
     def __init__(self, host: str, board: str, port: int, frame_bytes: int, *, nap: float = _NAP) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 import serial
 
 from radar_core import DeviceError
-from radar_driver.components import Device, Report
+from radar_driver.components import Report
 from radar_driver.serial_ports import GONE, close_port, only_port, open_port
 
 BAUD: Final = 115200
@@ -21,7 +21,7 @@ _LONGEST: Final = 1 << 14  # bytes of an answer
 _REFUSED: Final = re.compile(r"^(error|.*not recognized)", re.IGNORECASE)
 
 
-class SerialCli(Device):
+class SerialCli:
     """The command line of TI's mmWave demo.
 
     Parameters
@@ -33,8 +33,6 @@ class SerialCli(Device):
     firmware : str
         What its prompt has to begin with; empty: any will do.
     """
-
-    name = "sensor's command line"
 
     def __init__(self, port: str, timeout: float, firmware: str = _FIRMWARE) -> None:
         self._port, self._timeout, self._firmware = port, timeout, firmware

@@ -27,14 +27,12 @@ class TiConfig:
     ----------
     platform : str
         E.g. xWR18xx; empty when the file does not say.
-    start_hz, slope : float
-        Where the ramp begins [Hz] and how it rises [Hz/s].
+    start_hz, slope, sample_rate : float
+        Where the ramp begins [Hz], how it rises [Hz/s], and samples per second [Hz].
     idle, adc_start, ramp_end, frame_interval : float
         Times within a chirp, and from one frame to the next [s].
     n_sample, n_rx, n_loop : int
         Samples per chirp, receivers that are on, chirps per transmitter.
-    sample_rate : float
-        [Hz].
     tx : tuple of int
         Transmitters (from 1) in the order of the chirps.
     n_frame : int
@@ -75,11 +73,8 @@ class TiConfig:
 def read_ti_config(path: Path) -> TiConfig:
     """Read a .cfg file.
 
-    Raises
-    ------
-    DataError
-        Naming file and line: a command that is missing or makes no sense, or a mode that is not supported (real samples, several
-        transmitters at once, subframes).
+    A `DataError` names file and line of a command that is missing or makes no sense, or of a mode that is not supported (real samples,
+    several transmitters at once, subframes).
     """
     platform, commands = _commands(path)
     for name in _ARGUMENTS:
@@ -174,12 +169,7 @@ def _transmitter(path: Path, chirps: Sequence[tuple[int, list[float]]], chirp: i
 
 
 def radar_info(
-    ti: TiConfig,
-    tx: Sequence[int] = (),
-    shape: tuple[int, int, int] = (0, 0, 0),
-    *,
-    frame_id: str = "radar",
-    mount: Pose | None = None,
+    ti: TiConfig, tx: Sequence[int] = (), shape: tuple[int, int, int] = (0, 0, 0), *, frame_id: str = "radar", mount: Pose | None = None
 ) -> RadarInfo:
     """Describe the radar that a .cfg sets up; the waveform is what is sampled of each ramp.
 
@@ -188,16 +178,11 @@ def radar_info(
     ti : TiConfig
         From `read_ti_config`.
     tx : sequence of int
-        Transmitters (from 1) in the order of their chirps; empty: as configured.
+        Transmitters (from 1) in the order of their chirps; empty: as configured. A `DataError` says that the board has no such one.
     shape : tuple of int, length 3
-        Receivers, chirps per transmitter, samples per chirp; 0: as configured.
+        Receivers, chirps per transmitter, samples per chirp; 0: as configured. A `ConfigError` says that these last longer than a chirp.
     frame_id, mount : str, Pose or None
         Name of the sensor frame and where it stands; None: the default.
-
-    Raises
-    ------
-    ConfigError, DataError
-        When the samples last longer than a chirp; when the board has no such transmitter.
     """
     tx = tuple(tx) or ti.tx
     n_rx, n_chirp, n_sample = shape[0] or ti.n_rx, shape[1] or ti.n_loop, shape[2] or ti.n_sample

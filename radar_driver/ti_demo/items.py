@@ -42,10 +42,8 @@ class Points:
         [m]; None: the board gave ranges and angles.
     spherical : ndarray, shape (n, 3) = (range, azimuth, elevation), or None
         [m, rad, rad]; elevations are NaN where the board measures none; None: the board gave positions.
-    radial_speed : ndarray, shape (n,)
-        Positive = receding [m/s].
-    snr, noise : ndarray, shape (n,)
-        [dB]; NaN: not given.
+    radial_speed, snr, noise : ndarray, shape (n,)
+        Positive = receding [m/s]; [dB], NaN: not given.
     refused : int
         Points left out because they are no numbers, or absurdly far away.
     """

@@ -87,15 +87,7 @@ def send_config(port: str, path: Path) -> None:
 
 
 class Uart(Component):
-    """A serial port of which nobody else reads.
-
-    Parameters
-    ----------
-    port : str
-        Path, e.g. ``/dev/ttyACM1``; empty: the only data port of a TI board that is plugged in.
-    baud : int
-        Bits per second.
-    """
+    """A serial port of which nobody else reads; without a path, the only data port of a TI board that is plugged in."""
 
     name = "data port"
 
@@ -152,7 +144,7 @@ class TiDemo(Radar):
     Parameters
     ----------
     config : TiDemoConfig
-        Ports and place.
+        Ports and place; a `DataError` names file and line of a .cfg that makes no sense.
     send : callable
         Sends the .cfg to the command port.
 
@@ -160,11 +152,6 @@ class TiDemo(Radar):
     ----------
     info : RadarInfo
         From the .cfg where one is given, else of a radar of which only the field of view is known.
-
-    Raises
-    ------
-    DataError
-        When the .cfg makes no sense, naming file and line.
     """
 
     def __init__(self, config: TiDemoConfig, send: SendConfig = send_config) -> None:
@@ -181,9 +168,7 @@ class TiDemo(Radar):
         self._counts: Counter[str] = Counter()
         self._about: dict[str, Any] = {}
         self._heard = 0.0
-        self._stamp = 0
-        self._bytes = 0
-        self._refused = 0
+        self._stamp = self._bytes = self._refused = 0
         self._number: int | None = None
 
     def _read_config(self, path: Path) -> None:

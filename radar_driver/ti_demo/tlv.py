@@ -36,13 +36,12 @@ class Head:
     Attributes
     ----------
     family : str
-        ``demo``, ``area scanner``, ``people 3D`` or ``people 2D``, see `radar_driver.ti_demo.tlv`.
+        ``demo``, ``area scanner``, ``people 3D`` or ``people 2D``, see this module's text.
     size, length : int
         Bytes of the head, and of the whole packet.
-    version : int
-        Of the SDK: major, minor, bugfix and build in one byte each, the major one highest ("demo" only, else as it comes).
-    platform : int
-        Chip, in hexadecimal digits: 0xA6843 is an xWR6843.
+    version, platform : int
+        Of the SDK: major, minor, bugfix and build in one byte each, the major one highest ("demo" only, else as it comes). Chip, in
+        hexadecimal digits: 0xA6843 is an xWR6843.
     number, subframe : int
         The radar's count of frames, and part of the frame where it has several.
     n_items, n_points : int
@@ -58,11 +57,6 @@ class Head:
     length: int
     n_items: int
     n_points: int
-
-    @property
-    def old(self) -> bool:
-        """Whether it is one of the older people-counting demos."""
-        return self.family.startswith("people")
 
 
 def _checksum_holds(head: bytes) -> bool:
@@ -154,7 +148,7 @@ class Parser:
     def __init__(self) -> None:
         self._held = bytearray()
         self._fresh = 0  # bytes of _held that no packet had: those kept of the last packet are not garbage
-        self._decoder = _Decoder()
+        self._columns = 0  # numbers that the points of an old demo have, where one packet alone does not tell
         self.received = 0
         self.counts: Counter[str] = Counter()
         self.reason = ""
@@ -219,7 +213,7 @@ class Parser:
             if len(self._held) < head.length:
                 return None
             try:
-                return self._decoder.decode(head, bytes(self._held[: head.length]), self.received - len(self._held) + head.length)
+                return self._decode(head, bytes(self._held[: head.length]), self.received - len(self._held) + head.length)
             except ContentError:
                 raise
             except ItemError as error:
@@ -237,14 +231,7 @@ class Parser:
         self._fresh = len(self._held) - length
         del self._held[: length - len(MAGIC) + 1]
 
-
-class _Decoder:
-    """Items to points; remembers how many numbers the points of an old demo have, where one packet alone does not tell."""
-
-    def __init__(self) -> None:
-        self._columns = 0
-
-    def decode(self, head: Head, data: bytes, end: int) -> Packet:
+    def _decode(self, head: Head, data: bytes, end: int) -> Packet:
         """Read the items of a packet."""
         used: dict[str, Any] = {}
         skipped = []
@@ -294,7 +281,7 @@ def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
         if at + 8 > len(data):
             raise ItemError(f"a packet of {len(data)} bytes has no room for its {head.n_items} items")
         kind, length = struct.unpack_from("<2I", data, at)
-        if head.old:
+        if head.family.startswith("people"):
             if length == 0:  # an item without points, whose length the old demos set to 0
                 at += 8
                 continue

@@ -19,7 +19,7 @@ from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import UsbLink
 
 N_BYTES: Final = 80
-"""Bytes that mean something; the memory has 128."""
+"""Bytes of the calibration memory that mean something; it has 128."""
 _CHANNELS: Final = 2 * wire.N_RX
 _LARGEST: Final = 10.0  # 20 dB: channels of one chip do not differ more
 
@@ -31,7 +31,7 @@ FIRMWARE: Final = 3
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What the memory says.
+    """What the calibration memory says, as the maker wrote it.
 
     Attributes
     ----------
@@ -67,13 +67,7 @@ def parse_eeprom(memory: bytes) -> Calibration:
 
 
 class Controller(Component):
-    """The signal processor that runs the firmware, and the USB link to it.
-
-    Attributes
-    ----------
-    calibration : Calibration or None
-        What its memory says; None: nothing that can be used.
-    """
+    """The signal processor that runs the firmware, and the USB link to it; ``calibration`` is what its memory says (None: nothing)."""
 
     name = "controller"
 

@@ -118,9 +118,5 @@ class TinyRadConfig:
         side = -1.0 if self.flipped else 1.0
         tx = np.array([_TX[number - 1] for number in self.sequence])
         rx = _RX_FIRST + _RX_STEP * np.arange(wire.N_RX)
-        return AntennaArray(
-            tx=tuple((float(side * y), 0.0) for y in tx - tx.mean()),
-            rx=tuple((float(side * y), 0.0) for y in rx - rx.mean()),
-            gain=13.0,
-            tx_power=8.0,
-        )
+        around = [tuple((float(side * y), 0.0) for y in place - place.mean()) for place in (tx, rx)]
+        return AntennaArray(tx=around[0], rx=around[1], gain=13.0, tx_power=8.0)

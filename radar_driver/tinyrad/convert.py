@@ -22,15 +22,15 @@ def analytic(samples: NDArray[np.float32]) -> NDArray[np.complex64]:
     """Turn real samples into half as many complex ones that have the same positive frequencies and no negative ones.
 
     The beat of an echo is A cos(2 pi (f_min tau + slope tau t)); its positive frequency has the phase of `RadarFrame`, so nothing is to be
-    conjugated. This is the Hilbert transform over the ramp, in the frequency domain: of the n transformed samples the frequencies 0 to
-    (n - 1) / 2 stay, doubled but for zero, and go back with as many points, evenly spaced over the same time. The highest frequency of an
-    even n is lost, where positive and negative cannot be told apart.
+    conjugated. This is the Hilbert transform over the ramp, in the frequency domain: of the n transformed samples the frequencies 0 to (n -
+    1) / 2 stay, doubled but for zero, and go back with as many points, evenly spaced over the same time. The highest frequency of an even n
+    is lost, where positive and negative cannot be told apart.
 
-    Edges. A beat that does not turn a whole number of times over the ramp leaks into all frequencies, also beyond zero and beyond the
-    highest one, where it is cut off; without more that leaves ghosts in the first and last few range cells, 27 dB below the echo. The
-    samples are therefore tapered before (Kaiser, beta 8) and the taper is divided out afterwards: the ghosts are 75 dB below then. What no
-    treatment of real samples can tell apart stays: an echo in the first or second cell and its mirror image below zero. Behind a Nuttall
-    window an echo in cell 2 errs by less than 0.3 %, in cell 1.5 by 9 %, in cell 1 by 21 % of its amplitude at worst.
+    Edges. A beat that does not turn a whole number of times over the ramp leaks beyond zero and beyond the highest frequency, where it is
+    cut off; that leaves ghosts in the first and last few range cells, 27 dB below the echo. The samples are therefore tapered before
+    (Kaiser, beta 8) and the taper is divided out afterwards: the ghosts are 75 dB below then. An echo in the first or second cell and its
+    mirror image below zero cannot be told apart. Behind a Nuttall window an echo in cell 2 errs by less than 0.3 %, in cell 1.5 by 9 %, in
+    cell 1 by 21 % of its amplitude at worst.
 
     Parameters
     ----------
@@ -92,15 +92,8 @@ class BoardClock:
 class Converter:
     """Makes raw frames of blocks.
 
-    The first value of every chirp, in all channels, counts the chirps that the board has fired since it began to measure, also those
-    that it does not record. It says which transmitter sent, which chirps of a frame are missing, and how many frames were lost.
-
-    Parameters
-    ----------
-    config : TinyRadConfig
-        How the board is set up.
-    sequence : int
-        Number of the first frame.
+    The first value of every chirp, in all channels, counts the chirps that the board has fired since it began to measure, also those that
+    it does not record. It says which transmitter sent, which chirps of a frame are missing, and how many frames were lost.
 
     Attributes
     ----------

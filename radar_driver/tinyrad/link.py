@@ -13,7 +13,6 @@ from typing import Any, Final, TypeVar
 
 from radar_core import DeviceError
 from radar_core.paths import share_dir
-from radar_driver.components import Device
 from radar_driver.tinyrad import wire
 
 T = TypeVar("T")
@@ -75,7 +74,7 @@ def _holders(device: Any) -> str:
     return ", ".join(sorted(set(found))) or "perhaps another Handwave, or one of another user"
 
 
-class UsbLink(Device):
+class UsbLink:
     """One TinyRad on the bus. One thread at a time may use it.
 
     Parameters
@@ -92,8 +91,6 @@ class UsbLink(Device):
     counts : Counter
         ``stalls``, ``resynchronised``: since it was made.
     """
-
-    name = "usb"
 
     def __init__(self, port: str = "", *, timeout: float = 1.0, backend: Any = None) -> None:
         self._port, self._timeout, self._backend = port, timeout, backend

@@ -49,17 +49,9 @@ def receiver(channels: Sequence[int] = (1, 2, 3, 4), *, oscillator: bool = True)
 def transmitter(power: int, tx: int = 1) -> tuple[tuple[int, ...], ...]:
     """Words of the ADF5901: reset, set-up, calibration of the oscillator and of both amplifiers, then one transmitter on.
 
-    Parameters
-    ----------
-    power : int
-        Code of the output power, 0 to 255; not linear in dB, the vendor uses 80 and 100.
-    tx : int
-        Transmitter that is on at the end, 1 or 2; 0: none. While measuring the sequence of the board decides.
-
-    Returns
-    -------
-    tuple of tuple of int
-        Four groups; each is one command, because the chip needs time to calibrate after each.
+    ``power`` is the code of the output power, 0 to 255; not linear in dB, the vendor uses 80 and 100. ``tx`` is on at the end, 1 or 2; 0:
+    none. While measuring the sequence of the board decides. Gives four groups; each is one command, because the chip needs time to
+    calibrate after each.
     """
     compare = REFERENCE / 2  # the reference divider halves
     slow = round(compare / 100e3)  # clocks of the calibration: 100 kHz

@@ -35,11 +35,6 @@ class Stream:
         16-bit values of a frame; bytes of one read, a multiple of the packet (0: a whole frame).
     patience : float
         So long without a byte [s], and the board hangs.
-
-    Attributes
-    ----------
-    counts : Counter
-        ``broken``: frames that came cut short.
     """
 
     def __init__(self, link: UsbLink, n_value: int, *, transfer: int, patience: float) -> None:
@@ -47,8 +42,7 @@ class Stream:
         self._request, self._size = wire.get_data(n_value), 2 * n_value
         self._transfer = transfer or self._size
         self._part = bytearray()
-        self._asked = False
-        self._owed = False
+        self._asked = self._owed = False
         self._alive = 0.0
         self._in_a_row = 0
         self.counts: Counter[str] = Counter()
@@ -133,19 +127,9 @@ class Stream:
 
 
 class TinyRadSource(Radar):
-    """An EV-TINYRAD24G that sends by itself; a `radar_driver.sources.Source`.
+    """An EV-TINYRAD24G that sends by itself; a `radar_driver.sources.Source`, reached by ``backend`` (None: libusb).
 
-    Parameters
-    ----------
-    config : TinyRadConfig
-        How to set it up.
-    backend : usb.backend.IBackend or None
-        How to reach it; None: libusb.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        What radar it then is; with the board's calibration once it was powered up.
+    ``info`` says what radar ``config`` makes of it; with the board's calibration once it was powered up.
     """
 
     def __init__(self, config: TinyRadConfig, backend: Any = None) -> None:

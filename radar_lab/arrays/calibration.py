@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, RadarInfo
 from radar_core.config import config, knob
-from radar_dsp.array_file import CalibratedArray
-from radar_dsp.steering_table import SteeringTable
+from radar_dsp.array_file import CalibratedArray, SteeringTable
 from radar_lab.arrays.ambiguity import Ambiguity
 from radar_lab.arrays.channel_fit import ChannelFit, Channels, Residual
 from radar_lab.arrays.turntable import Snapshots, spherical

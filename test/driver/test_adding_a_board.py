@@ -14,9 +14,8 @@ import pytest
 
 from radar_core import ConfigError, RadarFrame
 from radar_driver import boards as registry
-from radar_driver.health import Verdict
+from radar_driver.health import Verdict, probe
 from radar_driver.live import Reader
-from radar_driver.probing import probe
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding-a-board.md"
 

@@ -4,7 +4,7 @@ import pytest
 from originals_dca1000 import captured_replies
 
 from radar_core import ConfigError
-from radar_driver.dca1000.commands import (
+from radar_driver.dca1000.control import (
     ADVICE,
     Code,
     Event,

@@ -9,8 +9,8 @@ import serial
 from dca1000_emulator import CONFIGURE, HOST, RECORD_START, RECORD_STOP, RESET_FPGA, encode
 
 from radar_core import DeviceError
-from radar_driver.dca1000.commands import Event
-from radar_driver.dca1000.sockets import bind
+from radar_driver.dca1000.control import Event
+from radar_driver.dca1000.receiver import bind
 from radar_driver.live import Reader
 
 SHAPE = (2, 16, 4, 64)

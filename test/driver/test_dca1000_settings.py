@@ -10,9 +10,8 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from radar_core import ConfigError, DataError, DeviceError
 from radar_driver.boards import board
-from radar_driver.dca1000.receiver import Receiver
+from radar_driver.dca1000.receiver import Receiver, bind
 from radar_driver.dca1000.serial_cli import SerialCli
-from radar_driver.dca1000.sockets import bind
 from radar_driver.serial_ports import ti_ports
 
 FRAMES = [encode(np.ones((2, 16, 4, 64), complex))]

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from radar_core import AntennaArray, DataError, DeviceError, PointCloud, RadarFrame, RadarInfo, Waveform
 from radar_driver.boards import board
-from radar_driver.health import Health, HealthConfig, Verdict, worst
-from radar_driver.probing import probe
+from radar_driver.health import Health, HealthConfig, Verdict, probe, worst
 from radar_driver.sources import Reading
 from radar_sim import Simulator, load_scene
 from radar_sim.effects import config as effects

@@ -19,9 +19,8 @@ from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import describe, load
 from radar_dsp import Baseband, BasebandConfig, CfarConfig, CouplingConfig, DoaConfig, SpectrumConfig, TdmConfig, kernels
 from radar_dsp.kernels import Scales, integrate
-from radar_dsp.peaks import Interpolator
 from radar_dsp.spectrum import FmcwSpectrum
-from radar_dsp.windows import make_window
+from radar_dsp.windows import Interpolator, make_window
 from radar_sim import Effects, NoiseConfig, Point, Scene, SceneRadar, Simulator
 
 INFO = RadarInfo()

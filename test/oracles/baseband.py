@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_dsp.kernels import FLOOR, LEAST_SNR, TINY, Cells, FloatMap, Mask, Offsets, Scales
+from radar_dsp.kernels import LEAST_SNR, TINY, Cells, FloatMap, Mask, Offsets, Scales
+from radar_dsp.windows import FLOOR
 
 AnyArray = NDArray[Any]
 

@@ -13,14 +13,10 @@ Complexes = NDArray[np.complex128]
 
 
 def fit_pairs(
-    snapshot: NDArray[np.complex64],
-    snr: NDArray[np.float32],
-    steering: Steering,
-    gain: NDArray[np.float32],
-    cross: NDArray[np.float32],
-    threshold: float,
+    snapshot: NDArray[np.complex64], snr: NDArray[np.float32], steering: Steering, tables: tuple[NDArray[np.float32], ...], threshold: float
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], Floats]:
     """Do what `radar_dsp.two_source_kernels.locate_pairs` does, with explicit projections in numpy."""
+    gain, cross = tables
     count, _, n = snapshot.shape
     scaled, alive = doa_numpy.scale(snapshot)
     weights = scaled * steering.fold

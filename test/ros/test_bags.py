@@ -15,7 +15,7 @@ from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
 from radar_driver.boards import board
-from radar_driver.probing import probe
+from radar_driver.health import probe
 from radar_ros import bags
 from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import cloud_from_msg

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from radar_core import DataError, RadarFrame
 from radar_driver.dca1000.board import Stamps
-from radar_driver.dca1000.commands import decode_reply
+from radar_driver.dca1000.control import decode_reply
 from radar_driver.dca1000.decode import looks_mirrored, zeroed_chirps
 from radar_driver.dca1000.packets import RawFrame, Reassembler
 from radar_driver.dca1000.ti_config import cli_lines, read_ti_config
