@@ -23,7 +23,7 @@ from benchmarks.scenarios import person, walk
 from benchmarks.stores import Store, clouds_of, kept, pack, room_effects, unpack
 from radar_core import PointCloud, Pose
 from radar_lab.alignment.pair import PairCalibration, PairConfig, Walker, calibrate_pair
-from radar_sim import Scene
+from radar_sim import Scene, Simulator
 from radar_sim.people import Action
 from radar_sim.scene import Fidelity, SceneRadar
 
@@ -94,7 +94,7 @@ class PairStore(Store):
 
 
 def _simulate(drawn: Scene, radar: int) -> dict[str, NDArray[Any]]:
-    clouds, truths = clouds_of(drawn, radar)
+    clouds, truths = clouds_of(Simulator(drawn, drawn.radars[radar].frame_id))
     return pack(clouds) | {"truth": np.array([truth.position[0] for truth in truths])}
 
 

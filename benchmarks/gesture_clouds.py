@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import timed
-from benchmarks.stores import Columns, Store, pack, unpack
-from radar_core import PointCloud
+from benchmarks.stores import Columns, Store, clouds_of, pack, unpack
+from radar_core import PointCloud, Pose
 from radar_core.config import plain
-from radar_dsp import Baseband, BasebandConfig
+from radar_dsp import BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, TrackEvent
@@ -51,9 +51,8 @@ class StreamStore(Store):
         """Simulate what is not there yet. Returns seconds that it took per simulated minute of scene; NaN when nothing was left to do."""
         start = time.monotonic()
         pieces = [(scene, piece) for scene in scenes for piece in range(math.ceil(scene.duration / PIECE))]
-        made = (
-            sum(min(PIECE, scene.duration - piece * PIECE) for scene, piece in self.make(pieces, n_jobs=n_jobs, progress=progress)) / 60.0
-        )
+        new = self.make(pieces, n_jobs=n_jobs, progress=progress)
+        made = sum(min(PIECE, scene.duration - piece * PIECE) for scene, piece in new) / 60.0
         return (time.monotonic() - start) / made if made else math.nan
 
     def moments(self, scene: Scene) -> Iterator[Moment]:
@@ -64,13 +63,7 @@ class StreamStore(Store):
 
 def _simulate(baseband: BasebandConfig, scene: Scene, piece: int) -> dict[str, NDArray[Any]]:
     simulator = Simulator(scene)
-    stage, mount = Baseband(baseband, simulator.info), simulator.info.mount
-    clouds, truths = [], []
-    for number in _frames(simulator, piece):
-        made = simulator.process(number)
-        clouds.append(stage.process(made.frame).to_room(mount))
-        truths.append(made.truth)
-    return packed(clouds, truths)
+    return packed(*clouds_of(simulator, _frames(simulator, piece), baseband), simulator.info.mount)
 
 
 def _frames(simulator: Simulator, piece: int) -> range:
@@ -81,9 +74,9 @@ def _frames(simulator: Simulator, piece: int) -> range:
     return range(max(first, 0), min(last, simulator.n_frames))
 
 
-def packed(clouds: Sequence[PointCloud], truths: Sequence[Truth]) -> dict[str, NDArray[Any]]:
-    """Columns of a file: clouds in ``room``, and truth as (n_frames, n_people, ...)."""
-    columns = pack(clouds, _POINT) | {"person_id": truths[0].person_id}
+def packed(clouds: Sequence[PointCloud], truths: Sequence[Truth], mount: Pose) -> dict[str, NDArray[Any]]:
+    """Columns of a file: clouds, put into ``room``, and truth as (n_frames, n_people, ...)."""
+    columns = pack([cloud.to_room(mount) for cloud in clouds], _POINT) | {"person_id": truths[0].person_id}
     columns |= {name: np.stack([getattr(truth, name) for truth in truths]) for name in _WHO}
     return columns | {name: np.stack([getattr(truth, name) for truth in truths]).astype(np.float32) for name in _MOTION}
 

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +16,13 @@ import numpy as np
 
 from benchmarks.gesture_clouds import Moment, packed, unpacked
 from benchmarks.gesture_scenes import NAMED, body, effects, stroke
-from benchmarks.report import choice
-from benchmarks.stores import Columns, Store
+from benchmarks.report import choice, timed
+from benchmarks.stores import Columns, Store, clouds_of, kept
 from radar_core import PointCloud, RadarInfo, merge
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
-from radar_dsp import Baseband, BasebandConfig
+from radar_dsp import BasebandConfig
 from radar_gestures import Classifier, GestureConfig, GestureRecognizer, load_model
 from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
@@ -57,9 +55,7 @@ def scene(distance: float, seed: int, names: Sequence[str] = NAMED) -> Scene:
 
 def _simulate(drawn: Scene, radar: int) -> Columns:
     simulator = Simulator(drawn, drawn.radars[radar].frame_id)
-    baseband, mount = Baseband(BasebandConfig(), simulator.info), simulator.info.mount
-    frames = [simulator.process(number) for number in range(simulator.n_frames)]
-    return packed([baseband.process(made.frame).to_room(mount) for made in frames], [made.truth for made in frames])
+    return packed(*clouds_of(simulator), simulator.info.mount)
 
 
 def pairs(streams: Sequence[Sequence[Moment]], infos: Sequence[RadarInfo]) -> Iterator[Moment]:
@@ -98,9 +94,8 @@ def judge(store: Store, drawn: Scene, model: Classifier) -> dict[str, Counts]:
         tracked = [TrackedCloud(moment.cloud, people.process(moment.cloud)) for moment in moments]
         for way in ("fused", "before") if seen == "fused" else (seen,):
             clouds = [TrackedCloud(_flattened(own.cloud), own.tracks) for own in tracked] if way == "before" else tracked
-            counts[way] = _recognise(
-                clouds, [moment.truth for moment in moments], truth, GestureRecognizer(GestureConfig(), model, info.mount)
-            )
+            recogniser = GestureRecognizer(GestureConfig(), model, info.mount)
+            counts[way] = _recognise(clouds, [moment.truth for moment in moments], truth, recogniser)
     return counts
 
 
@@ -109,9 +104,8 @@ def _recognise(
 ) -> Counts:
     found, times = [], []
     for tracked, truth in zip(clouds, truths, strict=True):
-        start = time.perf_counter_ns()
-        gestures = recogniser.process(tracked)
-        times.append((time.perf_counter_ns() - start) * 1e-6)
+        gestures, spent = timed(recogniser.process, tracked)
+        times.append(spent)
         for gesture in gestures:
             track = tracked.tracks.find(gesture.track_id)
             person = None if track is None else nearest_person(truth, track.position)
@@ -146,15 +140,9 @@ def measure(scenes: Sequence[Scene], keep: Path, n_jobs: int = 1) -> dict[str, A
         by_distance.setdefault(round(math.hypot(*drawn.people[0].position), 3), []).append(own)
     whole = _row(counts)
     right = [{way: own[way].right for way in WAYS} for own in counts]
-    choices = [
-        choice(
-            "gestures of two radars",
-            way,
-            accuracy=("gestures right", whole[way], ""),
-            times_ms=[t for c in counts for t in c[way].times_ms],
-        )
-        for way in WAYS
-    ]
+    times = {way: [spent for own in counts for spent in own[way].times_ms] for way in WAYS}
+    stage = "gestures of two radars"
+    choices = [choice(stage, way, accuracy=("gestures right", whole[way], ""), times_ms=times[way]) for way in WAYS]
     return {
         **{name: whole[name] for name in ("gestures", *WAYS, "false")},
         "fused_minus_single": whole["fused"] - max(whole["left"], whole["right"]),
@@ -167,7 +155,5 @@ def measure(scenes: Sequence[Scene], keep: Path, n_jobs: int = 1) -> dict[str, A
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
     """Measure gestures of the fused pair beside those of each radar, ten minutes; quick: one person and three gestures."""
     scenes = [scene(2.5, 0, NAMED[:3])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
-    if keep is not None:
-        return measure(scenes, keep, n_jobs)
-    with tempfile.TemporaryDirectory() as folder:
-        return measure(scenes, Path(folder), n_jobs)
+    with kept(keep) as folder:
+        return measure(scenes, folder, n_jobs)

@@ -10,26 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.hand_runs import (
-    DISTANCES,
-    SCRIPTS,
-    SLOP,
-    TUNING,
-    Followed,
-    HandStore,
-    Tracked,
-    consistency,
-    counts,
-    fast,
-    follow,
-    lateral_std,
-    percentile,
-    residual,
-    rms,
-    scene,
-    settling,
-    track,
-)
+from benchmarks import hand_runs
+from benchmarks.hand_runs import DISTANCES, SCRIPTS, TUNING, Followed, HandStore, Tracked, counts, fast, follow, residual, rms, scene, track
 from benchmarks.report import Found, Panel, against_first, of_rms, timed, varied
 from benchmarks.stores import kept
 from benchmarks.tradeoff.people import short
@@ -95,13 +77,13 @@ def figures_of(found: Runs, sure: Sequence[Any], slow: Sequence[bool]) -> dict[s
     """Errors of one estimator; ``sure``: clouds of fast parts in which the snapshot tells the velocity across; ``slow``: slow lines."""
     every, quickly = [counts(t) for t, _ in found], [fast(t) for t, _ in found]
     lines = [run for run, own in zip(found, slow, strict=True) if own]
-    turns = [value for run in found for value in settling(*run)]
+    turns = [value for run in found for value in hand_runs.settling(*run)]
     return {
         "rmse_slow_m": rms(errors(lines, [counts(t) for t, _ in lines])),
         "rmse_m": rms(errors(found, every)),
         "rmse_floor_m": rms(errors(found, every, 2)),
-        "p95_fast_m": percentile(errors(found, sure)),
-        "p95_fast_everywhere_m": percentile(errors(found, quickly)),
+        "p95_fast_m": hand_runs.percentile(errors(found, sure)),
+        "p95_fast_everywhere_m": hand_runs.percentile(errors(found, quickly)),
         "settle_s": float(np.mean(turns)) if turns else float("nan"),
         "settle_p95_s": float(np.percentile(turns, 95)) if turns else float("nan"),
         "active": float(np.mean(np.concatenate([np.isfinite(f.value)[mask] for (_, f), mask in zip(found, every, strict=True)]))),
@@ -162,7 +144,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     found = {name: runs(both, config) for name, config in tuned.items()}
     scripts = [script.name for script in (SCRIPTS[1:2] if quick else SCRIPTS)]
     slow = [scripts[k % len(scripts)] == "slow line" for k in range(len(made))]
-    sure = [fast(t) & (lateral_std(t, f) <= SURE) for t, f in found["mm_vel_est"]]
+    sure = [fast(t) & (hand_runs.lateral_std(t, f) <= SURE) for t, f in found["mm_vel_est"]]
     by_filter = {name: figures_of(one, sure, slow) for name, one in found.items()}
     single = figures_of(runs(alone, tuned["mm_vel_est"]), sure, slow)
     best, plain = by_filter["mm_vel_est"], by_filter["linear"]
@@ -174,7 +156,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
         "fast_clouds": int(sum(mask.sum() for mask in sure)),
         "by_filter": by_filter,
         "tuned": {name: {"process_noise": c.estimator.process_noise, "position_std": c.position_std} for name, c in tuned.items()},
-        "nees": consistency(found["mm_vel_est"]),
+        "nees": hand_runs.consistency(found["mm_vel_est"]),
         "single_radar": single,
         "by_script": {
             name: rms(errors(found["mm_vel_est"][k :: len(scripts)], [counts(t) for t in both[k :: len(scripts)]]))
@@ -206,7 +188,7 @@ def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:
         stamped = runs([track(store, one, clock_ns=clock_ns) for one in made], HandConfig())
         found[f"{offset:g}"] = {
             "rmse_m": rms(errors(apart, [counts(t) for t, _ in apart])),
-            "p95_fast_m": percentile(errors(apart, [fast(t) for t, _ in apart])),
+            "p95_fast_m": hand_runs.percentile(errors(apart, [fast(t) for t, _ in apart])),
             "rmse_stamps_m": rms(errors(stamped, [counts(t) for t, _ in stamped])),
         }
     return found
@@ -225,7 +207,7 @@ def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
         row = found[f"{deviation:g}"] = {}
         for name, label in (("linear", "kf"), ("mm_vel_est", "mmvelest")):
             off = errors(runs(quick, configured(name, 1.0, deviation)), [fast(t) for t in quick])
-            row |= {f"{label}_max_m": float(np.median([one.max() for one in off])), f"{label}_p95_m": percentile(off)}
+            row |= {f"{label}_max_m": float(np.median([one.max() for one in off])), f"{label}_p95_m": hand_runs.percentile(off)}
     return found
 
 
@@ -256,7 +238,7 @@ def chain(infos: Sequence[RadarInfo]) -> tuple[RadarInfo, Callable[[Sequence[Rad
 
     def process(frames: Sequence[RadarFrame]) -> TrackedCloud:
         parts = [baseband.process(frame) for baseband, frame in zip(basebands, frames, strict=False)]
-        room = parts[0].to_room(info.mount) if len(parts) == 1 else merge(parts, [one.mount for one in infos], SLOP)
+        room = parts[0].to_room(info.mount) if len(parts) == 1 else merge(parts, [one.mount for one in infos], hand_runs.SLOP)
         return TrackedCloud(room, people.process(room))
 
     return info, process

@@ -18,7 +18,7 @@ from radar_core import PointCloud, Pose, RadarInfo, merge
 from radar_core.config import plain
 from radar_core.linalg import canonical_svd
 from radar_dsp import BasebandConfig
-from radar_sim import Scene, Truth
+from radar_sim import Scene, Simulator, Truth
 from radar_sim.people import Action, Draw, Person, Reach
 from radar_sim.scene import SceneRadar
 from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig
@@ -139,7 +139,7 @@ def visible(truth: Truth) -> tuple[Float64Array, float]:
 
 
 def _simulate(made: Scene, radar: int) -> dict[str, NDArray[Any]]:
-    clouds, truths = clouds_of(made, radar)
+    clouds, truths = clouds_of(Simulator(made, made.radars[radar].frame_id))
     seen = [visible(truth) for truth in truths]
     return pack(clouds) | {
         "true_centroid": np.array([place for place, _ in seen]),

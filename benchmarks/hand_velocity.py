@@ -15,27 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from benchmarks import velocity_room
 from benchmarks.hand import scenes
 from benchmarks.hand_runs import BASELINE, DISTANCES, Followed, HandStore, Tracked, counts, follow, rms, track
 from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
-from benchmarks.velocity_room import (
-    HEIGHT,
-    Errors,
-    Hand,
-    draw,
-    draws,
-    estimate,
-    forearm,
-    in_view,
-    maps,
-    mounts,
-    pseudo_inverse,
-    ratios,
-    room,
-    summary,
-    torso,
-)
+from benchmarks.velocity_room import Errors, Hand, draw, draws, estimate, forearm, in_view, mounts, ratios, summary
 from radar_core.config import load
 from radar_tracking import HandConfig
 from radar_tracking.estimators import Snapshot, SnapshotConfig
@@ -157,12 +142,15 @@ HEIGHTS: Final = (0.8, 1.2, 1.6)  # places of hands in the room [m]
 SPOTS: Final = ((0.8, 0.0), (1.2, 0.4), (1.6, 0.0), (1.6, -0.6))  # where hands with outliers and with errors of direction are drawn [m]
 ANGLES: Final = (0.003, 0.01, 0.03)
 """Errors of directions, where they have any [rad]: about those of azimuths and of elevations in simulated clouds, and much more."""
-SPOILS: Final = {"none": None, "forearm": forearm, "torso": torso, "false alarms": None}
+SPOILS: Final = {"none": None, "forearm": forearm, "torso": velocity_room.torso, "false alarms": None}
 
 
 def at_spots(n: int, **changes: Any) -> Errors:
     """Measure a few places with one setting, all together."""
-    parts = [draws(np.random.default_rng([9, k]), np.array([x, y, HEIGHT]), mounts(0.5), n, **changes) for k, (x, y) in enumerate(SPOTS)]
+    parts = [
+        draws(np.random.default_rng([9, k]), np.array([x, y, velocity_room.HEIGHT]), mounts(0.5), n, **changes)
+        for k, (x, y) in enumerate(SPOTS)
+    ]
     joined = [np.concatenate([getattr(part, name) for part in parts]) for name in ("error", "std", "bound", "thesis")]
     return Errors(*joined, times_ms=[value for part in parts for value in part.times_ms])
 
@@ -200,12 +188,12 @@ def rows(n: int) -> list[dict[str, Any]]:
     default, hands = SnapshotConfig(), []
     for k, (x, y) in enumerate(SPOTS):
         rng = np.random.default_rng([9, k])
-        hands += [draw(rng, np.array([x, y, HEIGHT]), mounts(0.5), default, spoil=forearm, share=0.1) for _ in range(n)]
+        hands += [draw(rng, np.array([x, y, velocity_room.HEIGHT]), mounts(0.5), default, spoil=forearm, share=0.1) for _ in range(n)]
     axes = [estimate(hand, Snapshot()).axes[1] for hand in hands]  # the same for all, told or not
     changes = [("iterations", 1), ("iterations", 10), ("huber", 1.5), ("huber", 3.0), ("spin", 0.0), ("common", 0.0)]
     configs = {"default": dataclasses.replace(default, max_std=100.0)}
     configs |= {f"{name}={value:g}": load(SnapshotConfig, {"max_std": 100.0, name: value}) for name, value in changes}
-    calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": pseudo_inverse}
+    calls: dict[str, Callable[[Hand], Float64Array]] = {"pseudo-inverse (7.5)": velocity_room.pseudo_inverse}
     calls |= {name: functools.partial(_told, Snapshot(config)) for name, config in configs.items()}
     made = {}
     for name, call in calls.items():
@@ -238,9 +226,9 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     ``velocity_refused``: share of snapshots that tell one axis only; the same by baseline and height (``room``), ``maps`` at the radars'
     height, ``outliers``, ``directions``, ``scenes``, ``choices``.
     """
-    baselines, heights, n = (BASELINES, HEIGHTS, 400) if not quick else ((0.5,), (HEIGHT,), 120)
+    baselines, heights, n = (BASELINES, HEIGHTS, 400) if not quick else ((0.5,), (velocity_room.HEIGHT,), 120)
     xs, ys = (XS, YS) if not quick else (XS[1::4], YS[::4])
-    found = room(baselines, heights, xs, ys, n)
+    found = velocity_room.room(baselines, heights, xs, ys, n)
     every = summary(found)
     by = {
         f"{baseline:g} m": {
@@ -251,7 +239,7 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     figure = {
         **{f"velocity_{name}": value for name, value in every.items()},
         "room": by,
-        "maps": maps(found, baselines, xs, ys),
+        "maps": velocity_room.maps(found, baselines, xs, ys),
         "outliers": spoiled(40 if quick else 2000),
         "directions": askew(40 if quick else 2000),
         "choices": rows(20 if quick else 500),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -32,6 +32,7 @@ BESIDE = tuple(Step("blocks", b, o) for b, o in ((2, 0), (2, 1), (4, 0), (4, 1),
 """Settings off the dial: another one has less error in no more time."""
 TOLERANCES = (0.5, 0.1, 0.02, 0.005, 0.001, 1e-4)  # of scenes; 0.02 is the default
 LABEL = "relative rms error against float64 at every sample"
+BARE = "bare complex64 product"
 
 
 def sampling(info: RadarInfo | None = None) -> Sampling:
@@ -129,36 +130,31 @@ def ratios(quick: bool) -> dict[str, float]:
     }
 
 
+def compared(stage: str, echoes: Echoes, models: Mapping[str, Propagator], repeat: int) -> list[dict[str, Any]]:
+    """Give error against the reference and time over the bare product's of models, all physics named."""
+    truth = Reference(Physics.all(), sampling()).sums(echoes)
+    calls: dict[str, Callable[[], Any]] = {BARE: bare_product(len(echoes))}
+    times = measure_together(calls | {name: partial(model.process, echoes) for name, model in models.items()}, repeat=repeat)
+    return choices(stage, (LABEL, ""), {name: error(model.process(echoes), truth) for name, model in models.items()}, times, BARE)
+
+
 def dial(quick: bool) -> list[dict[str, Any]]:
-    """Give error against the reference and time over the bare product's of every setting at few and at many echoes, all physics named."""
-    s, rows = sampling(), []
+    """Compare every setting at few and at many echoes."""
+    rows = []
     for n in (FEW, FEW + 200) if quick else (FEW, MANY):
-        echoes = crowd(n)
-        truth = Reference(Physics.all(), s).sums(echoes)
         # Product and transform have the same error; the cheaper one begins the dial, the other stands aside.
         simple = (Step("separable"), Step("nufft")) if n < 200 else (Step("nufft"), Step("separable"))
-        steps = (simple[0], *DIAL, simple[1], *BESIDE)
-        models = {step: make_step(step, _shown(step), s) for step in steps}
-        calls: dict[str, Callable[[], Any]] = {"bare complex64 product": bare_product(n)}
-        calls |= {str(step): partial(models[step].process, echoes) for step in steps}
-        times = measure_together(calls, repeat=3 if quick else 15)
-        values = {str(step): error(models[step].process(echoes), truth) for step in steps}
-        rows += choices(f"propagation of {n} echoes", (LABEL, ""), values, times, "bare complex64 product")
+        models = {str(step): make_step(step, _shown(step), sampling()) for step in (simple[0], *DIAL, simple[1], *BESIDE)}
+        rows += compared(f"propagation of {n} echoes", crowd(n), models, 3 if quick else 15)
     return rows
 
 
 def automatic(quick: bool) -> list[dict[str, Any]]:
-    """Give error and time of ``fidelity: auto`` by the scene's tolerance, all physics named."""
-    s, rows = sampling(), []
+    """Compare ``fidelity: auto`` by the scene's tolerance."""
+    rows = []
     for n in (FEW,) if quick else (FEW, 1000):
-        echoes = crowd(n)
-        truth = Reference(Physics.all(), s).sums(echoes)
-        models = {f"auto tolerance={t:g}": Auto(Physics.all(), s, t) for t in TOLERANCES}
-        calls: dict[str, Callable[[], Any]] = {"bare complex64 product": bare_product(n)}
-        calls |= {name: partial(model.process, echoes) for name, model in models.items()}
-        times = measure_together(calls, repeat=3 if quick else 30)
-        values = {name: error(model.process(echoes), truth) for name, model in models.items()}
-        rows += choices(f"fidelity auto of {n} echoes", (LABEL, ""), values, times, "bare complex64 product")
+        models = {f"auto tolerance={t:g}": Auto(Physics.all(), sampling(), t) for t in TOLERANCES}
+        rows += compared(f"fidelity auto of {n} echoes", crowd(n), models, 3 if quick else 30)
     return rows
 
 
@@ -257,9 +253,7 @@ def fidelity(study: StudyConfig) -> Found:
         return found
     samples, full = sampling(info), Physics.all()
     reference = Reference(full, samples)
-    models: dict[str, Propagator] = {
-        str(step): make_step(step, SIMPLE if step.model in ("separable", "nufft") else full, samples) for step in _STEPS
-    }
+    models: dict[str, Propagator] = {str(step): make_step(step, _shown(step), samples) for step in _STEPS}
     models |= {f"auto, tolerance {tolerance:g}": Auto(full, samples, tolerance) for tolerance in _TOLERANCES}
     truth = reference.sums(echoes)
     calls: dict[str, Callable[[], Any]] = {"": bare_product(len(echoes), info)}

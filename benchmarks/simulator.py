@@ -27,36 +27,16 @@ from radar_lab.datasets.readings import read
 from radar_lab.datasets.samples import read_sample
 from radar_lab.datasets.synthesis import Job, write_sample
 from radar_lab.datasets.synthesis_plan import PLANS
-from radar_sim import (
-    Action,
-    CouplingConfig,
-    Echoes,
-    Effects,
-    LossesConfig,
-    MultipathConfig,
-    NoiseConfig,
-    OcclusionConfig,
-    PatternConfig,
-    Person,
-    Point,
-    Scene,
-    SimulatedFrame,
-    Simulator,
-    load_scene,
-)
+from radar_sim import Action, Echoes, Person, Point, Scene, SimulatedFrame, Simulator, load_scene
 from radar_sim.effects.chain import NAMES, switched
+from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, MultipathConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.probe import Probe
 from radar_sim.propagation.base import strength
 
-DEFAULT = Effects(
-    occlusion=OcclusionConfig(),
-    doppler_in_chirp=True,
-    pattern=PatternConfig(),
-    losses=LossesConfig(),
-    coupling=CouplingConfig(),
+DEFAULT = Effects(  # what our scenes with people name
+    occlusion=OcclusionConfig(), doppler_in_chirp=True, pattern=PatternConfig(), losses=LossesConfig(), coupling=CouplingConfig(),
     noise=NoiseConfig(),
-)
-"""Effects that our scenes with people name."""
+)  # fmt: skip
 MIDDLE = 105  # frame in the middle of the push
 
 

@@ -8,7 +8,7 @@ import hashlib
 import json
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -139,11 +139,13 @@ def room_effects(noise: float = 15.0) -> Effects:
     )  # fmt: skip
 
 
-def clouds_of(scene: Scene, radar: int) -> tuple[list[PointCloud], list[Truth]]:
-    """Simulate a scene as one of its radars sees it, and put it through the default baseband; clouds are in the sensor's frame."""
-    simulator = Simulator(scene, scene.radars[radar].frame_id)
-    baseband = Baseband(BasebandConfig(), simulator.info)
-    made = [(baseband.process(one.frame), one.truth) for one in map(simulator.process, range(simulator.n_frames))]
+def clouds_of(
+    simulator: Simulator, frames: Iterable[int] | None = None, config: BasebandConfig | None = None
+) -> tuple[list[PointCloud], list[Truth]]:
+    """Put frames of a simulator (None: all) through a baseband (None: the default one); clouds are in the sensor's frame."""
+    baseband = Baseband(config or BasebandConfig(), simulator.info)
+    frames = range(simulator.n_frames) if frames is None else frames
+    made = [(baseband.process(one.frame), one.truth) for one in map(simulator.process, frames)]
     return [cloud for cloud, _ in made], [truth for _, truth in made]
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import Found, Panel, Row, timed
+from benchmarks.scenarios import Moment
 from benchmarks.tradeoff.stages import StudyConfig
-from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
+from radar_core import ConfigError, RadarFrame, RadarInfo
 from radar_core.config import load, nest
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
@@ -27,16 +28,6 @@ from radar_tracking.metrics import GospaMetric, ObjectSet, people
 
 _SCENES = ("two_crossing", "side_by_side", "five_people")
 _SECONDS = (6.0, 12.0)  # quick, full
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """One frame's cloud in ``room``, what is true, who can be seen (shape (n_people,)), and what the baseband took [ms]."""
-
-    cloud: PointCloud
-    truth: Truth
-    visible: NDArray[np.bool_]
-    baseband_ms: float
 
 
 def scenes(study: StudyConfig) -> tuple[str, ...]:
@@ -75,7 +66,8 @@ def moments(name: str, study: StudyConfig) -> tuple[RadarInfo, tuple[Moment, ...
     baseband, found = Baseband(BasebandConfig(), info), []
     for made in simulated:
         cloud, spent = timed(baseband.process, made.frame)
-        found.append(Moment(cloud.to_room(info.mount), without_scatterers(made.truth), visible(made.truth, info), spent))
+        owner = np.full(len(cloud), -1, np.int32)
+        found.append(Moment(cloud.to_room(info.mount), without_scatterers(made.truth), visible(made.truth, info), owner, spent))
     return info, tuple(found)
 
 
