@@ -37,7 +37,7 @@ def tradeoff(
     people left out, distance from the true hand) and timed in one thread beside a bare reference, in turn with it.
 
     The folder gets STAGE.json and STAGE.png for each (dominated choices grey, the default with a ring), and report.md. A stage that is
-    finished is not measured again while settings, code and versions stay the same, so a run that was stopped goes on where it was.
+    finished is not measured again while configuration, code and versions stay the same, so a run that was stopped goes on where it was.
 
     With --tune it measures, once for each machine, what nodes with a time budget may choose from: levels.json and levels.png. Then
     `handwave up --param baseband.frame_budget_ms=4 --param baseband.budget.tuning=FOLDER/levels.json` keeps the baseband within 4 ms.

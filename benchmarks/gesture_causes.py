@@ -60,6 +60,7 @@ class Judged:
     # track_frames, ghost_track_frames: see `Tally`
     track_frames: int = 0
     ghost_track_frames: int = 0
+    times_ms: Sequence[float] = ()  # what the recogniser took for each cloud [ms]
 
 
 def judge(run: Run, criterion: CriterionConfig | None = None) -> Judged:
@@ -78,7 +79,7 @@ def judge(run: Run, criterion: CriterionConfig | None = None) -> Judged:
     used = set(match.values())
     surplus = [Surplus(found, why.doing(found)) for j, found in enumerate(run.found) if j not in used]
     tracks = run.matching
-    return Judged(outcomes, surplus, run.scene.duration / 3600.0, tracks.track_frames, tracks.ghost_track_frames)
+    return Judged(outcomes, surplus, run.scene.duration / 3600.0, tracks.track_frames, tracks.ghost_track_frames, run.times_ms)
 
 
 def _published(found: Found) -> RecognisedGesture:

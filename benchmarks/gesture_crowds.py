@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any, Final
 
 from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause, rows_of_rules
 from benchmarks.gesture_clouds import Association, StreamStore, follow
-from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
+from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, crowd_scene
 from benchmarks.report import Tally, against_first, timed
 from benchmarks.stores import kept
 from radar_core import GESTURES
@@ -66,14 +67,10 @@ def measure(
 ) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all scenes, and count; ``association``: see `follow`."""
     store = StreamStore(keep, baseband)
-    scenes = {(crowd, seed): crowd_scene(crowd, seed, plan.rounds) for crowd in CROWDS for seed in range(plan.seeds)}
-    store.fill(scenes.values(), n_jobs=n_jobs, progress=progress)
-    judged: dict[Crowd, list[Judged]] = {crowd: [] for crowd in CROWDS}
-    times: dict[Crowd, list[float]] = {crowd: [] for crowd in CROWDS}
-    for (crowd, _), scene in scenes.items():
-        run = follow(store, scene, model, association=association)
-        judged[crowd].append(judge(run))
-        times[crowd] += run.times_ms
+    scenes = {crowd: [crowd_scene(crowd, seed, plan.rounds) for seed in range(plan.seeds)] for crowd in CROWDS}
+    store.fill(itertools.chain(*scenes.values()), n_jobs=n_jobs, progress=progress)
+    judged = {crowd: [judge(follow(store, scene, model, association=association)) for scene in own] for crowd, own in scenes.items()}
+    times = {crowd: [spent for one in own for spent in one.times_ms] for crowd, own in judged.items()}
     tallies = {crowd: total(own) for crowd, own in judged.items()}
     shares = {crowd.name: (own.right / max(own.performed, 1), times[crowd]) for crowd, own in tallies.items()}
     users = {n: sum((tallies[crowd] for crowd in CROWDS if crowd.users == n), Tally()) for n in (2, 3)}

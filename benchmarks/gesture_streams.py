@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -179,14 +180,9 @@ def measure(
 ) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all streams, and count; ``association``: see `follow`."""
     store, drawn = StreamStore(keep), scenes(plan)
-    pace = store.fill([scene for own in drawn.values() for scene in own], n_jobs=n_jobs, progress=progress)
-    judged: dict[str, list[Judged]] = {}
-    times: list[float] = []
-    for kind, own in drawn.items():
-        for scene in own:
-            run = follow(store, scene, model, association=association)
-            judged.setdefault(kind, []).append(judge(run))
-            times += run.times_ms
+    pace = store.fill(itertools.chain(*drawn.values()), n_jobs=n_jobs, progress=progress)
+    judged = {kind: [judge(follow(store, scene, model, association=association)) for scene in own] for kind, own in drawn.items()}
+    times = [spent for own in judged.values() for one in own for spent in one.times_ms]
     idle = {kind: judged[kind] for kind in plan.idle}
     flat = gesture_figures(judged["gestures"]) | rejection(model, judged["gestures"], judged["unknown"]) | idle_figures(idle)
     flat |= sum((count(one) for kind in ("gestures", *idle) for one in judged[kind]), Tally()).false_figures()

@@ -36,7 +36,7 @@ from radar_tracking import PeopleTracker, TrackedCloud
 
 _PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
-SETTINGS: Final = TrainingConfig()
+CONFIG: Final = TrainingConfig()
 
 
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
@@ -123,7 +123,7 @@ def network(given: Cubes) -> CnnModel:
 def ten_classes(samples: SampleSet) -> tuple[dict[str, Any], dict[str, Validation]]:
     """Accuracy with two people left out at a time, and with the thesis's random split."""
     folds = {"subjects": leave_subjects_out(samples.person), "random": random_split(len(samples.label))}
-    found = {split: validate(samples, masks, SETTINGS, split=split) for split, masks in folds.items()}
+    found = {split: validate(samples, masks, CONFIG, split=split) for split, masks in folds.items()}
     held_out = found["subjects"]
     return {
         "accuracy_held_out": held_out.accuracy,
@@ -159,7 +159,7 @@ def table_4_1(readings: Readings, quick: bool) -> tuple[dict[str, dict[str, dict
     for n_tx in (2, 1):
         for every, rate in RATES:
             samples = readings.samples(every, n_tx == 1)
-            found = counted(validate(samples, leave_subjects_out(samples.person), SETTINGS), samples)
+            found = counted(validate(samples, leave_subjects_out(samples.person), CONFIG), samples)
             table.setdefault(f"{rate} Hz", {})[f"{n_tx} Tx"] = {
                 **{name: found[name] for name in ("accuracy", "recognised", "missed")},
                 "frame_ms": float(np.median(times[n_tx])),
@@ -183,15 +183,15 @@ def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:
 
 def repeats(samples: SampleSet) -> bool:
     """Whether training twice gives the same file, bit for bit."""
-    first, second = (model_file(train_on(samples, SETTINGS).model) for _ in range(2))
+    first, second = (model_file(train_on(samples, CONFIG).model) for _ in range(2))
     return first == second
 
 
 def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
     """Perceptron and convolutional network on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
     folds = leave_subjects_out(samples.person)
-    mlp = fit(samples, np.ones(len(samples.label), np.bool_), SETTINGS)
-    accuracy = validate(samples, folds, SETTINGS).accuracy
+    mlp = fit(samples, np.ones(len(samples.label), np.bool_), CONFIG)
+    accuracy = validate(samples, folds, CONFIG).accuracy
     figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": len(model_file(mlp)), "mlp_flop": mlp.flop}
     config = CnnConfig(epochs=3) if quick else CnnConfig()
     try:

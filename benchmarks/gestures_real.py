@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.util
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +18,7 @@ from benchmarks.gesture_model import model_file
 from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.recordings import folder
 from benchmarks.report import against_first, matrix, measure
-from benchmarks.stores import once, sources
+from benchmarks.stores import digest, once, sources
 from radar_core import DataError
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
@@ -93,19 +92,6 @@ def closing_figures(
     }
 
 
-@dataclass(frozen=True)
-class Parts:
-    """What a run has worked out already, for the next one to go on with; it counts as long as our sources and the settings are the same."""
-
-    folder: Path | None  # where parts are kept; None: nowhere
-    settings: str  # everything that they depend on
-
-    def once(self, name: str, work: Callable[[], Any]) -> Any:
-        """Return what ``work`` gives, or gave in an earlier run."""
-        told = hashlib.sha256(f"{self.settings} {sources(('radar_core', 'radar_lab', 'radar_gestures'))}".encode()).hexdigest()[:16]
-        return once(None if self.folder is None else self.folder / f"{name}_{told}.joblib", work)
-
-
 def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> list[dict[str, float]]:
     """Train on more and more people, test on the same four others; rows of people, samples and accuracy, means over the seeds."""
     rows = []
@@ -155,26 +141,30 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
     config = default_training(quick)
-    parts = Parts(None if keep is None else keep / "parts", f"{config} {CURVES} {limit} {folds} {n_copies}")
+    told = digest([f"{config} {CURVES} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))])
+
+    def part(name: str, work: Callable[[], Any]) -> Any:
+        return once(None if keep is None else keep / "parts" / f"{name}_{told}.joblib", work)
+
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
     sets = {"mhomeges": study(ours, config, n_copies=n_copies), "mtranssee": study(other, config, n_copies=n_copies)}
     first = sets["mhomeges"]
     result: dict[str, Any] = {"real_classifier": type(config).__name__, "real_samples": len(ours.label), "confusion": {}}
     for name, made in sets.items():
-        found = parts.once(name, functools.partial(one_set, name, made, folds, quick))
+        found = part(name, functools.partial(one_set, name, made, folds, quick))
         result["confusion"] |= found.pop("confusion")
         result |= found
     shared = study(ours.only(other.labels), config, n_copies=n_copies)
-    moved = parts.once("transfer", lambda: transfer(shared, sets["mtranssee"]))
+    moved = part("transfer", lambda: transfer(shared, sets["mtranssee"]))
     result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
-    model = parts.once("model", first.fit)
+    model = part("model", first.fit)
     result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": model.flop}
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
-    result["learning_curve"] = parts.once("learning_curve", lambda: learning_curve(first, counts, (1,)))
-    simulated = parts.once("simulated", lambda: gestures_transfer.figures(first, quick, keep))
+    result["learning_curve"] = part("learning_curve", lambda: learning_curve(first, counts, (1,)))
+    simulated = part("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
-    rows = parts.once("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
-    daily = parts.once("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(900 if quick else 0))))
+    rows = part("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
+    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(900 if quick else 0))))
     result |= simulated | daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
 
