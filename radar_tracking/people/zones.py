@@ -122,7 +122,10 @@ class View:
         self.origin = self._mount.origin
 
     def sees(self, position: Float64Array) -> BoolArray:
-        """Whether bodies at positions, shape (n, 3) in ``room`` [m], are in view, shape (n,); not by elevation: some part mostly is."""
+        """Whether bodies at positions, shape (n, 3) in ``room`` [m], are in view, shape (n,).
+
+        Elevation does not count, because some part of a body is nearly always within it.
+        """
         x, y, z = self._mount.from_room(position).T
         return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
 
