@@ -56,7 +56,7 @@ def calibrate_camera(
     except OSError as error:
         raise ConfigError(f"{out}: cannot be written ({error.strerror or error}); name a file in a folder that exists") from None
     print("\n".join(lines(found)))
-    print(f"settings of the camera node in {out}")
+    print(f"configuration of the camera node in {out}")
 
 
 def lines(found: CameraCalibration) -> list[str]:

@@ -125,9 +125,7 @@ def record(
 @app.command()
 def replay(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
-    lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="send the next frame only after the last result; a drop is an error")
-    ] = False,
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="send each frame only after the last result; a drop is an error")] = False,
     out: Annotated[Path | None, typer.Option(help="with --lockstep: folder of a new bag for the results")] = None,
     rate: Annotated[float, typer.Option(help="pace; 2 is twice as fast", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="again and again")] = False,

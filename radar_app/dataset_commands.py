@@ -31,9 +31,7 @@ Folder = Annotated[Path, typer.Argument(help="folder of the data set; what is th
 @app.command()
 def generate(
     folder: Folder,
-    plan: Annotated[
-        str, typer.Option(help="subjects: 10 people x 10 gestures x 15; thesis: 600 samples of seven gestures; all: 600 of ten")
-    ] = "subjects",
+    plan: Annotated[str, typer.Option(help="subjects: 10 people x 10 gestures x 15; thesis: 600 of 7; all: 600 of 10")] = "subjects",
     samples: Annotated[int | None, typer.Option("--samples", "-n", help="samples that the folder shall hold in the end", min=1)] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", help="processes that simulate; -1: one per core", min=-1)] = -1,
     seed: Annotated[int, typer.Option(help="of everything random, subjects included", min=0)] = 1,
@@ -156,9 +154,7 @@ def _contents(files: list[Path]) -> tuple[Any, list[Path]]:
 def import_(
     bag: Annotated[Path, typer.Argument(help="folder of the recording, with raw frames or point clouds")],
     folder: Annotated[Path, typer.Argument(help="folder of the data set; samples of several recordings of one radar may go into it")],
-    labels: Annotated[
-        Path | None, typer.Option(help="CSV file with the columns start,end,gesture,person; without it: the recording's own truth")
-    ] = None,
+    labels: Annotated[Path | None, typer.Option(help="CSV with columns start,end,gesture,person; default: the recording's truth")] = None,
     one_tx: Annotated[bool, typer.Option("--one-tx", help="of raw frames: also keep what one transmitter alone saw")] = False,
     param: Params = None,
 ) -> None:

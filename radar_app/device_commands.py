@@ -39,10 +39,11 @@ def devices(
         return
     found = [one for board in known.values() for one in _look(board)]
     if as_json:
-        print(json.dumps({"devices": [_plain(one) for one in found], "broken": dict(broken)}))
+        rows = [{"board": f.board, "address": f.address, "options": dict(f.options), "problem": f.problem, "use": _use(f)} for f in found]
+        print(json.dumps({"devices": rows, "broken": dict(broken)}))
     else:
         _show_found(found, known, broken)
-    if not any(not one.problem for one in found):
+    if all(one.problem for one in found):
         raise typer.Exit(1)
 
 
@@ -62,10 +63,6 @@ def _look(board: Board) -> Sequence[Found]:
         return board.find() if board.find is not None else ()
     except Exception as error:  # a board may be somebody else's code, and its libraries may be missing
         return [Found(board.name, "?", {}, f"looking for it failed: {type(error).__name__}: {error}")]
-
-
-def _plain(found: Found) -> dict[str, Any]:
-    return {"board": found.board, "address": found.address, "options": dict(found.options), "problem": found.problem, "use": _use(found)}
 
 
 def _use(found: Found) -> str:

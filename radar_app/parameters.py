@@ -14,9 +14,7 @@ from radar_core.paths import find_config
 
 Domain = Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
 Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per radar, e.g. left")]
-Params = Annotated[
-    list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. tracking.association.gate=1.2; may be repeated")
-]
+Params = Annotated[list[str] | None, typer.Option("--param", "-p", help="node.parameter=value, e.g. driver.scene=demo; may be repeated")]
 Configs = Annotated[
     list[str] | None,
     typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),

@@ -172,9 +172,8 @@ def mark_gestures(ax: Axes, simulator: Simulator, end: float) -> list[Line2D]:
 
 def show_map(ax: Axes, level: FloatArray, extent: tuple[float, float, float, float], scale: Scale) -> AxesImage:
     """Show a map in dB, rows upwards."""
-    return ax.imshow(
-        level, origin="lower", extent=extent, aspect="auto", interpolation="nearest", vmin=scale.low, vmax=scale.high, cmap="magma"
-    )
+    look: dict[str, Any] = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "cmap": "magma"}
+    return ax.imshow(level, extent=extent, vmin=scale.low, vmax=scale.high, **look)
 
 
 def label(ax: Axes, title: str = "", x: str = "", y: str = "", **ticks: Any) -> None:

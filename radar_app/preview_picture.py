@@ -123,9 +123,7 @@ def _label_snapshots(sheet: _Sheet, simulator: Simulator, wanted: Sequence[int])
     sheet.figure.suptitle(title, fontsize=panels.FONT + 2, y=0.995)
 
 
-def _draw_times(
-    sheet: _Sheet, simulator: Simulator, observer: panels.Observer, strips: Sequence[panels.Strip], scale: panels.Scale
-) -> None:
+def _draw_times(sheet: _Sheet, simulator: Simulator, observer: panels.Observer, strips: list[panels.Strip], scale: panels.Scale) -> None:
     """Draw what people do, the micro-Doppler and the range over time, below one another."""
     start, end = simulator.radar.trigger_offset, simulator.radar.trigger_offset + simulator.n_frames * simulator.interval
     near, far, slow, fast = observer.extent

@@ -94,11 +94,9 @@ def _refuse_contradictions(options: ReplayOptions) -> None:
             raise ConfigError(f"--topics: there is no {topic!r}; topics: {', '.join(TYPES)}")
 
 
-def _lockstep(
-    options: ReplayOptions, supervisor: Supervisor, recording: Recording, console: Console, mount: MountCalibration | None
-) -> None:
+def _lockstep(options: ReplayOptions, nodes: Supervisor, recording: Recording, console: Console, mount: MountCalibration | None) -> None:
     def watch() -> None:
-        for name, status in supervisor.poll():
+        for name, status in nodes.poll():
             raise DataError(f"node {name} ended with status {status}; the replay is not complete")
 
     stages = [stage for stage in STAGES if stage != "baseband" or recording.topic == "radar/frame"]

@@ -92,9 +92,7 @@ def _show(result: Explanation) -> None:
 def simulate(
     scene: Annotated[str, typer.Argument(help="scene file, or one of ours by name")],
     out: Annotated[Path, typer.Option("--out", "-o", help="folder of the new bag")],
-    preview: Annotated[
-        Path | None, typer.Option(help="also draw body, visible scatterers, range-Doppler map and micro-Doppler: .mp4 or .png")
-    ] = None,
+    preview: Annotated[Path | None, typer.Option(help="also draw bodies, range-Doppler map and micro-Doppler: .mp4 or .png")] = None,
 ) -> None:
     """Simulate a scene into a bag of raw frames with truth, without a graph, as fast as the machine can.
 

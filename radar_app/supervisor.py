@@ -28,7 +28,7 @@ _AGAIN = 0.2  # s: between two SIGINTs, which a node that is still being importe
 _PR_SET_PDEATHSIG = 1
 _STABLE = 10.0  # s: a node that lived that long is started again at once; one that dies sooner, after a growing pause
 _LONGEST_PAUSE = 10.0  # s
-_CONFIGURATION = 2  # exit status of a node whose settings make no sense, now and the next time
+_CONFIGURATION = 2  # exit status of a node whose configuration makes no sense, now and the next time
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
 LogSink = Callable[[str, str], None]

@@ -22,18 +22,14 @@ SPLITS = ("subjects", "random", "all")
 
 def train(
     folders: Annotated[list[Path], typer.Argument(help="folders of data sets: of scenes, or of single samples")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="model file to write (.npz); its card goes beside it (.md)")] = Path(
-        "gestures.npz"
-    ),
+    out: Annotated[Path, typer.Option("--out", "-o", help="model file to write (.npz); beside it its card (.md)")] = Path("gestures.npz"),
     labels: Annotated[str, typer.Option(help="only these gestures, with commas between, e.g. random,push,pull; default: all ten")] = "",
     hidden: Annotated[str, typer.Option(help="neurons of the hidden layers, with commas between")] = "32",
     regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 0.1,
     starts: Annotated[int, typer.Option(help="start weights to try; the network with the least loss is kept", min=1, max=100)] = 1,
     lost: Annotated[float, typer.Option(help="share of known gestures given up to reject unknown ones", min=0.0, max=1.0)] = 0.05,
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
-    scenes: Annotated[
-        int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s of one core each", min=0)
-    ] = 0,
+    scenes: Annotated[int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s each", min=0)] = 0,
     jobs: Annotated[int, typer.Option(help="with --scenes: processes that simulate", min=1)] = 2,
 ) -> None:
     """Train the perceptron that names gestures.

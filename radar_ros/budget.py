@@ -43,9 +43,7 @@ class BudgetConfig:
         high=1e4,
         doc="time for each frame of the radar, on average: the node works at the most accurate level that fits; 0: as configured",
     )
-    device_factor: float = knob(
-        1.0, low=1.0, high=1000.0, doc="work so many times as long on each frame, to see what the graph does on a slower device"
-    )
+    device_factor: float = knob(1.0, low=1.0, high=1000.0, doc="work so many times as long on each frame, as a slower device would")
     budget: LevelsConfig = LevelsConfig()
 
     def validate(self) -> None:
@@ -201,26 +199,12 @@ class Budget(Generic[T]):
             self._node.get_logger().warning(text)
         else:
             self._node.get_logger().info(text)
-        self._publisher.publish(
-            handwave.msg.StageBudget(
-                header=header(stamp_ns, ""),
-                stage=self._node.stage,
-                budget_ms=self._config.frame_budget_ms,
-                measured_ms=measured_ms,
-                expected_ms=expected_ms,
-                level=level.name,
-                number=number,
-                levels=len(ladder.levels),
-                every=level.every,
-                figure=ladder.figure,
-                unit=ladder.unit,
-                better=ladder.better,
-                accuracy=level.accuracy,
-                best_accuracy=best.accuracy,
-                gave_up=gave_up,
-                reason=why,
-            )
-        )
+        msg = handwave.msg.StageBudget(header=header(stamp_ns, ""), stage=self._node.stage, gave_up=gave_up, reason=why)
+        msg.budget_ms, msg.measured_ms, msg.expected_ms = self._config.frame_budget_ms, measured_ms, expected_ms
+        msg.level, msg.number, msg.levels, msg.every = level.name, number, len(ladder.levels), level.every
+        msg.figure, msg.unit, msg.better = ladder.figure, ladder.unit, ladder.better
+        msg.accuracy, msg.best_accuracy = level.accuracy, best.accuracy
+        self._publisher.publish(msg)
 
     def report(self) -> tuple[dict[str, Any], list[str]]:
         """Values for the diagnostics, and what to warn of; nothing without a budget."""

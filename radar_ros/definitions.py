@@ -32,35 +32,6 @@ def as_recorded(msgtype: str, definition: str) -> Typestore:
     return store
 
 
-def translator(ours: Typestore, msgtype: str, definition: str) -> Callable[[bytes], bytes] | None:
-    """Find out how to read messages of a recording with the message types of this version (``ours``).
-
-    Returns
-    -------
-    callable or None
-        Makes a serialised message of this version of a recorded one; None: they are the same, or the type is none of ours.
-
-    Raises
-    ------
-    DataError
-        When the definition is another than ours in more than the fields that are known to have come later.
-    """
-    if not msgtype.startswith("handwave/") or msgtype not in ours.fielddefs:
-        return None
-    theirs = as_recorded(msgtype, definition)
-    if theirs.hash_rihs01(msgtype) == ours.hash_rihs01(msgtype):
-        return None
-    if not _known(ours, theirs, msgtype):
-        other = "was recorded by another version of this package, which defines it otherwise"
-        raise DataError(f"{msgtype} {other}; read it with that version, or record again")
-
-    def translate(data: bytes) -> bytes:
-        new = _renewed(ours, theirs, theirs.deserialize_cdr(data, msgtype), msgtype)
-        return bytes(ours.serialize_cdr(new, msgtype))
-
-    return translate
-
-
 def _known(ours: Typestore, theirs: Typestore, msgtype: str) -> bool:
     """Whether a type, and those of the messages in it, lack only fields that are known to have come later."""
     if msgtype not in ours.fielddefs:
@@ -94,13 +65,24 @@ def _renewed(ours: Typestore, theirs: Typestore, old: Any, msgtype: str) -> Any:
 
 
 def translator_of(path: Path, connection: Any, ours: Typestore) -> Callable[[bytes], bytes] | None:
-    """Find out, as `translator`, how to read one connection (``rosbags.interfaces.Connection``) of a bag; None also without definition.
+    """Find out how to read the messages of one connection (``rosbags.interfaces.Connection``) of a bag.
 
-    A `DataError` names bag and topic, when an older version recorded something else.
+    Returns what makes a serialised message of this version (``ours``) of a recorded one; None: they are the same, the type is none of ours,
+    or the bag embeds no definition. A `DataError` names bag and topic, when the definition is another than ours in more than the fields
+    that are known to have come later.
     """
-    if connection.msgdef.format is not MessageDefinitionFormat.MSG:
+    msgtype, embedded = connection.msgtype, connection.msgdef.format is MessageDefinitionFormat.MSG
+    if not embedded or not msgtype.startswith("handwave/") or msgtype not in ours.fielddefs:
         return None
-    try:
-        return translator(ours, connection.msgtype, connection.msgdef.data)
-    except DataError as error:
-        raise DataError(f"{path}: {connection.topic}: {error}") from None
+    theirs = as_recorded(msgtype, connection.msgdef.data)
+    if theirs.hash_rihs01(msgtype) == ours.hash_rihs01(msgtype):
+        return None
+    if not _known(ours, theirs, msgtype):
+        other = f"{msgtype} was recorded by another version of this package, which defines it otherwise"
+        raise DataError(f"{path}: {connection.topic}: {other}; read it with that version, or record again")
+
+    def translate(data: bytes) -> bytes:
+        new = _renewed(ours, theirs, theirs.deserialize_cdr(data, msgtype), msgtype)
+        return bytes(ours.serialize_cdr(new, msgtype))
+
+    return translate

@@ -32,10 +32,7 @@ def declare(
 ) -> Any:
     """Declare one parameter and return its value; it is read only unless ``changeable``.
 
-    Raises
-    ------
-    ConfigError
-        Naming the parameter, when the value given is of the wrong type or out of range.
+    A `ConfigError` names the parameter, when the value given is of the wrong type or out of range.
     """
     descriptor = ParameterDescriptor(description=f"{doc} [{unit}]" if unit else doc, read_only=not changeable, dynamic_typing=True)
     if choices is not None:
@@ -70,23 +67,10 @@ def _meant(default: Any, given: Any) -> Any:
 
 
 def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: bool = False) -> T:
-    """Declare one parameter per knob of ``cls`` and build it from their values.
+    """Declare one parameter per knob of ``cls`` (made with `radar_core.config.config`) and build it from their values.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose parameters they become.
-    cls : type
-        A class made with `radar_core.config.config`.
-    prefix : str
-        Put before every name, e.g. ``"consistency."``.
-    changeable : bool
-        Whether they may be set while the node runs; then call `on_change` too.
-
-    Raises
-    ------
-    ConfigError
-        Naming the parameter that makes no sense.
+    ``prefix`` is put before every name, e.g. ``"consistency."``. ``changeable`` ones may be set while the node runs; then call `on_change`
+    too. A `ConfigError` names the parameter that makes no sense.
     """
     values: dict[str, Any] = {}
     for name, field, default in _knobs(cls):
@@ -98,19 +82,10 @@ def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: boo
 def on_change(node: Any, current: T, prepare: Callable[[T], Callable[[], None]], prefix: str = "") -> None:
     """Let the parameters of a configuration be set while the node runs, all that come in one call together or not at all.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Its parameters were declared with ``declare_config(..., changeable=True)``.
-    current : dataclass
-        The configuration that `declare_config` gave.
-    prepare : callable
-        Called with the new configuration. It makes whatever the node needs to work with it, changes nothing yet, and returns a function
-        that puts it in place. That function is called between two callbacks of the node, once nobody refuses the new values. A
-        `HandwaveError` refuses them: its text goes to whoever set the parameters, and the node works on with the old ones. So does any
-        other error, because a trial must not end a running node.
-    prefix : str
-        As given to `declare_config`.
+    ``declare_config(node, ..., prefix, changeable=True)`` gave the ``current`` one. ``prepare`` is called with the new configuration. It
+    makes whatever the node needs to work with it, changes nothing yet, and returns a function that puts it in place. That function is
+    called between two callbacks of the node, once nobody refuses the new values. A `HandwaveError` refuses them: its text goes to whoever
+    set the parameters, and the node works on with the old ones. So does any other error, because a trial must not end a running node.
     """
     changes = _Changes(node, current, prepare, prefix)
     node.add_on_set_parameters_callback(changes.check)

@@ -9,7 +9,10 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 
 def sensor(*, reliable: bool = False, depth: int = 5) -> QoSProfile:
-    """Streams (frames, clouds, status): best effort, the newest few; reliable where nothing may be lost (lockstep replay)."""
+    """Streams (frames, clouds, status): best effort, the newest few; reliable where nothing may be lost (lockstep replay).
+
+    With a depth of 1 only the latest waits, so that under overload the newest frame wins.
+    """
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
     return QoSProfile(depth=100 if reliable else depth, history=HistoryPolicy.KEEP_LAST, reliability=policy)
 
@@ -19,19 +22,12 @@ def stream_out() -> QoSProfile:
     return QoSProfile(depth=20, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
 
 
-def frames_in(*, reliable: bool = False) -> QoSProfile:
-    """Incoming raw frames: only the latest waits, so that under overload the newest frame wins."""
-    return sensor(reliable=reliable, depth=1)
-
-
 RESULT = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 """Results (tracks, gestures, hand, truth, gospa): reliable; 50 is a second at 50 Hz, for readers that stall for a moment."""
 
 
-def results_in(*, newest: bool) -> QoSProfile:
-    """Incoming results: all of them, or, for who can do without the older ones, only the newest waits."""
-    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE) if newest else RESULT
-
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+"""Results for who can do without the older ones: only the newest waits."""
 
 COMMAND = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What an application tells a stage (hand/trigger): reliable, in order; not latched, so that no node acts on an old command."""

@@ -59,14 +59,7 @@ def play(
 ) -> int:
     """Publish topics of a bag (names within the namespace) in their own time; returns the number of messages.
 
-    Parameters
-    ----------
-    rate : float
-        Pace; 2 is twice as fast.
-    spin : callable
-        Waits for so many seconds.
-    clock : bool
-        Also publish /clock.
+    ``rate`` 2 is twice as fast, ``spin`` waits for so many seconds, and ``clock`` also publishes /clock.
     """
     count = 0
     latched: list[Recorded] = []
@@ -107,15 +100,13 @@ class Lockstep:
     Parameters
     ----------
     stages : sequence of str
-        Stages whose answers are waited for.
-    namespace : str
-        Of the graph, whose nodes run with the parameter ``reliable``.
+        Stages whose answers are waited for; they run with the parameter ``reliable``.
+    namespace, mount
+        See `Player`.
     out : BagWriter or None
         Where the results go.
     watch : callable
         Called while waiting; raises when waiting is in vain.
-    mount : MountCalibration or None
-        See `Player`.
     """
 
     def __init__(

@@ -144,8 +144,14 @@ class Listener(Visitor):
 
         A `DataError` says that one is silent, or that its clouds cannot be used.
         """
+        end = time.monotonic() + _WAIT
         with contextlib.suppress(KeyboardInterrupt):
-            self._spin(duration, progress)
+            while len(self._radars) < 2 and time.monotonic() < end:
+                self.executor.spin_once(timeout_sec=0.1)
+            start = time.monotonic()
+            while len(self._radars) == 2 and (passed := time.monotonic() - start) < duration:
+                progress(passed / duration)
+                self.executor.spin_once(timeout_sec=0.1)
         silent = [name for name in self._names if name not in self._radars]
         if silent:
             raise DataError(
@@ -159,12 +165,3 @@ class Listener(Visitor):
             if walker.clouds == 0:
                 raise DataError(f"no clouds from {name}/radar/points; is its baseband running?")
         return first, second
-
-    def _spin(self, duration: float, progress: Progress) -> None:
-        end = time.monotonic() + _WAIT
-        while len(self._radars) < 2 and time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.1)
-        start = time.monotonic()
-        while len(self._radars) == 2 and (passed := time.monotonic() - start) < duration:
-            progress(passed / duration)
-            self.executor.spin_once(timeout_sec=0.1)

@@ -36,9 +36,7 @@ def camera_from_msg(msg: Any) -> CameraModel:
     lens = "none" if plain else msg.distortion_model
     if lens not in COEFFICIENTS:
         known = ", ".join(name for name in COEFFICIENTS if name != "none")
-        raise ConfigError(
-            f"camera_info has the lens {lens!r}; known are {known}: rectify the images (image_proc) and use their camera_info"
-        )
+        raise ConfigError(f"camera_info has the lens {lens!r}; known are {known}: rectify the images (image_proc), use their camera_info")
     fx, _, cx, _, fy, cy = map(float, msg.k[:6])
     distortion = () if plain else tuple(float(value) for value in msg.d)
     return CameraModel(width=msg.width, height=msg.height, fx=fx, fy=fy, cx=cx, cy=cy, lens=lens, distortion=distortion)

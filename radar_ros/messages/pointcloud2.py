@@ -59,9 +59,8 @@ def _size(msg: Any, topic: str) -> tuple[int, int]:
     if rows * columns > _MOST:
         raise DataError(f"{topic}: a cloud of {rows} x {columns} points is more than a radar gives ({_MOST})")
     if msg.point_step < 1 or msg.row_step < columns * msg.point_step:
-        raise DataError(
-            f"{topic}: point_step {msg.point_step} and row_step {msg.row_step} do not fit {columns} points in a row: a broken publisher"
-        )
+        steps = f"point_step {msg.point_step} and row_step {msg.row_step}"
+        raise DataError(f"{topic}: {steps} do not fit {columns} points in a row: a broken publisher")
     needed = (rows - 1) * msg.row_step + columns * msg.point_step
     if len(msg.data) < needed:
         raise DataError(f"{topic}: data has {len(msg.data)} bytes, but {rows} x {columns} points need {needed}; its publisher is broken")
@@ -82,8 +81,7 @@ def _field(msg: Any, name: str, topic: str) -> Any:
     if field.count > 1:  # some publishers leave it 0 for 1
         raise DataError(f"{topic}: field {name!r} has {field.count} numbers a point; choose one that has one")
     size = np.dtype(_TYPES[field.datatype]).itemsize
-    if field.offset + size > msg.point_step:
-        raise DataError(
-            f"{topic}: field {name!r} ends at byte {field.offset + size} of a point of {msg.point_step} (point_step): a broken publisher"
-        )
+    end = field.offset + size
+    if end > msg.point_step:
+        raise DataError(f"{topic}: field {name!r} ends at byte {end} of a point of {msg.point_step} (point_step): a broken publisher")
     return field

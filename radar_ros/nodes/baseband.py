@@ -36,7 +36,7 @@ class BasebandNode(StageNode):
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
         on_change(self, self._config, self._prepare)
-        self.create_subscription(handwave.msg.RadarFrame, "radar/frame", self._take, qos.frames_in(reliable=self.reliable))
+        self.create_subscription(handwave.msg.RadarFrame, "radar/frame", self._take, qos.sensor(reliable=self.reliable, depth=1))
 
     def _warm_up(self) -> None:
         """Compile and design thresholds before subscribing: a driver that waits for its readers then loses no frame meanwhile."""

@@ -36,8 +36,7 @@ class Worker:
 
     def __init__(self, work: Callable[[Any], None], failed: Callable[[BaseException], None], waiting: int = 1) -> None:
         self._work, self._failed = work, failed
-        self._items: deque[Any] = deque()
-        self._most = waiting
+        self._items: deque[Any] = deque(maxlen=waiting)
         self._change = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
@@ -46,10 +45,8 @@ class Worker:
     def put(self, item: Any) -> int:
         """Give something to do; returns how many older items were given up for it."""
         with self._change:
-            self._items.append(item)
-            lost = max(len(self._items) - self._most, 0)
-            for _ in range(lost):
-                self._items.popleft()
+            lost = int(len(self._items) == self._items.maxlen)
+            self._items.append(item)  # the oldest falls out
             self._change.notify()
         return lost
 

@@ -171,7 +171,9 @@ class DriverNode(StageMixin, LifecycleNode):
         if self._ended(reading):
             return
         data = reading.data
-        stamp = self._stamp(data.stamp_ns)
+        # Stamps of a source are on CLOCK_MONOTONIC, unless the node's clock paces it.
+        shift = 0 if self._board.paced else int(self.get_clock().now().nanoseconds) - time.monotonic_ns()
+        stamp = data.stamp_ns + shift
         self.count_gap(data.sequence, data.every if isinstance(data, PointCloud) else 1)
         self._count = data.sequence + 1
         data = replace(data, stamp_ns=max(stamp, 0), frame_id=self._info.frame_id)
@@ -184,10 +186,6 @@ class DriverNode(StageMixin, LifecycleNode):
             from radar_ros.messages.truth import truth_to_msg
 
             self._truths.publish(truth_to_msg(reading.truth))
-
-    def _stamp(self, stamp_ns: int) -> int:
-        """Put the stamp of a source, on CLOCK_MONOTONIC unless it is paced by the node's clock, onto the node's clock."""
-        return stamp_ns if self._board.paced else stamp_ns + int(self.get_clock().now().nanoseconds) - time.monotonic_ns()
 
     def _ended(self, reading: Reading) -> bool:
         """Whether the source or the wanted duration is over; loop, stop or exit as told."""

@@ -35,8 +35,8 @@ class GesturesNode(StageNode):
         self._info = InfoKeeper(self, self._configure)
         # Only the newest cloud and tracks wait while this node is busy (thesis, section 4.5.4); `count_gap` counts what was left out.
         inputs = [
-            Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.frames_in(reliable=self.reliable)),
-            Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.results_in(newest=not self.reliable)),
+            Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.sensor(reliable=self.reliable, depth=1)),
+            Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.RESULT if self.reliable else qos.NEWEST),
         ]
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)

@@ -158,9 +158,8 @@ def labelled_cloud2(cloud: PointCloud, track_id: NDArray[np.int32]) -> PointClou
         When there is not one track per point.
     """
     if len(track_id) != len(cloud):
-        raise DataError(
-            f"the tracks of cloud {cloud.sequence} speak of {len(track_id)} points, but it has {len(cloud)}; are there two tracking nodes?"
-        )
+        said = f"the tracks of cloud {cloud.sequence} speak of {len(track_id)} points"
+        raise DataError(f"{said}, but it has {len(cloud)}; are there two tracking nodes?")
     points = np.empty(len(cloud), _POINT)
     for name in ("x", "y", "z", "snr", "radial_speed"):
         points[name] = getattr(cloud, name)
