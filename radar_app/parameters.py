@@ -19,8 +19,6 @@ Configs = Annotated[
     list[str] | None,
     typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
 ]
-
-
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 

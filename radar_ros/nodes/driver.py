@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import handwave.msg
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -24,7 +24,7 @@ from radar_ros.stage import StageMixin, run
 if TYPE_CHECKING:
     from radar_core.mounting import MountCalibration
 
-AT_END = ("stop", "loop", "exit")
+AtEnd = Literal["stop", "loop", "exit"]
 _ALWAYS = ("sim", bag_source.BOARD.name)  # their parameters are there whatever the source is
 _SETTLE_NS = 500_000_000
 _LOOK = 0.02  # s: how often readers are counted while they are waited for
@@ -86,13 +86,14 @@ class DriverNode(StageMixin, LifecycleNode):
         kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
         doc = "file of handwave calibrate-pair with this radar's mount; empty: as the source says"
         self._calibration = str(declare(self, "calibration", "", doc))
-        self._at_end = str(declare(self, "at_end", "stop", f"after the last frame: {', '.join(AT_END)}", choices=AT_END))
+        ends = get_args(AtEnd)
+        self._at_end: AtEnd = declare(self, "at_end", "stop", f"after the last frame: {', '.join(ends)}", choices=ends)
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
         self._speed = float(declare(self, "rate", 1.0, "of sim and bag: pace relative to the radar's own", low=0.01, high=100.0))
         self._readers = int(declare(self, "wait_for_readers", 0, "frames come when so many read radar/frame; 0: at once", low=0, high=100))
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
-        if self._at_end not in AT_END:
-            raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(AT_END)}")
+        if self._at_end not in ends:
+            raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(ends)}")
         self._board, self._config = self._known_board(kind)
         self._source: Source | None = None
         self._feed: Feed | None = None

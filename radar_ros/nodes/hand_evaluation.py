@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -38,7 +38,7 @@ class HandEvaluationNode(StageNode):
         self._hand: np.ndarray | None = None
         self._out = self.create_publisher(handwave.msg.HandResidual, "hand/residual", qos.RESULT)
         for topic in self._hands:
-            self.create_subscription(handwave.msg.HandTrack, topic, self._taker(topic), qos.RESULT)
+            self.create_subscription(handwave.msg.HandTrack, topic, partial(self._take_hand, topic), qos.RESULT)
         if self._reference == "camera":
             self.create_subscription(handwave.msg.JointTruth, "camera/joints", self._take_joints, qos.RESULT)
         else:
@@ -62,20 +62,21 @@ class HandEvaluationNode(StageNode):
         self._figure = str(declare(self, "figure", "", "file to draw the figure into at the end (PNG); empty: none"))
         self._keep = int(declare(self, "keep", 50_000, "residuals that the report is made of: the latest so many", low=1, high=10**7))
 
-    def _taker(self, topic: str) -> Callable[[Any], None]:
-        def take(msg: Any) -> None:
-            hand = hand_from_msg(msg)
-            self._hand = hand.position
-            if hand.active:
-                self._add(lambda: TrackSample(topic, hand.stamp_ns, hand.position, hand.covariance[:3, :3]), hand.stamp_ns, hand.sequence)
+    @refusing
+    def _take_hand(self, topic: str, msg: Any) -> None:
+        started, hand = time.monotonic_ns(), hand_from_msg(msg)
+        self._hand = hand.position
+        if hand.active:
+            self._add(TrackSample(topic, hand.stamp_ns, hand.position, hand.covariance[:3, :3]))
+            self.finish(hand.stamp_ns, hand.sequence, started)
 
-        return take
-
+    @refusing
     def _take_joints(self, msg: Any) -> None:
-        self._add(lambda: reference_of(joints_from_msg(msg), self._joint))
+        self._add(reference_of(joints_from_msg(msg), self._joint))
 
+    @refusing
     def _take_truth(self, msg: Any) -> None:
-        self._add(lambda: self._acting(truth_from_msg(msg)))
+        self._add(self._acting(truth_from_msg(msg)))
 
     def _acting(self, truth: Any) -> ReferenceSample | None:
         """Acting hand of the person that is meant; None: they are not there."""
@@ -86,10 +87,7 @@ class HandEvaluationNode(StageNode):
         nearest = 0 if self._hand is None else int(((places - self._hand) ** 2).sum(-1).argmin())
         return ReferenceSample(truth.stamp_ns, places[nearest])
 
-    @refusing
-    def _add(self, make: Callable[[], ReferenceSample | TrackSample | None], stamp_ns: int | None = None, sequence: int = 0) -> None:
-        """Take in a sample."""
-        started, sample = time.monotonic_ns(), make()
+    def _add(self, sample: ReferenceSample | TrackSample | None) -> None:
         if sample is None:
             return
         if self._back(sample):
@@ -97,8 +95,6 @@ class HandEvaluationNode(StageNode):
         for item in self._residuals.process(sample):
             self._found.append(item)
             self._out.publish(residual_to_msg(item, self._reference))
-        if stamp_ns is not None:
-            self.finish(stamp_ns, sequence, started)
 
     def _back(self, sample: ReferenceSample | TrackSample) -> bool:
         """Whether a recording starts again: stamps go back by more than tracks may be behind the reference, or the other way round."""
