@@ -235,14 +235,16 @@ def import_(
     print(import_recording(kind, source, out, **options))
 
 
-_CALIBRATIONS = (calibration_commands.calibrate, calibration_commands.turntable, calibration_commands.calibrate_pair)
+_CALIBRATIONS = (calibration_commands.calibrate, calibration_commands.turntable)
 _SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
 _DEVICES = (device_commands.devices, device_commands.probe)
 _TRAINING = (training_commands.train, training_commands.evaluate)
-_COMMANDS = (*_CALIBRATIONS, camera_commands.calibrate_camera, *_SCENES, *_DEVICES, *_TRAINING)
+_COMMANDS = (*_CALIBRATIONS, *_SCENES, *_DEVICES, *_TRAINING)
 for command in _COMMANDS:
     app.command()(command)
 app.command("compile")(compile_loops)
+app.command("calibrate-pair")(calibration_commands.calibrate_pair)
+app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")
 _ENTRIES = {entry.name: entry for entry in importlib.metadata.entry_points(group="handwave.commands")}  # one of each name
 for name in sorted(_ENTRIES):
