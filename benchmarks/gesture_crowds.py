@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause, rows_of_rules
 from benchmarks.gesture_clouds import Association, StreamStore, follow
-from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, crowd_scene
+from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
 from benchmarks.report import Tally, against_first, timed
 from benchmarks.stores import kept
 from radar_core import GESTURES
@@ -34,10 +34,11 @@ class Plan:
 
     seeds: int = 6
     rounds: int = ROUNDS
+    crowds: tuple[Crowd, ...] = CROWDS
 
 
 FULL: Final = Plan()
-QUICK: Final = Plan(seeds=1, rounds=2)
+QUICK: Final = Plan(seeds=1, rounds=1, crowds=CROWDS[::4])
 
 
 def causes(judged: Sequence[Judged]) -> dict[str, Any]:
@@ -67,13 +68,13 @@ def measure(
 ) -> dict[str, Any]:
     """Simulate what is missing in ``keep``, follow all scenes, and count; ``association``: see `follow`."""
     store = StreamStore(keep, baseband)
-    scenes = {crowd: [crowd_scene(crowd, seed, plan.rounds) for seed in range(plan.seeds)] for crowd in CROWDS}
+    scenes = {crowd: [crowd_scene(crowd, seed, plan.rounds) for seed in range(plan.seeds)] for crowd in plan.crowds}
     store.fill(itertools.chain(*scenes.values()), n_jobs=n_jobs, progress=progress)
     judged = {crowd: [judge(follow(store, scene, model, association=association)) for scene in own] for crowd, own in scenes.items()}
     times = {crowd: [spent for one in own for spent in one.times_ms] for crowd, own in judged.items()}
     tallies = {crowd: total(own) for crowd, own in judged.items()}
     shares = {crowd.name: (own.right / max(own.performed, 1), times[crowd]) for crowd, own in tallies.items()}
-    users = {n: sum((tallies[crowd] for crowd in CROWDS if crowd.users == n), Tally()) for n in (2, 3)}
+    users = {n: sum((tallies[crowd] for crowd in plan.crowds if crowd.users == n), Tally()) for n in (2, 3)}
     two, three, whole = users[2].figures(), users[3].figures(), users[2] + users[3]
     return {
         **{f"two_users_{name}": two[name] for name in ("accuracy", "accuracy_interval")},
@@ -81,7 +82,7 @@ def measure(
         **{name: whole.figures()[name] for name in ("cross_talk", "cross_talk_interval")},
         "ghost_gestures": whole.ghost_gestures,
         **{f"crowd_{name}": value for name, value in whole.false_figures().items()},
-        "crowds": {crowd.name: tallies[crowd].figures() | {"causes": causes(judged[crowd])} for crowd in CROWDS},
+        "crowds": {crowd.name: tallies[crowd].figures() | {"causes": causes(judged[crowd])} for crowd in plan.crowds},
         "choices": against_first("crowds", _ACCURACY, shares) + rule_rows([one for own in judged.values() for one in own], model),
     }
 

@@ -78,7 +78,7 @@ def naming_times(samples: SampleSet, training: TrainingConfig) -> list[float]:
 
 def measured(folder: Path, quick: bool, n_jobs: int) -> list[dict[str, Any]]:
     """Make the samples that are missing, and measure every setting on them."""
-    plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {"repetitions": REPETITIONS}))
+    plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 1} if quick else {"repetitions": REPETITIONS}))
     synthesise(folder, plan.n_samples, seed=5, n_jobs=n_jobs, plan=plan, body="ellipsoids")
     _, clouds, info = simulated(quick, 60 if quick else 300)
     tracked = four_tracks(clouds)

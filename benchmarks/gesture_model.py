@@ -35,7 +35,7 @@ COMMANDS: Final = (
 
 def data(folder: Path, quick: bool, n_jobs: int) -> SampleSet:
     """Do what the commands do, as far as the folder does not hold it yet: about an hour and a half of one core."""
-    scenes, strokes = (4, 60) if quick else (SCENES, STROKES)
+    scenes, strokes = (2, 20) if quick else (SCENES, STROKES)
     generate(folder / "scenes", scenes, seed=1, n_jobs=n_jobs)
     synthesise(folder / "strokes", strokes, seed=1, n_jobs=n_jobs, plan=named_plan("all"), body="ellipsoids")
     return join_samples([read_folder(folder / name) for name in ("scenes", "strokes")])
@@ -59,9 +59,9 @@ def _named(model: GestureModel, features: np.ndarray[Any, Any]) -> int:
     return int(np.argmax(probabilities)) if model.known(features, probabilities) else 0
 
 
-def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
+def compare(samples: SampleSet, shipped: Path, starts: int = STARTS) -> dict[str, Any]:
     """Train twice, and compare the files with each other and with the one that is shipped; once more from one start, for what more cost."""
-    once, several = TrainingConfig(lost=LOST), TrainingConfig(starts=STARTS, lost=LOST)
+    once, several = TrainingConfig(lost=LOST), TrainingConfig(starts=starts, lost=LOST)
     reports, seconds = [], []
     for one in (several, several, once):
         report, spent = timed(train_on, samples, one)
@@ -77,7 +77,7 @@ def compare(samples: SampleSet, shipped: Path) -> dict[str, Any]:
         "held_out": reports[0].validation.accuracy,
         "held_out_gestures": reports[0].validation.figures()["gesture_accuracy"],
         "train_s": min(seconds),
-        "choices": start_rows({1: (single, alone), STARTS: (reports[0], min(seconds))}) + rejection_rows(reports[0], samples),
+        "choices": start_rows({1: (single, alone), starts: (reports[0], min(seconds))}) + rejection_rows(reports[0], samples),
     }
 
 
@@ -105,4 +105,4 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     n_jobs, shipped = (1 if quick else os.cpu_count() or 1), find_config("gestures", "models", ".npz")
     with kept(keep) as folder:
-        return compare(data(folder, quick, n_jobs), shipped)
+        return compare(data(folder, quick, n_jobs), shipped, 2 if quick else STARTS)

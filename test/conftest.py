@@ -21,12 +21,14 @@ _GRAPHS = ("e2e/", "tradeoff/", *(f"ros/test_{name}.py" for name in ("clouds_gra
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """With ``-n``: graphs of many processes run one at a time, and no file is split, so that its fixtures are made once."""
+    """With ``-n``: graphs of many processes run one at a time, and no other file is split, so that its fixtures are made once."""
     from xdist.scheduler import LoadScopeScheduling
 
     class WholeFiles(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             place = nodeid.partition("::")[0].removeprefix("test/")
+            if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share
+                return nodeid
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)

@@ -1,0 +1,68 @@
+"""Every benchmark runs on little data and puts accuracy beside time; no test asserts a time."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.__main__ import PARTS, names
+
+ROOT = Path(__file__).resolve().parents[2]
+FIGURES_ONLY = {"house"}  # no choices to compare
+
+
+def machines(found):
+    """Other kernels and other instructions: a frame to 1e-5, the same audit, the same gestures, and the tests there pass."""
+    assert found["cube_rel_error"] <= 1e-5
+    assert found["audit_equal"]
+    assert found["equal_predictions"] >= 0.999
+    assert found["tests_failed"] == 0
+
+
+def house(found):
+    """Short modules and functions, no circles, and a live graph that imports little."""
+    assert found["modules_over_400"] == found["import_circles"] == 0
+    assert found["function_p99"] <= 45
+    assert found["live_closure_lines"] <= 15_000
+    assert found["lines"] <= 64_000
+
+
+def boards(found):
+    """Nothing is lost on a machine that is not overloaded; of ways from real to complex samples the driver's has the weakest ghosts."""
+    assert found["usb_frames"] == 60
+    assert 0 <= found["usb_lost"] < 60
+    assert 0 < found["usb_median_ms"] <= found["usb_p99_ms"] <= found["usb_max_ms"]
+    assert 0 < found["usb_resume_replug_s"] < 60
+    assert 0 < found["cpu"]["usb"] < 2
+    ghosts = {row["choice"]: row["accuracy"]["value"] for row in found["choices"] if row["stage"] == "real to complex"}
+    assert min(ghosts, key=ghosts.get).endswith("(the driver's)")
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", [name for name in names() if not any(name in parts for parts in PARTS.values())])
+def test_quick_run(name, tmp_path):
+    """One JSON object; each choice has stage, choice, accuracy, time and ratio; the plot is a picture."""
+    picture = tmp_path / "choices.png"
+    command = [sys.executable, "-m", "benchmarks", name, "--json", "--quick", *(() if name in FIGURES_ONLY else ("--plot", str(picture)))]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    if done.returncode == os.EX_UNAVAILABLE:
+        pytest.skip(done.stderr.strip().splitlines()[-1])
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    for row in found["choices"]:
+        assert {"stage", "choice", "accuracy", "time_ms", "ratio"} <= set(row)
+        assert set(row["accuracy"]) == {"name", "value", "unit"}
+        assert math.isfinite(row["accuracy"]["value"])
+        assert 0 < row["time_ms"]["median"] <= row["time_ms"]["p95"]
+        assert row["ratio"] > 0
+    if name not in FIGURES_ONLY:
+        assert len(found["choices"]) >= 2
+        assert picture.read_bytes().startswith(b"\x89PNG")
+    check = {"machines": machines, "house": house, "boards": boards}.get(name)
+    if check is not None:
+        check(found)
