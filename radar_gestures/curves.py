@@ -1,4 +1,4 @@
-"""Curves: how an event's feature maps change over time, as a vector of fixed length; the richer alternative to the thirteen features.
+"""Curves: feature maps over time as a vector of fixed length, an alternative to the thirteen features with more detail.
 
 Every frame of the feature maps (thesis, section 7.2) becomes a few signals: where the gates that recede, approach or rest lie beside the
 body, how fast, how wide, how many and how strong. The event is then cut into equally long steps of time, and the vector holds every signal

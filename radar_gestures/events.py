@@ -1,4 +1,4 @@
-"""When a gesture begins and ends: the event detector (thesis, section 4.2)."""
+"""The event detector: start and end of a gesture (thesis, section 4.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radar_core.config import config, knob
 
 @config
 class EventConfig:
-    """When a motion is an event. All durations are in seconds, so a lower frame rate or lost frames change nothing."""
+    """Knobs of the event detector. All durations are in seconds, so a lower frame rate or lost frames change nothing."""
 
     threshold: float = knob(0.8, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion starts")
     release: float = knob(0.45, unit="m/s", low=0.0, high=20.0, doc="radial speed above which a motion that lasts min_duration goes on")

@@ -1,4 +1,4 @@
-"""From the points of one track to one motion sample per cloud, and from samples to the thirteen features (thesis, sections 7.2 and 4.2)."""
+"""From the points of one track to a motion sample per cloud, and from samples to the thirteen features (thesis, 7.2 and 4.2)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class FeatureConfig:
 
 @dataclass(frozen=True)
 class MotionSample:
-    """What one cloud tells about the motion of one track.
+    """Motion of one track in one cloud.
 
     Attributes
     ----------

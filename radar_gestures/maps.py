@@ -19,7 +19,7 @@ _EMPTY: Final[tuple[float, float, float, float]] = (0.0, math.nan, math.nan, mat
 
 
 class Detections(Protocol):
-    """What features and maps need of a cloud, or of one track's share of it; every array float32, shape (n_points,)."""
+    """The columns of a cloud, or of one track's share of it, that features and maps use; arrays are float32, shape (n_points,)."""
 
     @property
     def stamp_ns(self) -> int:
@@ -82,7 +82,7 @@ def doppler_gates(radial_speed: Float32Array, snr: Float32Array, gate: float) ->
 
 @config
 class MapConfig:
-    """How large the maps of an event are; their gates are those of the features."""
+    """Size of the maps of an event; their gates are those of the features."""
 
     max_speed: float = knob(4.2, unit="m/s", low=0.1, high=100.0, doc="maps reach from minus to plus this; outer gates hold what is faster")
     length: float = knob(0.0, unit="s", low=0.0, high=20.0, doc="length of an event's maps, empty after its end; 0: as long as it")
@@ -90,7 +90,7 @@ class MapConfig:
 
 @dataclass(frozen=True, eq=False)
 class FeatureMaps:
-    """What the strongest detection of every Doppler gate says, cloud by cloud.
+    """The strongest detection of every Doppler gate, cloud by cloud.
 
     Attributes
     ----------

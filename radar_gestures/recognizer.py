@@ -72,7 +72,7 @@ class Gesture:
 
 @dataclass(frozen=True, eq=False)
 class _Opinion:
-    """What the classifier says of one sensor's view: features, probabilities of its labels, and how familiar the view is (0 to 1)."""
+    """Classification of one sensor's view: features, probabilities of the labels, and how familiar the view is (0 to 1)."""
 
     features: Float64Array
     probabilities: Float64Array
@@ -80,7 +80,7 @@ class _Opinion:
 
 
 class GestureRecognizer:
-    """Names what the people do with their arms.
+    """Recognise the arm gestures of people.
 
     An event is "random" when the model says so, when it has too few moving samples for features, when the person walked during it
     (``walk_distance``), and when it is unknown: the model does not know such a gesture (``model.known``), its best label is less probable

@@ -1,4 +1,4 @@
-"""Everything before the classifier: samples, events and features of every track, seen by each sensor for itself (thesis, section 7.2)."""
+"""Events before classification: samples, events and features of every track, for each sensor by itself (thesis, section 7.2)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SensorView:
 
 @dataclass(frozen=True, eq=False)
 class TrackEvent:
-    """An event before it is named; what training samples are made of.
+    """An event before classification; training samples are made of it.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class TrackEvent:
 
 
 class EventStage:
-    """Makes events of tracked clouds. Training uses it as it is, so both see the same.
+    """Find events in tracked clouds; training uses the same class as live recognition.
 
     A fused cloud (`CloudComposite`) holds what several sensors measured, each from its own place. Range rates of one motion differ from
     sensor to sensor, in sign too, so every sensor has motion samples and maps of its own, with the angles from the body as that sensor sees

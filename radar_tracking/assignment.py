@@ -1,4 +1,4 @@
-"""Which measurement belongs to which track: Mahalanobis distances, and the Hungarian method (Kuhn 1955; thesis, 6.2.2)."""
+"""Assignment of measurements to tracks: Mahalanobis distances, and the Hungarian method (Kuhn 1955; thesis, 6.2.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tracking gives: tracks of people, which points belong to whom, and the hand."""
+"""Results of tracking: tracks of people, owners of points, and the hand."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from radar_core.types import Float64Array
 
 
 class TrackStatus(IntEnum):
-    """How sure a track is; the numbers are those of ``msg/Track.msg``."""
+    """State of a track; the numbers are those of ``msg/Track.msg``."""
 
     TENTATIVE = 0
     CONFIRMED = 1

@@ -1,4 +1,4 @@
-"""A small convolutional network over the steps of curves: the same few patterns are looked for at every moment of the event.
+"""A small convolutional network over the steps of curves: the same patterns are looked for at every step.
 
 It has as many weights as a perceptron on the same numbers, and needs fewer people to learn from. PyTorch trains it (extra ``train``,
 `radar_lab.training.curve_training`), numpy runs it.

@@ -1,4 +1,4 @@
-"""What a recogniser asks of a classifier, and the files that hold one: plain arrays and JSON in an npz archive."""
+"""Interface of the classifiers, and their files: plain arrays and JSON in an npz archive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CURVE_NETWORK = "curve network"
 
 
 class Classifier(Protocol):
-    """Tells gestures apart by the features that it was trained on."""
+    """Classify gestures by the features of the training."""
 
     @property
     def extractor(self) -> str:
@@ -71,7 +71,7 @@ class Classifier(Protocol):
         ...
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything that the model file must keep."""
+        """Everything that the model file holds."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The classifier: a multi-layer perceptron (thesis, section 4.2) that says what it does not know, in numpy and one compiled loop."""
+"""The classifier: a multi-layer perceptron (thesis, section 4.2) with rejection of unknown events, in numpy and one compiled loop."""
 
 from __future__ import annotations
 

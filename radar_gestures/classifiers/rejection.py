@@ -1,4 +1,4 @@
-"""How much does an event look like a gesture that the model knows? Two answers behind one Protocol; the model file holds them as arrays."""
+"""Scores of how well a model knows an event: two kinds behind one Protocol, stored in the model file as arrays."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Rejecting:
 
 @dataclass(frozen=True)
 class ByProbability:
-    """The probability of the most probable gesture: costs nothing, but a perceptron is sure of itself far from all it has seen."""
+    """The probability of the most probable gesture: free of cost, but a perceptron is also sure far from its training data."""
 
     name: ClassVar[str] = "probability"
 

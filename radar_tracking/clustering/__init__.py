@@ -1,4 +1,4 @@
-"""Which points are one body: DBSCAN, OPTICS, k-means, and two methods for range and azimuth (thesis, 6.2.2 and Fig. A.19)."""
+"""Clustering of points into bodies: DBSCAN, OPTICS, k-means, and two methods for range and azimuth (thesis, 6.2.2 and Fig. A.19)."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What every clustering takes and gives: its knobs, points, and one interface."""
+"""Knobs and input of all clusterings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from radar_core.types import Float64Array
 
 @config
 class ClusteringConfig:
-    """Which points are one body (thesis, 6.2.2 and Fig. A.19)."""
+    """Method and knobs of clustering (thesis, 6.2.2 and Fig. A.19)."""
 
     name: Literal["dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan"] = knob("dbscan", doc="method")
     eps: float = knob(0.4, unit="m", low=0.01, high=10.0, doc="points this near are neighbours")
@@ -41,7 +41,7 @@ class ClusteringConfig:
 
 @dataclass(frozen=True, eq=False)
 class ClusterPoints:
-    """The points of one cloud as clustering looks at them.
+    """The points of one cloud as input of clustering.
 
     Attributes
     ----------

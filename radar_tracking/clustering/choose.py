@@ -1,4 +1,4 @@
-"""Clusterings by name: each makes of a cloud what its method looks at, and bounds its time."""
+"""Clusterings by name. Each uses the columns that its method needs, in bounded time."""
 
 from __future__ import annotations
 

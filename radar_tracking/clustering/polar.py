@@ -1,4 +1,4 @@
-"""Clustering that knows how a radar sees: fewer points from far bodies, wider in cross-range, on a grid of cells."""
+"""Clustering in polar coordinates: far bodies give fewer points, which spread wider in cross-range; also on a grid of cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OPTICS: the order of the points by density, clusters at any distance, and the split of a merged cluster."""
+"""OPTICS: points in the order of their reachability, clusters at any distance, and the division of a merged cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every estimator takes and gives: measurements, beliefs, and one interface, batched over tracks."""
+"""Interface of the estimators: measurements and beliefs, batched over tracks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from radar_core.types import Float64Array, IndexArray
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """One measured place per track, with what else the sensor says about it.
+    """One measured position per track, with its range rate.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What an estimator knows about a batch of tracks: a Gaussian per track and mode.
+    """State of an estimator for a batch of tracks: one Gaussian per track and mode.
 
     Attributes
     ----------
@@ -78,13 +78,13 @@ class Belief:
 
 
 def join(beliefs: Sequence[Belief]) -> Belief:
-    """Put the tracks of several beliefs of one estimator behind each other; at least one belief."""
+    """Concatenate the tracks of several beliefs, at least one, of one estimator."""
     return Belief(*(np.concatenate([getattr(b, name) for b in beliefs]) for name in ("mean", "covariance", "weight")))
 
 
 @dataclass(frozen=True, eq=False)
 class Innovation:
-    """How an update surprised: input of gating, mode probabilities and consistency checks.
+    """Innovation of an update: input of gating, mode probabilities and consistency checks.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Estimator(Protocol):
     dimensions: int
 
     def start(self, measurement: Measurement, speed_std: float) -> Belief:
-        """Believe in new tracks at rest at the measured places, with a velocity known to within ``speed_std`` [m/s]."""
+        """Start tracks at rest at the measured positions, with a velocity known to within ``speed_std`` [m/s]."""
         ...
 
     def predict(self, belief: Belief, dt: float) -> Belief:
@@ -131,7 +131,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class VelocityMeasurement(Measurement):
-    """A measurement that may also hold the velocity vector, whole or along some axes; NaN where there is none.
+    """A measurement that may also hold the velocity, whole or along some axes (thesis, 7.3.1); NaN where there is none.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ _LOG_2PI = math.log(2 * math.pi)
 
 @dataclass(frozen=True, eq=False)
 class Updated:
-    """What a filter's update gives.
+    """Result of a filter's update.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class SingleModel:
         self._prior = np.asarray(prior, np.float64)
 
     def start(self, measurement: Measurement, speed_std: float) -> Belief:
-        """Believe in new tracks at rest at the measured places, with a velocity known to within ``speed_std`` [m/s]."""
+        """Start tracks at rest at the measured positions, with a velocity known to within ``speed_std`` [m/s]."""
         mean, covariance = start_at(measurement, self.dimensions, speed_std, self._prior)
         return Belief(mean[:, None], covariance[:, None], np.ones((len(mean), 1)))
 
@@ -125,7 +125,7 @@ class SingleModel:
 
 
 def start_at(measurement: Measurement, dimensions: int, speed_std: float, prior: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """States at rest at the measured places."""
+    """States at rest at the measured positions, and their covariances."""
     n, d = check_measurement(measurement, dimensions)
     if not (math.isfinite(speed_std) and speed_std > 0):
         raise DataError(f"speed_std is {speed_std}; a new track's velocity needs a positive standard deviation [m/s]")

@@ -20,7 +20,7 @@ NOT_FINITE, _SINGULAR = 1, 2
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What an update of a batch of Gaussians gives.
+    """Result of an update of a batch of Gaussians.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def refuse(status: Any) -> None:
 
 
 def own(array: Float64Array) -> Float64Array:
-    """Copy for a kernel: contiguous and writable, so that it is compiled for one kind of array only."""
+    """Copy for a kernel: contiguous and writable, so that the kernel is compiled for one kind of array only."""
     return np.array(array, np.float64, order="C")
 
 

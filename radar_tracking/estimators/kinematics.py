@@ -1,4 +1,4 @@
-"""How people and hands move between two measurements (thesis, figure A.20): kinematic models, discretised exactly for any time step.
+"""Kinematic models of people and hands (thesis, figure A.20), discretised exactly for any time step.
 
 Every model is driven by white noise of a given spectral density, so that what it predicts does not depend on how a time is cut into frames:
 two steps of dt1 and dt2 equal one of dt1 + dt2, in the state, in the transition matrix and in the process noise (Bar-Shalom, Li and
@@ -115,7 +115,7 @@ def _chain_jacobian(order: int, dimensions: int, dt: float) -> Float64Array:
 
 @lru_cache(maxsize=64)
 def chain_noise(order: int, density: tuple[float, ...], dt: float) -> Float64Array:
-    """Covariance that white noise at the end of a chain of integrators leaves behind: integrals of powers."""
+    """Covariance of white noise at the end of a chain of integrators after ``dt`` [s]."""
     last = order - 1
     power = [
         [

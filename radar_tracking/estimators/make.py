@@ -1,4 +1,4 @@
-"""Estimators by name; those that are not chosen are not imported."""
+"""Estimators by name. Only the chosen one is imported."""
 
 from __future__ import annotations
 

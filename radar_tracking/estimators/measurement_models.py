@@ -95,7 +95,7 @@ class PositionModel:
 
 
 class VelocityModel(PositionModel):
-    """Positions with velocities, as MMVelEst needs (7.3.1): which of its two filters works is which components were measured.
+    """Positions with velocities, for MMVelEst (7.3.1): the measured components decide which of its two filters works.
 
     Components: position, velocity, range rate. The velocity counts along the axes for which the measurement, a `VelocityMeasurement`, has
     one; where it has none at all but a range rate, that is the velocity's one known component (one row of equation 7.4).

@@ -1,4 +1,4 @@
-"""Several Kalman filters whose motion models compete (thesis, figure A.21): IMM and MMAE."""
+"""Estimators with several Kalman filters, each with its own motion model (thesis, figure A.21): IMM and MMAE."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _OUTLIER = 0.25  # a point whose weight falls below this is told to be an outlie
 
 @dataclass(frozen=True, eq=False)
 class SnapshotVelocity:
-    """What one snapshot tells of a velocity.
+    """Velocity estimated from one snapshot.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class SnapshotVelocity:
 
     @property
     def whole(self) -> bool:
-        """Whether the velocity is told in all directions."""
+        """Whether the velocity is known in all directions."""
         return self.rank == len(self.axes)
 
     @property
@@ -72,12 +72,12 @@ class SnapshotVelocity:
 
     @property
     def outliers(self) -> int:
-        """Points that hardly counted."""
+        """Number of points with hardly any weight."""
         return int(np.count_nonzero(self.weight < _OUTLIER))
 
 
 class Snapshot:
-    """Estimates the velocity of one target at one moment; holds no state."""
+    """Estimate the velocity of one target at one moment; holds no state."""
 
     def __init__(self, config: SnapshotConfig | None = None) -> None:
         self.config = config if config is not None else SnapshotConfig()

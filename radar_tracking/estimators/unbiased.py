@@ -1,4 +1,4 @@
-"""Positions from measured range and angles, with covariances that are true for large angle errors too."""
+"""Positions from measured range and angles, with covariances that hold for large angle errors too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several radars as one: who is heard, what comes too late, whether their clocks agree. Clouds are put together by `merge`."""
+"""Fusion of several radars: presence, late clouds, common description, clock offsets. `merge` combines the clouds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OPPOSED = 0.1  # resultant of unit vectors below which the radars look in no co
 
 @config
 class ClockConfig:
-    """How the offset between the clocks of radars is looked for."""
+    """How clock offsets between radars are estimated."""
 
     window: float = knob(10.0, unit="s", low=0.1, high=3600.0, doc="time over which each radar's smallest delay is looked for")
     parts: int = knob(5, low=2, high=100, doc="parts of the window, whose own smallest delays say how sure that of the whole is")
@@ -31,7 +31,7 @@ class ClockConfig:
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """How far the clock of one radar is off that of another.
+    """Offset of one radar's clock from that of another.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class ClockMonitor:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start anew."""
         self._parts: dict[int, _Part] = {}
         self._newest = 0
 
@@ -124,7 +124,7 @@ def _resolution(arrivals: Sequence[IndexArray]) -> float:
 
 @config
 class FusionConfig:
-    """Which radars are fused, and how long one waits for the others."""
+    """Which radars are fused, and how long clouds wait for partners."""
 
     radars: tuple[str, ...] = knob(("left", "right"), doc="namespaces of the radars whose clouds are fused")
     slop: float = knob(0.02, unit="s", low=1e-4, high=10.0, doc="clouds whose stamps differ by less than this belong together")
@@ -147,7 +147,7 @@ class FusionConfig:
 
 
 class RadarPresence:
-    """Who of several radars is heard, judged by stamps alone: the same clouds in the same order give the same answers.
+    """Which of several radars are heard, judged by stamps alone: the same clouds in the same order give the same answers.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class RadarPresence:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew, as for another recording."""
+        """Start anew, as for another recording."""
         self._newest: dict[str, int] = {}
         self._used: dict[str, int] = {}
         self._since_ns: int | None = None
@@ -177,7 +177,7 @@ class RadarPresence:
         return stamp_ns < self._newest.get(name, stamp_ns) - _RESTART_NS
 
     def late(self, name: str, stamp_ns: int) -> bool:
-        """Whether a cloud is older than what went out already: nothing can be made of it that would not go back in time."""
+        """Whether a cloud is older than one that was sent already, so that a result with it would go back in time."""
         if self.last_ns is None:
             return False
         return stamp_ns + self._slop_ns <= self.last_ns or stamp_ns <= self._used.get(name, stamp_ns - 1)

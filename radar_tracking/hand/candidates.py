@@ -1,4 +1,4 @@
-"""Points that may be a person's hand, and which of them are: two clusters when it is looked for, a gate while it is followed."""
+"""Points that may be a person's hand, and which of them are: by two clusters to find the hand, by a gate to follow it."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Candidates:
 
     @property
     def speed(self) -> Float64Array:
-        """Magnitude of the range rate, shape (n,) [m/s]; infinite where none was measured, for only what is slow for sure is body."""
+        """Magnitude of the range rate, shape (n,) [m/s]; infinite where none was measured, because only slow points count as body."""
         return np.where(np.isnan(self.rate), np.inf, np.abs(self.rate))
 
 
@@ -126,7 +126,7 @@ def _amplitude(snr: Float64Array) -> Float64Array:
 
 
 def is_body(points: Candidates, config: SplitConfig) -> BoolArray:
-    """Slow points near the body's axis or behind it: the guard against a hand that falls into the body."""
+    """Slow points near the body's axis or behind it; they keep the hand track from moving into the body."""
     inside = (points.axis < config.body_radius) | (points.ahead < config.torso_depth)
     return np.asarray(inside & (points.speed < config.body_speed))
 

@@ -49,7 +49,7 @@ class ValueConfig:
 
 @config
 class HandConfig:
-    """Everything that `HandTracker` can be told (thesis, 7.3)."""
+    """Knobs of `HandTracker` (thesis, 7.3)."""
 
     trigger: str = knob("rotate", doc="name of the gesture that starts the hand track of who performs it; empty: none does")
     trigger_delay: float = knob(0.1, unit="s", low=0.0, high=10.0, doc="a trigger acts this long after its stamp, in any message order")

@@ -1,4 +1,4 @@
-"""The hand's points as one measurement: place, velocity, range rate."""
+"""One measurement from the hand's points: position, velocity, range rate."""
 
 from __future__ import annotations
 

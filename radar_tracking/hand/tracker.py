@@ -88,7 +88,7 @@ class HandTracker:
         self._stamp_ns: int | None = None
 
     def seen_from(self, info: RadarInfo) -> None:
-        """Learn where the sensor of clouds stands that do not say it themselves."""
+        """Set where the sensor stands, for clouds that do not say it."""
         self._origin = np.asarray(info.mount.origin, np.float64)
 
     @property
@@ -98,7 +98,7 @@ class HandTracker:
 
     @property
     def measured(self) -> HandMeasurement | None:
-        """What the last cloud said about the hand; None: nothing."""
+        """Measurement from the last cloud; None: there was none."""
         return self._measured
 
     def start(self, track_id: int | None, stamp_ns: int) -> None:

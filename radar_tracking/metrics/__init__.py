@@ -1,4 +1,4 @@
-"""How good are tracks? GOSPA, OSPA and CLEAR-MOT against truth, and consistency of filters with themselves."""
+"""Quality of tracks: GOSPA, OSPA and CLEAR-MOT against truth, and consistency of filters."""
 
 from typing import TYPE_CHECKING
 

@@ -16,14 +16,14 @@ from radar_tracking.metrics.objects import ObjectSet, best_pairs, distances
 
 @config
 class ClearMotConfig:
-    """When a track is of a person."""
+    """Which tracks count as being of a person."""
 
     radius: float = knob(0.5, unit="m", low=1e-6, high=1e6, doc="a track this near to a person, or nearer, can be of that person")
 
 
 @dataclass(frozen=True, eq=False)
 class ClearMotStep:
-    """What one moment adds.
+    """CLEAR-MOT of one moment.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class ClearMotSummary:
 
 @dataclass(eq=False)
 class _Run:
-    """What has been counted; grows with the number of identities, never with time."""
+    """Counts of the run; their size grows with the number of identities, never with time."""
 
     moments: int = 0
     misses: int = 0

@@ -1,4 +1,4 @@
-"""Does a filter know how wrong it is? NIS and NEES against chi-square (Bar-Shalom, Li and Kirubarajan 2001, section 5.4)."""
+"""Consistency of filters: NIS and NEES against chi-square (Bar-Shalom, Li and Kirubarajan 2001, section 5.4)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def chi_square_band(dof: ArrayLike, quantile: float = 0.999) -> tuple[Float64Arr
 
 @config
 class ConsistencyConfig:
-    """When a filter counts as inconsistent.
+    """Limits beyond which a filter counts as inconsistent.
 
     The chi-square band alone is for a perfect model: people accelerate, and errors of one body's echoes hang together for tenths of a
     second, so that over ten seconds every real tracker leaves a band of a few per cent. `low` and `high` say what is harmless: at 2 the
@@ -67,7 +67,7 @@ class ConsistencyConfig:
 
 @dataclass(frozen=True)
 class Consistency:
-    """How surprised a filter is by its measurements.
+    """NIS of a filter over a window.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Consistency:
 
     @property
     def warning(self) -> str:
-        """What to tell the user; empty when all is well."""
+        """Warning for the user; empty when the filter is consistent."""
         if self.state not in ("over-confident", "under-confident"):
             return ""
         knob_hint = "raise" if self.state == "over-confident" else "lower"

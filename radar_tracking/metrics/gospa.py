@@ -15,7 +15,7 @@ from radar_tracking.metrics.objects import ObjectSet, distances
 
 @config
 class GospaConfig:
-    """What an error costs; alpha is 2, the only value for which the distance splits into the three parts."""
+    """Knobs of GOSPA. Alpha is 2, the only value for which the distance splits into the three parts."""
 
     p: float = knob(2.0, low=1.0, high=10.0, doc="exponent: the larger, the more do large errors count")
     c: float = knob(1.0, unit="m", low=1e-6, high=1e6, doc="cut-off: a track farther than this from a person is not of that person")
@@ -160,7 +160,7 @@ class GospaMetric:
 
 @config
 class OspaConfig:
-    """What an error costs."""
+    """Knobs of OSPA."""
 
     p: float = knob(2.0, low=1.0, high=10.0, doc="order: the larger, the more do large errors count")
     c: float = knob(1.0, unit="m", low=1e-6, high=1e6, doc="cut-off: what one object too many or too few costs, and the worst pair")

@@ -1,4 +1,4 @@
-"""What is compared: sets of places with identities, and how far they are from each other."""
+"""Sets of positions with identities, which metrics compare, and their distances."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class ObjectSet:
 
 
 def people(tracks: Tracks, dimensions: int = 2) -> ObjectSet:
-    """Take the people out of a tracker's result: confirmed and coasting tracks, on the floor plane unless ``dimensions`` is 3."""
+    """People of a tracker's result: confirmed and coasting tracks, on the floor plane unless ``dimensions`` is 3."""
     live = [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
     place = np.array([track.position[:dimensions] for track in live], np.float64).reshape(-1, dimensions)
     return ObjectSet.of(place, [track.id for track in live])

@@ -1,4 +1,4 @@
-"""Which point belongs to which track: the three ways of the thesis by name (6.2.2, figures 6.1 and A.23)."""
+"""Association of points with tracks: the three ways of the thesis by name (6.2.2, figures 6.1 and A.23)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NO_WEIGHTS = np.empty(0)
 
 @dataclass(frozen=True, eq=False)
 class Owners:
-    """Whose each point is: rows of the tracks, -1 for nobody; arrays have shape (n_points,).
+    """Rows of the tracks that points belong to, -1 for nobody; arrays have shape (n_points,).
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Clusters:
 
 
 def nobody(n_points: int) -> IndexArray:
-    """Nobody's points."""
+    """Owners of ``n_points`` points that belong to nobody, shape (n_points,)."""
     return np.full(n_points, -1, np.int64)
 
 

@@ -1,4 +1,4 @@
-"""What always stands there: furniture and walls are learned from points that do not move and belong to nobody, and then left out."""
+"""Learned background: still points that belong to no track come from furniture and walls, and are left out."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Background:
         return found
 
     def learn(self, points: Points, owned: BoolArray, stirring: BoolArray, dt: float) -> None:
-        """Take in a cloud, background included, ``dt`` [s] after the one before, once its points have been given to tracks.
+        """Learn from a whole cloud, ``dt`` [s] after the one before, once its points have been given to tracks.
 
         ``owned`` are points of confirmed tracks, ``stirring`` moving points of those that stand; shape (n_points,) both.
         """

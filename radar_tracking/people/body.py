@@ -25,7 +25,7 @@ _SHORT = 1e-9  # m
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """What a cloud says of some tracks: their centres, and unit vectors on the floor plane from the sensor to them, shape (n_tracks, 2)."""
+    """Measured bodies: their centres, and unit vectors on the floor plane from the sensor to them, shape (n_tracks, 2)."""
 
     measurement: Measurement
     away: Float64Array

@@ -54,7 +54,7 @@ class FilterConfig:
 
 @config
 class LifeConfig:
-    """Track management (thesis, 6.2.3): birth, confirmation, death."""
+    """Track management (thesis, 6.2.3): birth, confirmation, deletion."""
 
     birth_points: int = knob(3, low=1, high=1000, doc="points of a cluster that starts a track")
     birth_snr: float = knob(15.0, unit="dB", low=-100.0, high=200.0, doc="summed SNR of a cluster that starts a track")
@@ -90,7 +90,7 @@ class LifeConfig:
 
 @config
 class BackgroundConfig:
-    """What is learned to be furniture: still points of nobody that come again and again at the same place."""
+    """Background: still points of nobody that come again and again at the same place."""
 
     enabled: bool = knob(True, doc="learn the background and leave it out")
     still_speed: float = _speed(0.1, doc="points slower than this radially do not move")
@@ -105,7 +105,7 @@ class BackgroundConfig:
 
 @config
 class TrackerConfig:
-    """Everything that `PeopleTracker` can be told."""
+    """Knobs of `PeopleTracker`."""
 
     tracker: Literal["group_clustering", "group", "cluster_first"] = knob("group_clustering", doc="points to tracks (thesis, 6.2.2)")
     association: AssociationConfig = AssociationConfig()

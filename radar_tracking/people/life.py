@@ -1,4 +1,4 @@
-"""Birth of tracks from dense clusters of nobody's points, their confirmation, and their end (thesis, 6.2.3)."""
+"""Birth of tracks from dense clusters of nobody's points, their confirmation and their deletion (thesis, 6.2.3)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DISPERSION = 0.15**2  # m^2: of a new track's main cluster, along each axis of 
 
 
 class Birth:
-    """Finds where new tracks may start, and makes their rows."""
+    """Find where new tracks may start, and make their rows."""
 
     def __init__(self, config: TrackerConfig, estimator: Estimator) -> None:
         self._life, self._filter = config.life, config.filter
@@ -110,14 +110,14 @@ def whole_ns(seconds: float) -> int:
 
 
 class TrackManagement:
-    """Decides about the lives of tracks; every duration counts by the clouds' stamps."""
+    """Confirm and delete tracks; every duration counts by the clouds' stamps."""
 
     def __init__(self, config: LifeConfig) -> None:
         self.config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget who was close to whom."""
+        """Forget which tracks were close to each other."""
         self._close_ns: dict[tuple[int, int], int] = {}
 
     def process(self, table: TrackTable, centre: Float64Array, inside: BoolArray, stamp_ns: int) -> tuple[Deleted, ...]:

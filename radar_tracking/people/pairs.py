@@ -1,4 +1,4 @@
-"""Two people in one place: tracks whose points fall into two heaps hold two; tracks that meet may not pass through each other."""
+"""Two people in one place: a track whose points form two heaps holds two people; tracks that meet cannot pass through each other."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Pairs:
     def process(
         self, table: TrackTable, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
     ) -> tuple[Matched, list[IndexArray]]:
-        """Take in whose the points of a cloud seem to be; ``pair`` in the table is changed.
+        """Update how much tracks look like two people with the points of a cloud; ``pair`` in the table is changed.
 
         Parameters
         ----------

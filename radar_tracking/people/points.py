@@ -1,4 +1,4 @@
-"""The points of a cloud as trackers look at them: checked, in float64, with what is known about each."""
+"""Input of the trackers: the usable points of a cloud, checked, in float64, with derived quantities."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Points:
 
 
 class Admission:
-    """Takes of every cloud what a tracker can use.
+    """Select the points of a cloud that a tracker can use.
 
     ``origin``, shape (3,) [m], is where the sensor stands, for clouds that do not say it. ``dropped`` counts points without position, or
     absurdly far away.

@@ -1,4 +1,4 @@
-"""Reflections of people: what a wall mirrors, and what merely looks like it, waits longer before it counts as a person."""
+"""Reflections of people in walls: tracks that look like one wait longer before they count as a person."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tracks say about the tracker, for whoever watches it: how many, why they ended, and whether the filter knows how wrong it is."""
+"""Statistics of the tracks for the diagnostics: numbers, reasons of deletion, consistency of the filter."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from radar_tracking.tracks import Reason, Tracks, TrackStatus
 
 @config
 class TrackConsistencyConfig(ConsistencyConfig):
-    """When the filter of people counts as inconsistent.
+    """Limits beyond which the filter of people counts as inconsistent.
 
     The errors of one body's echoes hang together for tenths of a second, so that a filter which is right about its position expects far
     more change from one cloud to the next than it sees: with the defaults the NIS per degree of freedom of simulated people lies
@@ -29,7 +29,7 @@ class TrackConsistencyConfig(ConsistencyConfig):
 
 
 class Tally:
-    """What the tracks say about the tracker, for the diagnostics.
+    """Statistics of the tracks, for the diagnostics.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Tally:
 
 
 def _worst_condition(covariances: Sequence[Float64Array]) -> str:
-    """Say how nearly one state of a track follows from its others; units are scaled away."""
+    """Largest condition number of the covariances, independent of units."""
     try:
         return f"{max(float(np.linalg.cond(balanced(P)[0])) for P in covariances):.3g}" if covariances else "unknown"
     except SingularError:

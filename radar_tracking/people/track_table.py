@@ -126,7 +126,7 @@ def match(main: IndexArray, n_tracks: int) -> Matched:
 
 
 class TorsoPoints(NamedTuple):
-    """What is known of the points that update tracks; arrays have shape (n_own,).
+    """Measured quantities of the points that update tracks; arrays have shape (n_own,).
 
     Attributes
     ----------

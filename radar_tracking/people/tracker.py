@@ -76,7 +76,7 @@ class PeopleTracker:
         self._birth = Birth(config, self._estimator)
 
     def change(self, config: TrackerConfig) -> None:
-        """Work on with another tracker, association or estimator, and with the tracks that there are.
+        """Go on with another tracker, association or estimator, and keep the tracks.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class PeopleTracker:
         return (cloud.stamp_ns - before) * _NANOSECOND
 
     def _predict(self, dt: float, stamp_ns: int) -> None:
-        """Move all tracks on (6.1); those that nobody sees slow down."""
+        """Predict all tracks (6.1); unseen ones slow down."""
         table = self._table
         table.nis, table.dof, table.n_points = np.nan, 0, 0
         table.clouds += 1
@@ -279,7 +279,7 @@ class PeopleTracker:
         update_extents(table.records, row, step, np.exp(-(stamp_ns - table.seen_ns) * _NANOSECOND / _EXTENT_TIME))
 
     def _learn(self, points: Points, dt: float) -> None:
-        """Learn what stands where nobody is."""
+        """Learn the background where nobody is."""
         table, config = self._table, self.config.background
         rows = np.flatnonzero(table.confirmed)
         body: BoolArray = np.zeros(len(points), bool)

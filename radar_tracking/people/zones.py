@@ -1,4 +1,4 @@
-"""Places: what a radar sees, where people can be, where they come in, and where they are counted."""
+"""Places: what a radar sees, where people can be, where they enter, and where they are counted."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _rows(values: tuple[float, ...]) -> Float64Array:
 
 
 class Zones:
-    """Answer what a tracker asks about places, and count people; without a configuration everything is allowed everywhere."""
+    """Boundaries, entries and counted zones; without a configuration everything is allowed everywhere."""
 
     def __init__(self, config: ZonesConfig | None = None) -> None:
         self.config = config if config is not None else ZonesConfig()
