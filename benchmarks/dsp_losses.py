@@ -155,7 +155,7 @@ def _hit(segment: TruthSegment, found: RecognisedGesture | None) -> bool:
 
 
 def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
-    """Run the scene of a seed, or read what it gave before with the same settings and sources."""
+    """Run the scene of a seed, or read what it gave before with the same configuration and sources."""
     scene = gesture_stream(seed, duration, brief)
     told = digest([plain(scene), cases(), BURST, sources(PACKAGES)])
     return dict(once(None if keep is None else keep / f"lost_chirps_{told}.json", lambda: perform(scene)))

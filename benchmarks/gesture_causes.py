@@ -224,7 +224,7 @@ _OTHERS: Final[tuple[dict[str, float], ...]] = (
 
 
 def rules() -> dict[str, GestureConfig]:
-    """All settings that are measured; the default stands first."""
+    """All configurations that are measured; the default stands first."""
     default = GestureConfig()
     named = {", ".join(f"{knob}={value:g}" for knob, value in other.items()): other for other in _OTHERS}
     return {"default": default} | {name: dataclasses.replace(default, **other) for name, other in named.items()}

@@ -40,7 +40,7 @@ def verdict(segment: Segment, gestures: list[Gesture]) -> str:
 
 
 def segments(kind: str, limit: int) -> dict[str, float]:
-    """Shares of the segments in which an event is found, with two settings, and what the shipped model calls them."""
+    """Shares of the segments in which an event is found, with two configurations, and what the shipped model calls them."""
     recording = open_original(kind, folder() / kind / "segments.npz", limit=limit)
     mount = recording.info.mount
     slow = EventStage(load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), mount)
@@ -63,7 +63,7 @@ def segments(kind: str, limit: int) -> dict[str, float]:
 
 
 def daily(limit: int) -> dict[str, float]:
-    """Events a minute of people who make no gesture, with two settings, and what of it the shipped model calls a gesture."""
+    """Events a minute of people who make no gesture, with two configurations, and what of it the shipped model calls a gesture."""
     total: Counter[str] = Counter()
     seconds = 0.0
     for _, recording in recordings():

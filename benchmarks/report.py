@@ -89,7 +89,7 @@ def choice(
 def choices(
     stage: str, figure: tuple[str, str], values: Mapping[str, float], times_ms: Mapping[str, Sequence[float]], reference: str, **more: Any
 ) -> list[Row]:
-    """Rows of settings measured together: name and unit of their figure, values, times, and which of the times are the reference."""
+    """Rows of choices measured together: name and unit of their figure, values, times, and which of the times are the reference."""
     beside = times_ms[reference]
     return [
         choice(stage, name, accuracy=(figure[0], value, figure[1]), times_ms=times_ms[name], reference_ms=beside, **more)

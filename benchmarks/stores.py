@@ -89,7 +89,7 @@ def fill_samples(
 
 
 class Store:
-    """Parts of scenes on disk; what is there is not simulated again while the scene, the settings and our sources stay the same.
+    """Parts of scenes on disk; what is there is not simulated again while the scene, the configuration and our sources stay the same.
 
     ``simulate``: makes the columns of a scene's part; a function of a module, so that it can be sent to other processes; ``config``: what
     else decides about the columns, plain values.

@@ -134,7 +134,7 @@ def make(name: str, config: TrackerConfig, info: RadarInfo) -> PeopleTracker:
 
 
 def over(given: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
-    """Put given settings over a preset's."""
+    """Put a configuration over a preset's."""
     inner = {key: over(value, preset.get(key, {})) if isinstance(value, dict) else value for key, value in given.items()}
     return preset | inner
 

@@ -199,7 +199,7 @@ def estimate(hand: Hand, snapshot: Snapshot) -> SnapshotVelocity:
 def draws(
     rng: np.random.Generator, place: Float64Array, sensors: Float64Array, n: int, *, config: SnapshotConfig | None = None, **changes: Any
 ) -> Errors:
-    """Draw hands at a place from the default model (``changes``: see `draw`) and estimate their velocity, with its settings or others."""
+    """Draw hands at a place from the default model (``changes``: see `draw`); estimate velocities, with its configuration or another."""
     truth = SnapshotConfig()
     snapshot = Snapshot(config if config is not None else truth)
     found, std, limit, thesis = (np.full((n, 3), np.nan) for _ in range(4))
