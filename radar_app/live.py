@@ -26,6 +26,7 @@ _WINDOW = 2.0  # s: rates and latencies on the display are those of the last whi
 class Stage:
     """What is known of one stage."""
 
+    processed: int = 0
     dropped: int = 0
     times: deque[float] = field(default_factory=lambda: deque(maxlen=200))
     compute: deque[float] = field(default_factory=lambda: deque(maxlen=200))
@@ -58,7 +59,7 @@ class Monitor(Visitor):
         if msg.header.stamp.sec == 0 and msg.header.stamp.nanosec == 0:
             return  # says only that the stage is ready
         stage = self.stages.setdefault(msg.stage, Stage())
-        stage.dropped = msg.dropped
+        stage.processed, stage.dropped = msg.processed, msg.dropped
         stage.times.append(time.monotonic())
         stage.compute.append(msg.compute_s)
         if msg.stage == "driver":
