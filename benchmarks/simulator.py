@@ -24,7 +24,7 @@ from benchmarks.report import choices, measure_together, timed
 from radar_core import RadarFrame, RadarInfo
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import read
-from radar_lab.datasets.samples import read_sample
+from radar_lab.datasets.samples import read_sample, sample_path
 from radar_lab.datasets.synthesis import Job, write_sample
 from radar_lab.datasets.synthesis_plan import PLANS
 from radar_sim import Action, Echoes, Person, Point, Scene, SimulatedFrame, Simulator, load_scene
@@ -176,10 +176,10 @@ def sample_times(body: str, n: int, seed: int = 1) -> dict[str, list[float]]:
         write_sample(job, n)  # compiles and designs what a worker prepares once
         for number in range(n):
             made = timed(write_sample, job, number)[1]
-            sample, loaded = timed(read_sample, job.path(number))
+            sample, loaded = timed(read_sample, sample_path(job.folder, number))
             for name, value in (("make", made), ("load", loaded), ("read", timed(read, sample)[1])):
                 taken[name].append(1e-3 * value)
-            taken["bytes"].append(job.path(number).stat().st_size)
+            taken["bytes"].append(sample_path(job.folder, number).stat().st_size)
     return taken
 
 

@@ -21,8 +21,7 @@ from radar_core import DataError, PointCloud
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.config import plain
 from radar_dsp import Baseband, BasebandConfig
-from radar_lab.datasets.samples import open_folder, sample_path, write_chunk
-from radar_lab.datasets.workers import work_through
+from radar_lab.datasets.samples import open_folder, sample_path, work_through, write_chunk
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.effects.config import CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 

@@ -20,7 +20,7 @@ from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
 from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.readings import read_stroke
-from radar_lab.datasets.samples import FORMAT, ONE, open_folder, pack_clouds, read_sample, sample_path, write_chunk
+from radar_lab.datasets.samples import FORMAT, ONE, about_sample, open_folder, pack_clouds, read_sample, sample_path, write_chunk
 from radar_lab.evaluation.scoring import TruthSegment
 
 COLUMNS: Final[tuple[str, ...]] = ("start", "end", "gesture", "person")
@@ -55,14 +55,10 @@ class ImportReport:
 
     Attributes
     ----------
-    n_written : int
-        New samples.
-    n_known : int
-        Labels whose samples were there already.
-    n_found : int
-        New samples in which the event stage finds the gesture.
-    n_outside : int
-        Labels at times that the recording does not have.
+    n_written, n_found : int
+        New samples; those of them in which the event stage finds the gesture.
+    n_known, n_outside : int
+        Labels whose samples were there already; labels at times that the recording does not have.
     """
 
     n_written: int
@@ -72,7 +68,7 @@ class ImportReport:
 
 
 def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
-    """Read a file of labels: comma-separated, with `COLUMNS` in its first line.
+    """Read a file of labels: comma-separated, with `COLUMNS` in its first line; ordered by start.
 
     Parameters
     ----------
@@ -80,11 +76,6 @@ def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
         The file.
     start_ns : int
         Stamp at which the recording's seconds begin: its first cloud's [ns].
-
-    Returns
-    -------
-    tuple of TruthSegment
-        Ordered by start.
 
     Raises
     ------
@@ -159,11 +150,6 @@ def import_labelled(
     one_tx : bool
         Whether moments hold clouds of one transmitter that are to be kept.
 
-    Returns
-    -------
-    ImportReport
-        What was done.
-
     Raises
     ------
     ConfigError
@@ -174,13 +160,7 @@ def import_labelled(
     if not labels:
         raise ConfigError(f"{source}: there is no label, so there is nothing to import")
     config = config or GestureConfig()
-    manifest = {
-        "format": FORMAT,
-        "recorded": True,
-        "settings": feature_settings(config),
-        "radar": plain(info),
-        "one_tx": one_tx,
-    }
+    manifest = {"format": FORMAT, "recorded": True, "settings": feature_settings(config), "radar": plain(info), "one_tx": one_tx}
     place = open_folder(folder, manifest)
     known = {str(read_sample(path)["hash"]) for path in sorted(place.glob("sample_*.npz"))}
     number = max((int(path.stem.removeprefix("sample_")) for path in place.glob("sample_*.npz")), default=-1) + 1
@@ -238,24 +218,13 @@ def _columns(
     """Columns of a file, as `synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
     clouds = [moment.cloud for moment in cut]
     position = np.array([moment.places.get(label.person_id, _NOWHERE) for moment in cut], np.float64).reshape(-1, 3)
-    reading = read_stroke(info, clouds, position, label, config, padded=False)
-    unknown = np.full(position.shape, np.nan)
     columns = {
-        "number": np.array(number, np.int64),
-        "label": np.array(label.label, np.int64),
-        "variant": np.array(0, np.int64),
-        "subject": np.array(label.person_id, np.int64),
-        "gesture": np.array(GESTURES[label.label]),
-        "scene": np.array(""),
-        "radar": np.array(json.dumps(plain(info), sort_keys=True)),
-        "settings": np.array(json.dumps(plain(config), sort_keys=True)),
-        "margin": np.array(AROUND),
+        **about_sample(number, label.label, 0, label.person_id, None, info, config, AROUND),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
         **pack_clouds([in_sensor(cloud, info) for cloud in clouds]),
-        **reading.columns,
-        "stroke_ns": np.array([label.start_ns, label.end_ns], np.int64),
+        **read_stroke(info, clouds, position, label, config, padded=False).columns,
         "position": position,
-        **dict.fromkeys(("velocity", "hand_position", "hand_velocity"), unknown),
+        **dict.fromkeys(("velocity", "hand_position", "hand_velocity"), np.full(position.shape, np.nan)),
     }
     if one_tx:
         single = [moment.one for moment in cut if moment.one is not None]

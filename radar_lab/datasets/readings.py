@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -28,8 +28,8 @@ from radar_lab.evaluation.scoring import TruthSegment
 from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
 from radar_tracking import PeopleTracker, Track, TrackedCloud, TrackerConfig
 
-T = TypeVar("T")
 Columns = Mapping[str, NDArray[Any]]
+Positions = NDArray[np.floating]
 _LEAD: Final[float] = 0.6  # s: time in which a track settles
 _LEAST_STEP: Final[int] = 100_000  # ns: no radar has shorter frame intervals, so nearer stamps tell nothing about it
 _GATE: Final[float] = 0.8  # m: a track farther from the person on the floor is not theirs
@@ -70,7 +70,7 @@ class Reading:
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of a file that say whether, and how, the gesture was found."""
+        """Columns of a file that say whether, and how, the gesture was found, and when it was performed."""
         best = self.event
         event = (0, 0) if best is None else (best.event.start_ns, best.event.end_ns)
         return {
@@ -78,22 +78,13 @@ class Reading:
             "found": np.array(best is not None),
             "walked": np.array(0.0 if best is None else best.walked),
             "event_ns": np.array(event, np.int64),
+            "stroke_ns": np.array(self.stroke_ns, np.int64),
         }
 
 
 @dataclass(frozen=True, eq=False)
 class Cubes:
-    """Feature cubes of a data set (thesis, section 4.5.5).
-
-    Attributes
-    ----------
-    cube : ndarray of float32, shape (n, 5, n_detections, n_frames)
-        One sample a row, each as `radar_lab.training.encoder.encode` gives it.
-    label, person : ndarray of int64, shape (n,)
-        As in `SampleSet`.
-    missed : ndarray of int64, shape (10,)
-        As in `SampleSet`.
-    """
+    """Feature cubes of a data set (thesis, section 4.5.5): n of them, each as `encode` gives it; the rest as in `SampleSet`."""
 
     cube: NDArray[np.float32]
     label: NDArray[np.int64]
@@ -102,13 +93,7 @@ class Cubes:
 
 
 def read_stroke(
-    info: RadarInfo,
-    clouds: Sequence[PointCloud],
-    position: NDArray[np.floating],
-    stroke: TruthSegment,
-    config: GestureConfig,
-    *,
-    padded: bool = True,
+    info: RadarInfo, clouds: Sequence[PointCloud], position: Positions, stroke: TruthSegment, config: GestureConfig, *, padded: bool = True
 ) -> Reading:
     """Take the clouds of one stroke through tracking, event detection and features.
 
@@ -153,11 +138,9 @@ def read_stroke(
     return Reading(stroke.label, stroke.person_id, (stroke.start_ns, stroke.end_ns), best, own_clouds, samples)
 
 
-def _is_of(track: Track | None, place: NDArray[np.float64]) -> bool:
+def _is_of(track: Track | None, place: Positions) -> bool:
     """Whether a track is the person's; where the person is may not be known."""
-    if track is None:
-        return False
-    return not math.hypot(track.position[0] - place[0], track.position[1] - place[1]) > _GATE
+    return track is not None and not math.hypot(track.position[0] - place[0], track.position[1] - place[1]) > _GATE
 
 
 def _surroundings(
@@ -211,16 +194,9 @@ def read(sample: Columns, config: GestureConfig | None = None, *, every: int = 1
     config : GestureConfig or None
         Knobs of events and features; None: the defaults.
     every : int
-        Take every n-th cloud only, as a radar of a lower frame rate would give them.
+        Take every n-th cloud only, as a radar of a lower frame rate would give them; below 1 raises `ConfigError`.
     one_tx : bool
-        Take the clouds of the first transmitter alone.
-
-    Raises
-    ------
-    DataError
-        When the sample holds no clouds of one transmitter.
-    ConfigError
-        When ``every`` is below 1.
+        Take the clouds of the first transmitter alone; `DataError` when there are none.
     """
     if every < 1:
         raise ConfigError(f"every is {every}; 1 takes every cloud, 2 every second, and so on")
@@ -235,14 +211,7 @@ def read(sample: Columns, config: GestureConfig | None = None, *, every: int = 1
 def maps_of(sample: Columns, gate: float | None = None, *, one_tx: bool = False) -> FeatureMaps:
     """Return the feature maps of all that a sample's radar saw (thesis, figures 4.4 to 4.8).
 
-    Parameters
-    ----------
-    sample : mapping
-        As `read_samples` gives it.
-    gate : float or None
-        Width of a Doppler gate [m/s]; None: the usual of `FeatureConfig`.
-    one_tx : bool
-        As in `read`.
+    ``gate`` is the width of a Doppler gate [m/s], None: the usual of `FeatureConfig`; ``one_tx`` is as in `read`.
     """
     kind = ONE if one_tx else BOTH
     width = GestureConfig().features.gate if gate is None else gate
@@ -256,7 +225,7 @@ def collect(
     every: int = 1,
     one_tx: bool = False,
     n_jobs: int = 1,
-    vector: Callable[[Reading], NDArray[np.float64]] | None = None,
+    vector: Callable[[Reading], NDArray[Any]] | None = None,
     names: tuple[str, ...] = FEATURE_NAMES,
 ) -> SampleSet:
     """Read a data set into features and labels, as training takes them.
@@ -285,15 +254,14 @@ def collect(
         When the folder is no such data set, holds no sample, or one cannot be read.
     """
     config = config or GestureConfig()
-    work = functools.partial(_row, config=config, every=every, one_tx=one_tx, vector=vector)
-    rows = _each(folder, work, n_jobs)
-    found = [row for row in rows if row[0] is not None]
+    found, missed = _each(folder, n_jobs, functools.partial(_row, config=config, every=every, one_tx=one_tx, make=vector or _features))
+    features, label, person, walked = zip(*found, strict=True) if found else ((),) * 4
     return SampleSet(
-        features=np.array([row[0] for row in found], np.float64).reshape(-1, len(names)),
-        label=np.array([row[1] for row in found], np.int64),
-        person=np.array([row[2] for row in found], np.int64),
-        walked=np.array([row[3] for row in found], np.float64),
-        missed=_count_missed(rows),
+        features=np.array(features, np.float64).reshape(-1, len(names)),
+        label=np.array(label, np.int64),
+        person=np.array(person, np.int64),
+        walked=np.array(walked, np.float64),
+        missed=missed,
         config=feature_settings(config),
         names=names,
     )
@@ -312,61 +280,45 @@ def cubes(
 
     Parameters
     ----------
-    folder : str or Path
-        As in `collect`.
-    config, every, one_tx
-        As in `read`.
+    folder, config, every, one_tx, n_jobs
+        As in `collect`, which also says what is raised.
     encoder : EncoderConfig or None
         Size and kind of the cubes; None: the thesis's 50 detections of 50 frames.
-    n_jobs : int
-        As in `collect`.
-
-    Raises
-    ------
-    DataError
-        As `collect`.
     """
     encoder = encoder or EncoderConfig()
-    rows = _each(
-        folder, functools.partial(_cube_row, config=config or GestureConfig(), every=every, one_tx=one_tx, encoder=encoder), n_jobs
-    )
-    found = [row for row in rows if row[0] is not None]
-    return Cubes(
-        np.array([row[0] for row in found], np.float32).reshape(-1, len(ATTRIBUTES), encoder.n_detections, encoder.n_frames),
-        np.array([row[1] for row in found], np.int64),
-        np.array([row[2] for row in found], np.int64),
-        _count_missed(rows),
-    )
+    make = functools.partial(_cube, encoder=encoder)
+    work = functools.partial(_row, config=config or GestureConfig(), every=every, one_tx=one_tx, make=make)
+    found, missed = _each(folder, n_jobs, work)
+    cube, label, person, _ = zip(*found, strict=True) if found else ((),) * 4
+    shape = (len(ATTRIBUTES), encoder.n_detections, encoder.n_frames)
+    return Cubes(np.array(cube, np.float32).reshape(-1, *shape), np.array(label, np.int64), np.array(person, np.int64), missed)
 
 
 _Row = tuple[NDArray[Any] | None, int, int, float]
 
 
-def _row(path: Path, config: GestureConfig, every: int, one_tx: bool, vector: Callable[[Reading], NDArray[np.float64]] | None) -> _Row:
+def _row(path: Path, config: GestureConfig, every: int, one_tx: bool, make: Callable[[Reading], NDArray[Any]]) -> _Row:
+    """Read one file: what ``make`` makes of it, with label, person and walked distance; None: the event was missed."""
     reading = read(read_sample(path), config, every=every, one_tx=one_tx)
     if reading.event is None:
         return None, reading.label, reading.person, 0.0
-    return reading.features if vector is None else vector(reading), reading.label, reading.person, reading.event.walked
+    return make(reading), reading.label, reading.person, reading.event.walked
 
 
-def _cube_row(path: Path, config: GestureConfig, every: int, one_tx: bool, encoder: EncoderConfig) -> _Row:
-    reading = read(read_sample(path), config, every=every, one_tx=one_tx)
-    if reading.event is None:
-        return None, reading.label, reading.person, 0.0
+def _features(reading: Reading) -> NDArray[np.float64]:
+    return reading.features
+
+
+def _cube(reading: Reading, encoder: EncoderConfig) -> NDArray[np.float32]:
+    assert reading.event is not None
     distance, azimuth, elevation = np.median([sample.body for sample in reading.samples], axis=0).tolist()
     event = reading.event.event
-    cube = encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
-    return cube, reading.label, reading.person, reading.event.walked
+    return encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
 
 
-def _count_missed(rows: list[_Row]) -> NDArray[np.int64]:
-    return np.bincount([row[1] for row in rows if row[0] is None], minlength=len(GESTURES)).astype(np.int64)
-
-
-def _each(folder: str | Path, work: Callable[[Path], T], n_jobs: int) -> list[T]:
-    """Do the work on every file, several at a time; the results are in the order of the files."""
+def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], NDArray[np.int64]]:
+    """Do the work on every file, several at a time: rows of what was found, in the order of the files, and how much was missed by label."""
     files = sample_files(folder)
-    if n_jobs == 1:
-        return list(map(work, files))
-    done: list[T] = Parallel(n_jobs=n_jobs)(delayed(work)(path) for path in files)
-    return done
+    rows: list[_Row] = list(map(work, files)) if n_jobs == 1 else Parallel(n_jobs=n_jobs)(delayed(work)(path) for path in files)
+    missed = np.bincount([row[1] for row in rows if row[0] is None], minlength=len(GESTURES)).astype(np.int64)
+    return [row for row in rows if row[0] is not None], missed

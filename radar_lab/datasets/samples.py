@@ -1,27 +1,33 @@
-"""Sample files: what simulation and recordings write, and training reads."""
+"""Sample files, which simulation and recordings write and training reads, and work on many of them at a time."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 import platform
 import re
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import psutil
+from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
-from radar_core.config import load
+from radar_core.config import load, plain
 from radar_core.transmitters import one_transmitter
 from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.stage import GestureConfig
+from radar_sim import Scene
 
 MANIFEST: Final[str] = "dataset.json"
 FORMAT: Final[int] = 2
@@ -32,7 +38,9 @@ BOTH: Final[str] = "cloud"
 """How the columns of clouds begin."""
 ONE: Final[str] = "one"
 """How those of the first transmitter alone do."""
-_COLUMNS: Final[tuple[str, ...]] = ("features", "label", "person", "walked", "missed")
+_COLUMNS: Final[tuple[str, ...]] = ("features", "label", "person", "walked")
+_BATCH: Final[int] = 4  # pieces of work handed to a worker at once, at most
+_ROUNDS: Final[int] = 4  # batches per worker, at least: the last ones then end at about the same time
 _ADVICE: Final[str] = "make some with `handwave dataset generate`, or radar_lab.datasets.synthesis.synthesise"
 
 
@@ -87,8 +95,7 @@ class SampleSet:
 def open_folder(folder: str | Path, manifest: Mapping[str, Any]) -> Path:
     """Make a data set folder, or check that an existing one was made with the same settings, so that a stopped run can go on.
 
-    What a killed run left half written is removed. Raises `ConfigError` when the folder holds samples made with other settings, or cannot
-    be made.
+    What a killed run left half written is removed. `ConfigError` is raised for other settings, and for a folder that cannot be made.
     """
     folder = Path(folder)
     try:
@@ -120,10 +127,9 @@ def sample_path(folder: Path, number: int) -> Path:
 
 
 def write_chunk(path: Path, columns: Mapping[str, NDArray[Any]], *, compressed: bool = False) -> None:
-    """Write one file; it appears under its name only when complete, so that a killed run leaves no broken file.
+    """Write one file, or raise `DataError`; it appears under its name only when complete, so that a killed run leaves no broken file.
 
-    The same columns give the same bytes: numpy dates the members of every file alike. Raises `DataError` when the file cannot be written,
-    as on a full disk.
+    The same columns give the same bytes: numpy dates the members of every file alike.
     """
     partial, save = _partial(path), np.savez_compressed if compressed else np.savez
     try:
@@ -154,7 +160,7 @@ def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH) -> dict[str, NDA
     clouds : sequence of PointCloud
         In order of time, in the sensor frame.
     kind : str
-        How the columns begin.
+        How the columns begin: `BOTH` or `ONE`.
 
     Returns
     -------
@@ -179,11 +185,29 @@ def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[
         raise DataError(f"sample {int(sample['number'])} holds no clouds{how}")
     offset, frame_id = sample[f"{kind}_offset"], info_of(sample).frame_id
     fields = {name: sample[f"{kind}_{name}"] for name in CLOUD_FIELDS}
-    clouds = []
-    for number, stamp in enumerate(sample["stamp_ns"]):
-        own: dict[str, Any] = {name: array[offset[number] : offset[number + 1]] for name, array in fields.items()}
-        clouds.append(PointCloud(int(stamp), number, frame_id, **own))
-    return clouds
+    rows = [slice(first, end) for first, end in pairwise(offset)]
+    own: list[dict[str, Any]] = [{name: array[part] for name, array in fields.items()} for part in rows]
+    return [PointCloud(int(stamp), k, frame_id, **own[k]) for k, stamp in enumerate(sample["stamp_ns"])]
+
+
+def about_sample(
+    number: int, label: int, variant: int, subject: int, scene: Scene | None, info: RadarInfo, config: GestureConfig, margin: float
+) -> dict[str, NDArray[Any]]:
+    """Columns that say what a sample is and how it was made; scene is None for one that was recorded."""
+    texts = {"scene": "" if scene is None else _text(scene), "radar": _text(info), "settings": _text(config)}
+    return {
+        "number": np.array(number, np.int64),
+        "label": np.array(label, np.int64),
+        "variant": np.array(variant, np.int64),
+        "subject": np.array(subject, np.int64),
+        "gesture": np.array(GESTURES[label]),
+        **{name: np.array(text) for name, text in texts.items()},
+        "margin": np.array(margin),
+    }
+
+
+def _text(what: Any) -> str:
+    return json.dumps(plain(what), sort_keys=True)
 
 
 def info_of(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> RadarInfo:
@@ -239,31 +263,20 @@ def load_samples(folder: str | Path) -> SampleSet:
     chunks = sorted(folder.glob("chunk_*.npz"))
     if not chunks or not (folder / MANIFEST).is_file():
         raise DataError(f"{folder}: no samples here; make some with `handwave train`, or radar_lab.datasets.scenes.generate")
-    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in _COLUMNS}
-    for path in chunks:
-        content = read_sample(path)
-        if missing := [name for name in _COLUMNS if name not in content]:
+    contents = [read_sample(path) for path in chunks]
+    for path, content in zip(chunks, contents, strict=True):
+        if missing := [name for name in (*_COLUMNS, "missed") if name not in content]:
             raise DataError(f"{path}: cannot be read ({missing[0]} is missing); delete it and simulate again")
-        for name in _COLUMNS:
-            columns[name].append(content[name])
     config = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["settings"]
-    missed = np.sum(columns.pop("missed"), axis=0)
-    joined: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
+    joined: dict[str, Any] = {name: np.concatenate([content[name] for content in contents]) for name in _COLUMNS}
+    missed = np.sum([content["missed"] for content in contents], axis=0)
     return SampleSet(**joined, missed=np.asarray(missed, np.int64), config=config)
 
 
 def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
-    """Put data sets together; people of different ones are different people.
+    """Put data sets together, at least one; people of different ones are different people.
 
-    Parameters
-    ----------
-    sets : sequence of SampleSet
-        At least one.
-
-    Raises
-    ------
-    DataError
-        When their features were made with different settings, or are others.
+    Raises `DataError` when their features were made with different settings, or are others.
     """
     first = sets[0]
     person, above = [], 0
@@ -281,5 +294,62 @@ def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
 def standing(samples: SampleSet, most: float) -> SampleSet:
     """Leave out samples whose person moved farther than ``most`` [m]: these a recogniser calls random without asking its model."""
     keep = samples.walked <= most
-    columns = {name: getattr(samples, name)[keep] for name in ("features", "label", "person", "walked")}
-    return dataclasses.replace(samples, **columns)
+    return dataclasses.replace(samples, **{name: getattr(samples, name)[keep] for name in _COLUMNS})
+
+
+def work_through(
+    make: Callable[[int], None],
+    todo: Sequence[int],
+    *,
+    n_total: int,
+    n_jobs: int | None = None,
+    progress: bool = True,
+    title: str = "working",
+) -> None:
+    """Call ``make`` for every number in ``todo``, several at a time.
+
+    Workers are joblib's: processes of this machine, unless the caller has chosen another back end. With Dask, on a cluster::
+
+        with Client("tcp://scheduler:8786"), joblib.parallel_config(backend="dask"):
+            work_through(...)
+
+    Each piece runs on one thread: the cores are taken by pieces, and sums that several threads share would round differently.
+
+    Parameters
+    ----------
+    make : callable
+        Does one piece; a function of a module, so that it can be sent to other processes.
+    todo : sequence of int
+        Pieces to do.
+    n_total : int
+        All pieces, those done by an earlier run too; for the progress bar.
+    n_jobs : int or None
+        Pieces at the same time, -1: as many as there are cores; None: what joblib's configuration says, else 1. Dask: its whole cluster.
+    progress, title : bool, str
+        Whether to show a progress bar, and what stands beside it.
+    """
+    size = max(1, min(_BATCH, math.ceil(len(todo) / (_ROUNDS * max(effective_n_jobs(n_jobs), 1)))))
+    batches = [list(todo[first : first + size]) for first in range(0, len(todo), size)]
+    with threadpool_limits(1):
+        parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)
+        done = parallel(delayed(_work)(make, batch) for batch in batches)
+        for _ in _shown(chain.from_iterable(done), len(todo), n_total, title) if progress and todo else done:
+            pass
+
+
+def _work(make: Callable[[int], None], batch: list[int]) -> list[int]:
+    with threadpool_limits(1):
+        for number in batch:
+            make(number)
+    return batch
+
+
+def _shown(done: Iterable[int], n_todo: int, n_total: int, title: str) -> Iterator[int]:
+    """Pass on what is done, with a progress bar that also counts what an earlier run had done."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    with Progress(title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+        task = bar.add_task("", total=n_total, completed=n_total - n_todo)
+        for item in done:
+            bar.advance(task)
+            yield item

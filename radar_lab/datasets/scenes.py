@@ -17,13 +17,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, PointCloud, Pose, RadarInfo
+from radar_core import GESTURES, PointCloud, RadarInfo
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
-from radar_lab.datasets.samples import chunk_path, load_samples, open_folder, write_chunk
+from radar_lab.datasets.samples import chunk_path, load_samples, open_folder, work_through, write_chunk
 from radar_lab.datasets.training_scenes import training_scene
-from radar_lab.datasets.workers import work_through
 from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.strokes import library_hash
@@ -105,38 +104,15 @@ def baseband_of(number: int) -> BasebandConfig:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A simulated scene after the baseband.
-
-    Attributes
-    ----------
-    info : RadarInfo
-        The radar.
-    clouds : list of PointCloud
-        In ``room``.
-    truths : list of Truth
-        Of the same stamps.
-    """
+    """A simulated scene after the baseband: its radar, the clouds in ``room``, and the truths of the same stamps."""
 
     info: RadarInfo
     clouds: list[PointCloud]
     truths: list[Truth]
 
-    @property
-    def mount(self) -> Pose:
-        """Where the radar stands."""
-        return self.info.mount
-
 
 def record(scene: Scene, baseband: BasebandConfig | None = None) -> Recording:
-    """Simulate a scene up to its point clouds.
-
-    Parameters
-    ----------
-    scene : Scene
-        What happens.
-    baseband : BasebandConfig or None
-        How frames become clouds; None: the defaults.
-    """
+    """Simulate a scene up to its point clouds, with the default baseband or another one."""
     simulator = Simulator(scene)
     processor, mount = Baseband(baseband if baseband is not None else BasebandConfig(), simulator.info), simulator.info.mount
     recording = Recording(simulator.info, [], [])
@@ -148,7 +124,7 @@ def record(scene: Scene, baseband: BasebandConfig | None = None) -> Recording:
 
 
 def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
-    """Run tracking and event detection over a recording.
+    """Run tracking and event detection over a recording; gives the events with the person whose they are (-1: nobody near).
 
     Parameters
     ----------
@@ -158,13 +134,8 @@ def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> 
         Knobs of events and features.
     every : int
         Take every n-th cloud only, as a radar with a lower frame rate would give them.
-
-    Returns
-    -------
-    list of (int, TrackEvent)
-        Events with the person whose they are (-1: nobody near).
     """
-    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(config, recording.mount)
+    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(config, recording.info.mount)
     events = []
     for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
         tracks = tracker.process(cloud)
@@ -176,16 +147,9 @@ def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> 
 
 
 def nearest_person(truth: Truth, position: NDArray[np.floating], gate: float = 0.8) -> int | None:
-    """Say who is nearest to a place on the ground: its event is labelled by what that person does (evaluation asks `Matching.owner`).
+    """Say who is nearest to a place (3,) on the ground, None: nobody within the gate [m]; an event is labelled by what that person does.
 
-    Parameters
-    ----------
-    truth : Truth
-        Of the same moment.
-    position : ndarray, shape (3,)
-        Of the track [m].
-    gate : float
-        Farther than this [m] it is nobody's (None).
+    Evaluation asks `Matching.owner` instead.
     """
     if len(truth.person_id) == 0:
         return None
@@ -195,7 +159,7 @@ def nearest_person(truth: Truth, position: NDArray[np.floating], gate: float = 0
 
 
 def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
-    """Name every event by what its person was doing.
+    """Name every event by what its person was doing; gives the columns of `SampleSet`.
 
     An event that overlaps a gesture by 40 % of the longer of the two gets its label; one that touches no gesture is random (walking, slow
     arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
@@ -206,11 +170,6 @@ def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[Tr
         Events and whose they are.
     segments : iterable of TruthSegment
         What was performed.
-
-    Returns
-    -------
-    dict of ndarray
-        The columns of `SampleSet`.
     """
     segments = list(segments)
     rows: list[tuple[NDArray[np.float64], int, int, float]] = []

@@ -3,7 +3,7 @@
 `radar_lab.datasets.scenes` simulates whole scenes, for training what the recogniser will meet. Here each sample is one stroke, as in
 the thesis: for maps, for other classifiers, for comparing with recordings. A sample takes about half a second of one core.
 
-Workers are joblib's, see `radar_lab.datasets.workers`. On a Dask cluster whose machines share the folder::
+Workers are joblib's, see `radar_lab.datasets.samples.work_through`. On a Dask cluster whose machines share the folder::
 
     with Client("tcp://scheduler:8786"), joblib.parallel_config(backend="dask"):
         synthesise("folder", 600, seed=1)
@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
-from radar_core.config import load, plain
+from radar_core import GESTURES, ConfigError, DataError, RadarInfo
+from radar_core.config import load
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.stage import GestureConfig, feature_settings
@@ -35,47 +35,26 @@ from radar_lab.datasets.samples import (
     FORMAT,
     ONE,
     SampleSet,
+    about_sample,
     open_folder,
     pack_clouds,
     read_manifest,
     read_samples,
     sample_path,
+    work_through,
     write_chunk,
 )
 from radar_lab.datasets.synthesis_plan import Plan, Sample, draw_sample, named_plan, stroke_of
-from radar_lab.datasets.workers import work_through
 from radar_lab.evaluation.scoring import TruthSegment
-from radar_sim import Scene, SimulatedFrame, Simulator
+from radar_sim import Scene, Simulator
 from radar_sim.motions.strokes import library_hash
 from radar_sim.people import BodyKind
 from radar_tracking import TrackerConfig
 
-__all__ = ["Job", "feature_samples", "read_samples", "remake", "scene_of", "simulate_sample", "stroke_frames", "synthesise", "write_sample"]
-
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """All that a worker has to know.
-
-    Attributes
-    ----------
-    folder : Path
-        Where the files go.
-    seed : int
-        Of the data set.
-    plan : Plan
-        What is drawn.
-    body : str
-        As `Person.body`.
-    raw : bool
-        Whether raw frames are kept.
-    one_tx : bool
-        Whether the clouds of the first transmitter alone are kept too.
-    config : GestureConfig
-        Knobs of events and features.
-    info : RadarInfo
-        The radar.
-    """
+    """All that a worker has to know: the arguments of `synthesise`."""
 
     folder: Path
     seed: int
@@ -110,10 +89,6 @@ class Job:
                 "that, or use more samples per chirp"
             )
         Simulator(self.draw(0).scene)
-
-    def path(self, number: int) -> Path:
-        """File of a sample."""
-        return sample_path(self.folder, number)
 
     def draw(self, number: int) -> Sample:
         """Draw a sample."""
@@ -178,7 +153,7 @@ def synthesise(
     job = Job(Path(folder).absolute(), seed, chosen, body, raw, one_tx, config or GestureConfig(), info or RadarInfo())
     job.check()
     open_folder(job.folder, job.manifest)
-    todo = [number for number in range(n_samples) if not job.path(number).exists()]
+    todo = [number for number in range(n_samples) if not sample_path(job.folder, number).exists()]
     make = functools.partial(write_sample, job)
     work_through(make, todo, n_total=n_samples, n_jobs=n_jobs, progress=progress, title="simulating samples")
     return len(todo)
@@ -187,7 +162,7 @@ def synthesise(
 def write_sample(job: Job, number: int) -> None:
     """Simulate one sample of a data set and write its file."""
     columns = simulate_sample(job.draw(number), job.config, raw=job.raw, one_tx=job.one_tx, margin=job.plan.margin)
-    write_chunk(job.path(number), columns, compressed=True)
+    write_chunk(sample_path(job.folder, number), columns, compressed=True)
 
 
 def simulate_sample(
@@ -231,37 +206,25 @@ def simulate_sample(
     clouds = [baseband.process(simulated.frame) for simulated in frames]
     truths = [simulated.truth for simulated in frames]
     truth = {name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")}
-    stroke = TruthSegment(sample.subject, sample.label, _ns(sample.start), _ns(sample.end))
+    stroke = TruthSegment(sample.subject, sample.label, round(sample.start * 1e9), round(sample.end * 1e9))
     columns: dict[str, NDArray[Any]] = {
-        **_about(sample, config, margin),
+        **about_sample(
+            sample.number, sample.label, sample.variant, sample.subject, sample.scene, sample.scene.radars[0].info, config, margin
+        ),
+        "hash": np.array(sample_hash(sample.scene, config, margin)),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
         **pack_clouds(clouds),
         **read_stroke(simulator.info, clouds, truth["position"], stroke, config).columns,
-        "stroke_ns": np.array([stroke.start_ns, stroke.end_ns], np.int64),
         **truth,
     }
     if one_tx:
-        columns |= pack_clouds(one_clouds(simulator.info, frames), ONE)
+        single = _baseband(one_transmitter(simulator.info), threading.get_ident())
+        one = [single.process(one_transmitter_frame(simulated.frame, simulator.info)) for simulated in frames]
+        columns |= pack_clouds(one, ONE)
     if raw:
         columns["cube"] = np.stack([simulated.frame.cube for simulated in frames])
         columns["frame_ns"] = np.array([simulated.frame.stamp_ns for simulated in frames], np.int64)
     return columns
-
-
-def _about(sample: Sample, config: GestureConfig, margin: float) -> dict[str, NDArray[Any]]:
-    """Columns that say what a sample is and how it was made."""
-    return {
-        "number": np.array(sample.number, np.int64),
-        "label": np.array(sample.label, np.int64),
-        "variant": np.array(sample.variant, np.int64),
-        "subject": np.array(sample.subject, np.int64),
-        "gesture": np.array(sample.gesture),
-        "scene": np.array(json.dumps(plain(sample.scene), sort_keys=True)),
-        "radar": np.array(json.dumps(plain(sample.scene.radars[0].info), sort_keys=True)),
-        "settings": np.array(json.dumps(plain(config), sort_keys=True)),
-        "margin": np.array(margin),
-        "hash": np.array(sample_hash(sample.scene, config, margin)),
-    }
 
 
 def sample_hash(scene: Scene, config: GestureConfig, margin: float) -> str:
@@ -286,27 +249,14 @@ def stroke_frames(simulator: Simulator, sample: Sample, margin: float) -> range:
     return range(max(first, 0), min(last + 1, simulator.n_frames))
 
 
-def _ns(seconds: float) -> int:
-    return round(seconds * 1e9)
-
-
 @functools.lru_cache(maxsize=8)
 def _baseband(info: RadarInfo, thread: int) -> Baseband:
     """Design and compile once per worker; one thread at a time may use it."""
     return Baseband(BasebandConfig(), info)
 
 
-def one_clouds(info: RadarInfo, frames: list[SimulatedFrame]) -> list[PointCloud]:
-    """Clouds of the same frames through the first transmitter alone."""
-    baseband = _baseband(one_transmitter(info), threading.get_ident())
-    return [baseband.process(one_transmitter_frame(simulated.frame, info)) for simulated in frames]
-
-
 def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
-    """Return the scene that a sample is of, to simulate it again, look at it or change it.
-
-    Raises `DataError` when the sample was recorded, not simulated.
-    """
+    """Return the scene that a sample is of, to simulate it again, look at it or change it; `DataError` when it was recorded."""
     text = str(sample["scene"])
     if not text:
         raise DataError(f"sample {int(sample['number'])} was recorded, not simulated: it has no scene")
@@ -319,12 +269,7 @@ def remake(sample: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     Parameters
     ----------
     sample : mapping
-        As `read_samples` gives it.
-
-    Returns
-    -------
-    dict of ndarray
-        As `simulate_sample`; with raw frames and the clouds of one transmitter where the sample has them.
+        As `read_samples` gives it. The result has raw frames and the clouds of one transmitter where the sample has them.
 
     Raises
     ------

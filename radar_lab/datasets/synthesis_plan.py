@@ -198,17 +198,7 @@ class Sample:
 
 
 def draw_subject(plan: Plan, seed: int, number: int) -> Subject:
-    """Draw a subject: a function of the arguments only.
-
-    Parameters
-    ----------
-    plan : Plan
-        Bounds.
-    seed : int
-        Of the data set.
-    number : int
-        Of the subject, from 0.
-    """
+    """Draw a subject, numbered from 0: a function of the arguments only."""
     rng = np.random.default_rng([seed, number, _SUBJECT_STREAM])
     return Subject(
         number=number,
@@ -246,11 +236,8 @@ def draw_sample(plan: Plan, seed: int, number: int, *, body: BodyKind = "mesh", 
     subject = draw_subject(plan, seed, who)
     gesture, variant = _choose(plan, subject, entry, turn)
     person = _draw_person(plan, rng, info, subject, plan.sides[turn % len(plan.sides)], body)
-    person = (
-        _walk(plan, rng, subject, person)
-        if (gesture, variant) == ("random", WALKING)
-        else _act(plan, rng, subject, person, gesture, variant)
-    )
+    walks = (gesture, variant) == ("random", WALKING)
+    person = _walk(plan, rng, subject, person) if walks else _act(plan, rng, subject, person, gesture, variant)
     scene_seed = int(rng.integers(1 << 62))
     stroke = _stroke(Timeline(person, scene_seed, (info.mount.x, info.mount.y)))
     scene = Scene(
@@ -319,12 +306,9 @@ def _draw_person(plan: Plan, rng: np.random.Generator, info: RadarInfo, subject:
     return Person(
         position=(x, y),
         heading=math.remainder(heading, 2 * math.pi),
-        sex=subject.sex,
-        height=subject.height,
-        build=subject.build,
-        arm=subject.arm,
         body=body,
         variation=variation,
+        **{name: getattr(subject, name) for name in ("sex", "height", "build", "arm")},
     )
 
 

@@ -39,17 +39,7 @@ Random = np.random.Generator
 
 
 def training_scene(number: int, rng: Random, info: RadarInfo) -> Scene:
-    """Draw the scene of a number: five of eight are of people who gesture, two of people who walk, one of people busy with other things.
-
-    Parameters
-    ----------
-    number : int
-        Of the scene.
-    rng : numpy.random.Generator
-        Source of all randomness.
-    info : RadarInfo
-        The radar.
-    """
+    """Draw the scene of a number: five of eight are of people who gesture, two of people who walk, one of people busy with other things."""
     kind = number % 8
     if kind in (3, 6):
         return walking_scene(rng, info)
@@ -61,13 +51,6 @@ def random_scene(rng: Random, info: RadarInfo) -> Scene:
 
     Half of the time several stand in a row, 0.8 to 2 m from one to the next, and one of them may only look on. Height, arm, the direction
     they face, speed and size of every stroke, and what they do in between (stand, walk, fidget) are random.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of randomness.
-    info : RadarInfo
-        The radar.
     """
     wanted = 1 + int(rng.choice(len(_PEOPLE), p=_PEOPLE))
     in_row = wanted > 1 and rng.random() < 0.5
@@ -79,15 +62,7 @@ def random_scene(rng: Random, info: RadarInfo) -> Scene:
 
 
 def walking_scene(rng: Random, info: RadarInfo) -> Scene:
-    """Draw a scene of two people who walk to and fro, at 0.3 to 1.5 m/s and 1.5 to 5 m away, take a few steps, and stand; no gestures.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of randomness.
-    info : RadarInfo
-        The radar.
-    """
+    """Draw a scene of two people who walk to and fro, at 0.3 to 1.5 m/s and 1.5 to 5 m away, take a few steps, and stand; no gestures."""
     people = []
     for number, side in ((1, -1.0), (2, 1.0)):
         here = (float(rng.uniform(1.5, 5.0)), side * float(rng.uniform(0.3, 1.8)))
@@ -106,15 +81,7 @@ def walking_scene(rng: Random, info: RadarInfo) -> Scene:
 
 
 def idle_scene(rng: Random, info: RadarInfo) -> Scene:
-    """Draw a scene of two people who sit down and get up, fidget, reach for things and draw; no gestures.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of randomness.
-    info : RadarInfo
-        The radar.
-    """
+    """Draw a scene of two people who sit down and get up, fidget, reach for things and draw; no gestures."""
     people = []
     for number, sector in enumerate(_SECTORS, 1):
         distance, side = rng.uniform(2.0, 3.5), math.radians(rng.uniform(*sector))

@@ -88,7 +88,7 @@ def figure():
     script = tuple(Action(gesture=name, at=at) for name, at in FIGURE)
     effects = Effects(noise=NoiseConfig(noise_figure=15.0), losses=LossesConfig(level=20.0))
     recording = record(Scene(duration=11.0, seed=5, people=(Person(position=(2.3, 0.0), script=script),), effects=effects))
-    judge = TrueEvents(CriterionConfig(), recording.mount)
+    judge = TrueEvents(CriterionConfig(), recording.info.mount)
     *_, before, after = judge.process(recording.truths)
     recording = without(recording, before.last_ns + 200_000_000, after.first_ns - 200_000_000)
     return recording, judge.process(recording.truths), [found.event for _, found in find_events(recording, GestureConfig())]
