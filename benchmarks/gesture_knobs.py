@@ -33,7 +33,7 @@ from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import named_plan
 from radar_lab.training.cnn import CnnConfig
-from radar_lab.training.cnn_training import cnn_judge
+from radar_lab.training.networks import cnn_judge
 from radar_lab.training.training import TrainingConfig, fit, validate
 from radar_lab.training.validation import Mask, cross_validate, leave_subjects_out
 from radar_tracking import PeopleTracker, TrackedCloud

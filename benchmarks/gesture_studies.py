@@ -19,7 +19,7 @@ from radar_gestures.curves import SIGNALS, TOTALS, CurveConfig, Curves, EventMap
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.maps import feature_maps
 from radar_lab.importers import open_original
-from radar_lab.training.curve_training import CurveTraining, train_net
+from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_lab.training.variation import VariationConfig, copies
 

@@ -27,7 +27,7 @@ from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sampl
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import Plan, named_plan
 from radar_lab.training.cnn import CnnConfig, CnnModel, export
-from radar_lab.training.cnn_training import cnn_judge, train_cnn
+from radar_lab.training.networks import cnn_judge, train_cnn
 from radar_lab.training.training import TrainingConfig, fit, train_on, validate
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator

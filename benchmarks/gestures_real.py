@@ -24,7 +24,7 @@ from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
-from radar_lab.training.curve_training import CurveTraining
+from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Mask, Validation, leave_subjects_out
 
 REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states

@@ -27,7 +27,7 @@ from benchmarks.stores import kept
 from radar_gestures.curves import Curves, curve_names, join
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.maps import feature_maps
-from radar_lab.training.curve_training import CurveTraining
+from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Validation
 from radar_lab.training.variation import VariationConfig, copies
 

@@ -135,7 +135,7 @@ def _unknown(model: GestureModel, samples: SampleSet, *, quiet: bool) -> dict[st
 
 def _draw(model: GestureModel, validation: Validation, out: Path, name: str, folder: Path, split: str) -> None:
     from radar_core.paths import find_config
-    from radar_lab.evaluation.reports import draw_confusion, draw_reliability
+    from radar_lab.evaluation.pictures import draw_confusion, draw_reliability
     from radar_lab.training.card import card, write_card
 
     draw_confusion({split: validation}, out / "confusion.png")

@@ -19,9 +19,10 @@ def new_figure(width: float, height: float, dpi: int = 110) -> Figure:
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as .png, .svg or .pdf, without version or date. Raises `DataError` when it cannot be written."""
+    """Write a figure as .png, .svg or .pdf, without version or date; its folder is made. Raises `DataError` when it cannot be written."""
     path = Path(path)
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be written ({error}); name a file in another folder, that ends in .png, .svg or .pdf") from None

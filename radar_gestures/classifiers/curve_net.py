@@ -1,7 +1,7 @@
 """A small convolutional network over the steps of curves: the same patterns are looked for at every step.
 
 It has as many weights as a perceptron on the same numbers, and needs fewer people to learn from. PyTorch trains it (extra ``train``,
-`radar_lab.training.curve_training`), numpy runs it.
+`radar_lab.training.networks`), numpy runs it.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -171,24 +170,10 @@ def _lag(series: Series) -> float | None:
 
 
 def draw(tracks: Mapping[str, Series], reference: str, out: Path) -> None:
-    """Draw places over time (Fig. 7.10) and, below, residuals over time (Fig. 7.11).
+    """Draw places over time (Fig. 7.10) and, below, residuals over time (Fig. 7.11), as a .png file; `DataError` when it cannot be written.
 
-    The band around the reference is two of its standard deviations wide on each side; the dotted line below is the root mean square of
-    its own error: residuals that are no longer say nothing against the track.
-
-    Parameters
-    ----------
-    tracks : mapping of str to Series
-        As `collect` gives them, at least one.
-    reference : str
-        Its name, for the legend.
-    out : Path
-        The file (.png); its folder is made.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be written.
+    The band around the reference, whose name the legend gives, is two of its standard deviations wide on each side; the dotted line below
+    is the root mean square of its own error: residuals that are no longer say nothing against the track.
     """
     figure = new_figure(10, 10, 80)
     *places, below = figure.subplots(4, 1, sharex=True)
@@ -206,8 +191,6 @@ def draw(tracks: Mapping[str, Series], reference: str, out: Path) -> None:
     below.plot(longest.time, own, "k:", lw=1, label=f"error of the {reference} itself, rms {np.sqrt((own**2).mean()):.3f} m")
     below.set(ylabel="residual [m]", xlabel="time [s]", ylim=(0, None))
     below.legend(loc="upper right", fontsize=8)
-    with contextlib.suppress(OSError):  # what cannot be made is said by the next line
-        out.parent.mkdir(parents=True, exist_ok=True)
     save_figure(figure, out)
 
 

@@ -38,26 +38,21 @@ class Comparison:
 
     Attributes
     ----------
-    names : tuple of str, length n_features
-        Features.
-    labels : tuple of int, length n_labels
-        Gestures that both data sets have, as indices into `GESTURES`.
+    names, labels : tuple of str, length n_features, and of int, length n_labels
+        Features; gestures that both data sets have, as indices into `GESTURES`.
     counts : ndarray of int64, shape (2, n_labels)
         Samples of each, of A and of B.
     shapiro : ndarray of float64, shape (2, n_features)
         p-values that a feature of A, of B, is normally distributed.
-    kruskal : ndarray of float64, shape (n_labels, n_features)
-        p-values that a feature of a gesture has one distribution in A and B (figure 5.15).
-    statistic : ndarray of float64, shape (n_labels, n_features)
-        H of the same tests: the larger, the more different.
+    kruskal, statistic : ndarray of float64, shape (n_labels, n_features)
+        p-values that a feature of a gesture has one distribution in A and B (figure 5.15), and H of these tests: the larger, the more
+        different.
     wilcoxon : ndarray of float64, shape (n_labels,)
         p-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3).
     left_out : tuple of int
         The most different features: those of the largest mean H.
-    transfer : Validation or None
-        Trained on A, tested on B, with all features (tables 5.1 and 5.2); None: there are too few gestures or samples.
-    reduced : Validation or None
-        The same without ``left_out``.
+    transfer, reduced : Validation or None
+        Trained on A, tested on B, with all features (tables 5.1 and 5.2), and without ``left_out``; None: too few gestures or samples.
     significance : float
         p-values below this count as different.
     notes : tuple of str
@@ -81,17 +76,7 @@ class Comparison:
 def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) -> Comparison:
     """Compare two data sets feature by feature, gesture by gesture, and by what a classifier learns from one about the other.
 
-    Parameters
-    ----------
-    a, b : SampleSet
-        With the same features. The classifier is trained on ``a`` and tested on ``b``.
-    config : ComparisonConfig or None
-        Knobs; None: the defaults.
-
-    Raises
-    ------
-    DataError
-        When the features differ, or no gesture is in both.
+    The classifier is trained on ``a`` and tested on ``b``. Raises `DataError` when the features differ, or no gesture is in both.
     """
     config = config or ComparisonConfig()
     if a.names != b.names:
@@ -190,13 +175,8 @@ def _classifier(x: Float64Array, label: NDArray[np.int64], config: ComparisonCon
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    network = MLPClassifier(
-        (config.hidden,),
-        alpha=config.regularisation,
-        max_iter=config.max_iterations,
-        random_state=config.seed,
-        learning_rate_init=3e-3,
-    )
+    options = {"alpha": config.regularisation, "max_iter": config.max_iterations, "random_state": config.seed}
+    network = MLPClassifier((config.hidden,), learning_rate_init=3e-3, **options)
     model = make_pipeline(StandardScaler(), network)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice

@@ -91,17 +91,7 @@ def without_scatterers(truth: Truth) -> Truth:
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """One moment.
-
-    Attributes
-    ----------
-    truth, tracks : ObjectSet
-        People (``visible``: who counts) and confirmed tracks, on the ground.
-    step : ClearMotStep
-        Pairs, misses, switches; ``false``: the ghosts.
-    gospa : Gospa
-        Of this moment.
-    """
+    """One moment: people (``visible``: who counts) and confirmed tracks on the ground, their pairs (``false``: the ghosts), and GOSPA."""
 
     truth: ObjectSet
     tracks: ObjectSet
@@ -137,19 +127,8 @@ class Matching:
     def process(self, tracks: Tracks, truth: Truth, visible: NDArray[np.bool_]) -> Matched:
         """Take in one moment; moments come in the order of time.
 
-        Parameters
-        ----------
-        tracks : Tracks
-            What the tracker says.
-        truth : Truth
-            Of the same stamp.
-        visible : ndarray of bool, shape (n_people,)
-            Who counts, see `Visibility`.
-
-        Raises
-        ------
-        DataError
-            When a place is not finite or an identity occurs twice; the moment is left out.
+        Who counts is said by `Visibility`, shape (n_people,). Raises `DataError` when a place is not finite or an identity occurs twice;
+        the moment is left out.
         """
         found = people(tracks)
         real = ObjectSet.of(truth.position[:, :2], truth.person_id, visible)

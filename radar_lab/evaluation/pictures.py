@@ -1,4 +1,4 @@
-"""Pictures of samples and of comparisons: feature maps (thesis, figures 4.4 to 4.9), scatter plots, box plots and tables (5.13 to 5.16)."""
+"""Pictures of samples, comparisons and validations (thesis, figures 4.4 to 4.12 and 5.12 to 5.16)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import maps_of, read
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.evaluation.comparison import Comparison
-from radar_lab.evaluation.reports import new_figure, save_figure
+from radar_lab.figures import new_figure, save_figure
+from radar_lab.training.calibration import calibration_error, reliability
+from radar_lab.training.validation import Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,24 +26,13 @@ SCATTERS: Final[tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = (
     (("pull", "push", "push_pull", "wave"), ("zero_crossings", "max_speed", "min_speed")),
 )
 """Gestures and features of figures 5.13 (2, 3 and 8) and 5.14 (1, 4 and 5)."""
+_DARK: Final[float] = 0.55  # above it a cell is so dark that its number is white
 
 
 def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, config: GestureConfig | None = None) -> None:
-    """Draw the feature maps and signals of one sample, with the event marked (figures 4.4 to 4.9).
+    """Draw the feature maps and signals of one sample, as `read_samples` gives it, with the event marked (figures 4.4 to 4.9).
 
-    Parameters
-    ----------
-    sample : mapping
-        As `read_samples` gives it.
-    path : str or Path
-        File to write, .png.
-    config : GestureConfig or None
-        Knobs of events and features; None: the defaults.
-
-    Raises
-    ------
-    DataError
-        When the picture cannot be written.
+    Raises `DataError` when the picture cannot be written.
     """
     config = config or GestureConfig()
     maps, reading = maps_of(sample, config.features.gate), read(sample, config)
@@ -52,12 +43,8 @@ def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, confi
     figure.suptitle(f"{int(sample['number'])}: {str(sample['gesture']).replace('_', ' ')}, subject {int(sample['subject'])}, {found}")
     times = (maps.stamp_ns - zero) * 1e-9
     power = np.where(maps.micro_doppler > 0, maps.micro_doppler, np.nan)
-    for axes, values, title in zip(
-        top,
-        (power, np.degrees(maps.azimuth), np.degrees(maps.elevation)),
-        ("Micro-Doppler [dB]", "Azimuth [°]", "Elevation [°]"),
-        strict=True,
-    ):
+    shown = {"Micro-Doppler [dB]": power, "Azimuth [°]": np.degrees(maps.azimuth), "Elevation [°]": np.degrees(maps.elevation)}
+    for axes, (title, values) in zip(top, shown.items(), strict=True):
         _map(axes, times, maps.speed, values, title)
     moments = [(one.stamp_ns - zero) * 1e-9 for one in reading.samples]
     for axes, name, title in zip(bottom, ("speed", "azimuth", "elevation"), ("Speed [m/s]", "Azimuth [°]", "Elevation [°]"), strict=True):
@@ -98,7 +85,10 @@ def _mark(axes: Axes, times: NDArray[np.floating[Any]], stroke: tuple[float, flo
 def draw_comparison(
     result: Comparison, a: SampleSet, b: SampleSet, folder: str | Path, titles: tuple[str, str] = ("A", "B")
 ) -> tuple[Path, ...]:
-    """Draw the pictures of section 5.3.3 into a folder.
+    """Draw the pictures of section 5.3.3 into a folder, which is made, and return their paths.
+
+    ``kruskal.png`` (figure 5.15), ``scatter_1.png`` and ``scatter_2.png`` (5.13, 5.14) where both data sets have these features, and
+    ``box_<gesture>.png`` (5.16) for every gesture. Raises `DataError` when a picture cannot be written.
 
     Parameters
     ----------
@@ -107,26 +97,11 @@ def draw_comparison(
     a, b : SampleSet
         What was compared.
     folder : str or Path
-        Where the pictures go; it is made.
+        Where the pictures go.
     titles : tuple of str
         What the data sets are called.
-
-    Returns
-    -------
-    tuple of Path
-        ``kruskal.png`` (figure 5.15), ``scatter_1.png`` and ``scatter_2.png`` (5.13, 5.14) where both data sets have these features, and
-        ``box_<gesture>.png`` (5.16) for every gesture.
-
-    Raises
-    ------
-    DataError
-        When a picture cannot be written.
     """
     folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(f"{folder}: this folder cannot be made ({error.strerror}); name another one") from None
     made = [folder / "kruskal.png"]
     draw_kruskal(result, made[0])
     for number, (gestures, features) in enumerate(SCATTERS, start=1):
@@ -157,23 +132,11 @@ def draw_kruskal(result: Comparison, path: str | Path) -> None:
 
 
 def draw_scatter(
-    a: SampleSet,
-    b: SampleSet,
-    gestures: Sequence[str],
-    features: Sequence[str],
-    path: str | Path,
-    titles: tuple[str, str] = ("A", "B"),
+    a: SampleSet, b: SampleSet, gestures: Sequence[str], features: Sequence[str], path: str | Path, titles: tuple[str, str] = ("A", "B")
 ) -> None:
     """Draw samples of two data sets over three features, side by side on the same axes (figures 5.13 and 5.14).
 
-    Parameters
-    ----------
-    a, b, path, titles
-        See `draw_boxes`.
-    gestures : sequence of str
-        Which to show; those that a data set does not have are left out.
-    features : sequence of str
-        Three names.
+    Gestures that a data set does not have are left out.
     """
     columns = [a.names.index(name) for name in features]
     figure = new_figure(12.0, 5.5)
@@ -197,18 +160,8 @@ def draw_scatter(
 def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles: tuple[str, str] = ("A", "B")) -> None:
     """Draw the distribution of every feature of one gesture, one data set above the other (figure 5.16).
 
-    Features are shifted and scaled by mean and standard deviation of both together, so that one axis serves all.
-
-    Parameters
-    ----------
-    a, b : SampleSet
-        The data sets.
-    label : int
-        Index into `GESTURES`.
-    path : str or Path
-        File to write, .png.
-    titles : tuple of str
-        Beside the rows.
+    Features are shifted and scaled by mean and standard deviation of both together, so that one axis serves all. ``label`` is an index into
+    `GESTURES`; the titles stand beside the rows.
     """
     parts = [one.features[one.label == label] for one in (a, b)]
     together = np.concatenate(parts)
@@ -227,3 +180,61 @@ def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
+
+
+def draw_confusion(validations: Mapping[str, Validation], path: str | Path) -> None:
+    """Draw confusion matrices side by side, by their titles: share of each true label, in percent.
+
+    Raises `DataError` when there is nothing to draw, or the picture (.png, .svg or .pdf) cannot be written.
+    """
+    if not validations:
+        raise DataError("no confusion matrix to draw")
+    figure = new_figure(6.2 * len(validations), 5.8)
+    for number, (title, validation) in enumerate(validations.items()):
+        axes = figure.add_subplot(1, len(validations), number + 1)
+        _matrix(axes, validation.confusion, validation.labels)
+        axes.set_title(f"{title}: {validation.accuracy:.1%} of {len(validation.label)} samples", fontsize=10)
+    save_figure(figure, path)
+
+
+def draw_reliability(validations: Mapping[str, Validation], path: str | Path) -> None:
+    """Draw share of right answers over stated confidence; on the diagonal, probabilities mean what they say. See `draw_confusion`."""
+    if not validations:
+        raise DataError("no calibration to draw")
+    figure = new_figure(5.0, 4.6)
+    axes = figure.add_subplot()
+    axes.plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    for title, validation in validations.items():
+        confidence, right, _ = reliability(validation.probabilities, validation.label)
+        error = calibration_error(validation.probabilities, validation.label)
+        axes.plot(confidence, right, marker="o", markersize=4, label=f"{title} (error {error:.1%})")
+    axes.set(xlabel="stated probability", ylabel="share of right answers", xlim=(0, 1.02), ylim=(0, 1.02))
+    axes.legend(fontsize=9)
+    save_figure(figure, path)
+
+
+def draw_rows(rows: Mapping[str, float], path: str | Path, *, quantity: str, goal: float | None = None) -> None:
+    """Draw one bar for each name and value, 0 to 1, of a quantity, and a line at the goal, as for the accuracies of Table 4.1."""
+    if not rows:
+        raise DataError(f"no {quantity} to draw")
+    figure = new_figure(6.5, 0.9 + 0.38 * len(rows))
+    axes = figure.add_subplot()
+    bars = axes.barh(list(rows), list(rows.values()), color="#4477aa")
+    axes.bar_label(bars, [f"{value:.1%}" for value in rows.values()], padding=3, fontsize=9)
+    if goal is not None:
+        axes.axvline(goal, color="#cc6677", linewidth=1)
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 1.12), xlabel=quantity)
+    save_figure(figure, path)
+
+
+def _matrix(axes: Axes, counts: NDArray[np.int64], labels: Sequence[str]) -> None:
+    share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+    for row, column in np.argwhere(counts > 0):
+        colour = "white" if share[row, column] > _DARK else "black"
+        axes.text(column, row, f"{100 * share[row, column]:.0f}", ha="center", va="center", color=colour, fontsize=8)
+    places = range(len(labels))
+    axes.set_xticks(places, labels, rotation=60, ha="right", fontsize=8)
+    axes.set_yticks(places, labels, fontsize=8)
+    axes.set(xlabel="recognised", ylabel="performed")

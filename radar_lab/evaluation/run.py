@@ -13,17 +13,12 @@ from radar_core.config import config, knob
 from radar_core.linalg import SingularError
 from radar_gestures.recognizer import Gesture
 from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, Visibility
-from radar_lab.evaluation.scoring import (
-    GestureScore,
-    RecognisedGesture,
-    TruthSegment,
-    in_order,
-    note_gestures,
-    score_gestures,
-)
+from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, in_order, note_gestures, score_gestures
 from radar_sim.truth import Truth
 from radar_tracking import HandTrack, Tracks
-from radar_tracking.metrics import Gospa, GospaSummary, PersonScore, nees
+from radar_tracking.metrics import Gospa, nees
+
+_GOSPA = {"mean_m": "mean", "power_mean_m": "distance", "localisation": "localisation", "missed": "missed", "false_tracks": "false_tracks"}
 
 
 @config
@@ -58,25 +53,7 @@ class Evaluator:
         self._drawing = 0
 
     def add(self, tracks: Tracks, truth: Truth) -> Gospa:
-        """Take in the tracks and the truth of one moment.
-
-        Parameters
-        ----------
-        tracks : Tracks
-            What the tracker says.
-        truth : Truth
-            What the simulator knows.
-
-        Returns
-        -------
-        Gospa
-            Of this moment.
-
-        Raises
-        ------
-        DataError
-            When a place is not finite or an identity occurs twice; the moment is left out.
-        """
+        """Take in the tracks and the truth of one moment. Raises `DataError` for places that are not finite and repeated identities."""
         matched = self._matching.process(tracks, truth, self._visibility.process(truth))
         self._note_consistency(tracks, matched)
         note_gestures(truth, self._segments)
@@ -135,9 +112,16 @@ class Evaluator:
         tracks, mot = self._matching, self._matching.mot
         return {
             "moments": mot.moments,
-            "people": {str(number): _person(person) for number, person in mot.people.items()},
+            "people": {
+                str(number): {
+                    "tracked_fraction": _known(person.tracked_fraction),
+                    "identity_switches": person.switches,
+                    "position_rms_m": _known(person.rms),
+                }
+                for number, person in mot.people.items()
+            },
             "mota": _known(mot.mota),
-            "gospa": _gospa(tracks.gospa),
+            "gospa": {name: _known(getattr(tracks.gospa, field)) for name, field in _GOSPA.items()},
             "nees": self._nees.report(),
             "minutes": tracks.minutes,
             "gate_m": self.config.gate,
@@ -200,21 +184,3 @@ class _NeesMean:
 def _known(value: float) -> float | None:
     """None for NaN, which JSON does not have."""
     return None if math.isnan(value) else value
-
-
-def _gospa(gospa: GospaSummary) -> dict[str, Any]:
-    return {
-        "mean_m": _known(gospa.mean),
-        "power_mean_m": _known(gospa.distance),
-        "localisation": _known(gospa.localisation),
-        "missed": _known(gospa.missed),
-        "false_tracks": _known(gospa.false_tracks),
-    }
-
-
-def _person(score: PersonScore) -> dict[str, Any]:
-    return {
-        "tracked_fraction": _known(score.tracked_fraction),
-        "identity_switches": score.switches,
-        "position_rms_m": _known(score.rms),
-    }

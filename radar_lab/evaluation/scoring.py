@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +17,7 @@ _RANDOM = GESTURES.index("random")
 
 @dataclass(frozen=True)
 class TruthSegment:
-    """A gesture that a person really performed.
-
-    Attributes
-    ----------
-    person_id : int
-        Who.
-    label : int
-        Index into `GESTURES`.
-    start_ns, end_ns : int
-        When [ns].
-    """
+    """A gesture that a person really performed: who, its index into `GESTURES`, and when [ns]."""
 
     person_id: int
     label: int
@@ -118,30 +109,14 @@ def match_spans(
     A pair belongs to one person and overlaps in time when what was performed is widened by ``tolerance``. Pairs of a lower rank go first,
     within a rank those of the larger overlap (or smaller distance in time).
 
-    Parameters
-    ----------
-    performed : sequence of TruthSegment
-        What was performed.
-    found : sequence of RecognisedGesture
-        What was found.
-    tolerance : float
-        Widening of the truth on both sides [s].
-    rank : callable
-        Of a pair of indices (performed, found).
-
-    Returns
-    -------
-    partner : dict of int to int
-        Index into ``found`` by index into ``performed``.
-    pairs : list of (int, int)
-        All pairs that were possible, best first.
+    ``rank`` is asked for pairs of indices. Gives the index into ``found`` by index into ``performed``, and all pairs that were possible,
+    best first.
     """
     possible = []
-    for i, one in enumerate(performed):
-        for j, other in enumerate(found):
-            overlap = min(one.end_ns, other.end_ns) - max(one.start_ns, other.start_ns)
-            if one.person_id == other.person_id and overlap > -tolerance * 1e9:
-                possible.append((rank(i, j), -overlap, i, j))
+    for (i, one), (j, other) in product(enumerate(performed), enumerate(found)):
+        overlap = min(one.end_ns, other.end_ns) - max(one.start_ns, other.start_ns)
+        if one.person_id == other.person_id and overlap > -tolerance * 1e9:
+            possible.append((rank(i, j), -overlap, i, j))
     partner: dict[int, int] = {}
     used: set[int] = set()
     for _, _, i, j in sorted(possible):
@@ -166,11 +141,6 @@ def score_gestures(
         Widening of the truth on both sides [s].
     count_random : bool
         Whether segments with label random are gestures to be recognised; by default they are left out.
-
-    Returns
-    -------
-    GestureScore
-        The counts.
     """
     segments = [s for s in truth if count_random or s.label != _RANDOM]
 

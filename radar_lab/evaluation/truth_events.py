@@ -29,18 +29,14 @@ class TrueEvent:
 
     Attributes
     ----------
-    person_id : int
-        Who.
-    label : int
-        Index into `GESTURES`.
+    person_id, label : int
+        Who; index into `GESTURES`.
     start_ns, end_ns : int
         First and last moment at which it was being performed [ns].
     first_ns, last_ns : int
         First and last crossing of the threshold [ns]; equal to ``start_ns`` and ``end_ns`` when the hand was never fast.
-    fast : float
-        Longest time without a break above the threshold [s]; 0: never.
-    fast_total : float
-        All times above the threshold together [s].
+    fast, fast_total : float
+        Longest time without a break above the threshold, and all such times together [s]; 0: never.
     peak : float
         Largest radial speed, without its sign [m/s].
     meets : bool
@@ -60,7 +56,7 @@ class TrueEvent:
 
 
 def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64Array) -> Float64Array:
-    """Compute the range rate of moving points, as a radar would measure it.
+    """Compute the range rate of moving points, as a radar would measure it: positive = receding, 0 for a point at the sensor itself.
 
     Parameters
     ----------
@@ -68,11 +64,6 @@ def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64
         In ``room`` [m], [m/s].
     sensor : ndarray, shape (3,)
         Where the radar is, in ``room`` [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (...)
-        Positive = receding [m/s]; 0 for a point at the sensor itself, which has no range rate.
     """
     away = np.asarray(position, np.float64) - np.asarray(sensor, np.float64)
     distance = np.linalg.norm(away, axis=-1)
@@ -81,23 +72,17 @@ def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64
 
 
 def fast_times(stamp_ns: NDArray[np.int64], speed: Float64Array, threshold: float) -> list[tuple[float, float]]:
-    """Find from when to when a speed, sampled and straight in between, is above a threshold, whatever its sign.
+    """Find from when to when [ns] a speed, sampled and straight in between, is above a threshold, whatever its sign.
 
-    Two neighbouring samples above count as one time also where their signs differ: an event detector sees no pause there either.
+    Two neighbouring samples above count as one time also where their signs differ: an event detector sees no pause there either. What
+    begins or ends with the samples does so at the first or last of them.
 
     Parameters
     ----------
     stamp_ns : ndarray of int64, shape (n,)
         Ascending [ns].
     speed : ndarray, shape (n,)
-        [m/s].
-    threshold : float
-        [m/s].
-
-    Returns
-    -------
-    list of (float, float)
-        Start and end of each time [ns], in order; what begins or ends with the samples does so at the first or last of them.
+        [m/s], as is the threshold.
     """
     above = np.abs(speed) > threshold
     edge = np.flatnonzero(np.diff(np.concatenate([[False], above, [False]]).astype(np.int8)))
@@ -115,32 +100,16 @@ def fast_times(stamp_ns: NDArray[np.int64], speed: Float64Array, threshold: floa
 
 
 class TrueEvents:
-    """Reads from the truth when each performed gesture was fast.
-
-    Parameters
-    ----------
-    config : CriterionConfig
-        The criterion.
-    mount : Pose
-        Where the radar stands: speeds are radial as seen from there.
-    """
+    """Reads from the truth when each performed gesture was fast, as seen from where the radar stands."""
 
     def __init__(self, config: CriterionConfig, mount: Pose) -> None:
         self.config, self._sensor = config, np.asarray(mount.origin, np.float64)
 
     def process(self, truths: Iterable[Truth]) -> tuple[TrueEvent, ...]:
-        """Take the truth of a stretch of time and return its gestures, ordered by start, then person.
+        """Take the truth of a stretch of time, in order, and return its gestures, ordered by start, then person.
 
-        Parameters
-        ----------
-        truths : iterable of Truth
-            One for each frame, in order of time. Only frames in which a gesture is performed count, so a gesture that reaches beyond the
-            stretch is judged by its part in it.
-
-        Raises
-        ------
-        DataError
-            When a hand that gestures has a place or speed that is not finite, or time does not go forward within a gesture.
+        Only frames in which a gesture is performed count, so a gesture that reaches beyond the stretch is judged by its part in it. Raises
+        `DataError` when a hand that gestures has a place or speed that is not finite, or time does not go forward within a gesture.
         """
         rows: dict[tuple[int, int], list[tuple[Truth, int]]] = {}
         for truth in truths:

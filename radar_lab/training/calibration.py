@@ -17,14 +17,9 @@ _TEMPERATURES: Final[tuple[float, float]] = (0.05, 20.0)
 
 
 def soften(probabilities: NDArray[np.floating], temperature: float) -> NDArray[np.float64]:
-    """Probabilities at another temperature: ``p^(1/T)``, normalised, which divides the scores before the softmax by ``T``.
+    """Probabilities, shape (..., n_labels), at another temperature: ``p^(1/T)``, normalised: scores before the softmax, divided by ``T``.
 
-    Parameters
-    ----------
-    probabilities : ndarray, shape (..., n_labels)
-        Sum to 1 along the last axis.
-    temperature : float
-        Above 1 the model becomes less sure, below 1 surer; which label is most probable never changes.
+    Above 1 the model becomes less sure, below 1 surer; which label is most probable never changes.
     """
     score = np.log(np.maximum(probabilities, _TINY)) / temperature
     score -= score.max(axis=-1, keepdims=True)
@@ -33,20 +28,14 @@ def soften(probabilities: NDArray[np.floating], temperature: float) -> NDArray[n
 
 
 def log_loss(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
-    """Mean of ``-log p`` of the true labels [nat].
-
-    Parameters
-    ----------
-    probabilities : ndarray, shape (n, n_labels)
-        Of the samples.
-    label : ndarray of int, shape (n,)
-        The true ones.
-    """
+    """Mean of ``-log p`` of the true labels, shape (n,), of samples with probabilities, shape (n, n_labels) [nat]."""
     return float(-np.log(np.maximum(probabilities[np.arange(len(label)), label], _TINY)).mean())
 
 
 def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
     """Find the temperature under which the true labels are most likely (temperature scaling [1]_).
+
+    It lies between 0.05 and 20. Raises `DataError` when there are no samples, or a probability is not finite.
 
     Parameters
     ----------
@@ -54,16 +43,6 @@ def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64
         At temperature 1, of samples that were not in the training.
     label : ndarray of int, shape (n,)
         The true ones.
-
-    Returns
-    -------
-    float
-        Between 0.05 and 20.
-
-    Raises
-    ------
-    DataError
-        When there are no samples, or a probability is not finite.
 
     References
     ----------
@@ -82,19 +61,7 @@ def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64
 def calibration_error(probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15) -> float:
     """Average how far stated confidence and share of right answers lie apart: the expected calibration error (Guo et al., 2017).
 
-    Parameters
-    ----------
-    probabilities : ndarray, shape (n, n_labels)
-        Of the samples.
-    label : ndarray of int, shape (n,)
-        The true ones.
-    bins : int
-        Intervals of equal width in which confidence and share are compared.
-
-    Returns
-    -------
-    float
-        0 to 1; 0 for no samples.
+    It is 0 to 1, 0 for no samples, over ``bins`` intervals of equal width.
     """
     confidence, right, share = reliability(probabilities, label, bins)
     return float(np.sum(share * np.abs(confidence - right)))
@@ -103,17 +70,9 @@ def calibration_error(probabilities: NDArray[np.floating], label: NDArray[np.int
 def reliability(
     probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Compare stated confidence with truth, interval by interval.
+    """Compare stated confidence with truth, interval by interval of confidence.
 
-    Parameters
-    ----------
-    probabilities, label, bins
-        See `calibration_error`.
-
-    Returns
-    -------
-    confidence, right, share : ndarray of float64, shape (n_used,)
-        Of each interval that holds samples: mean confidence, share of right answers, share of all samples.
+    Gives, for each interval that holds samples, mean confidence, share of right answers, and share of all samples, shape (n_used,) each.
     """
     best = probabilities.max(axis=-1)
     right = probabilities.argmax(axis=-1) == label
@@ -128,17 +87,8 @@ def reliability(
 def choose_reject(score: NDArray[np.floating], lost: float = 0.05) -> float:
     """Find the highest limit that rejects at most a share of ``lost`` of known gestures.
 
-    Parameters
-    ----------
-    score : ndarray, shape (n,)
-        Of known gestures that were not in the training (`GestureModel.score`); 0 for those that were called random, which are lost already.
-    lost : float
-        0 to 1.
-
-    Returns
-    -------
-    float
-        An event is rejected when its score is lower; 0 when nothing may be rejected.
+    An event is rejected when its score is lower; 0: nothing may be rejected. ``score``, shape (n,), is that of known gestures that were not
+    in the training (`GestureModel.score`), 0 for those that were called random, which are lost already.
     """
     if len(score) == 0:
         return 0.0

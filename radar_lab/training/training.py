@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -93,11 +94,6 @@ def train(
     labels : sequence of str
         What the model shall tell apart, of `GESTURES`; samples of others are left out.
 
-    Returns
-    -------
-    TrainingReport
-        Model and figures.
-
     Raises
     ------
     ConfigError
@@ -127,17 +123,7 @@ def read_folder(folder: str | Path) -> SampleSet:
 
 
 def train_on(samples: SampleSet, config: TrainingConfig | None = None, *, labels: Sequence[str] = GESTURES) -> TrainingReport:
-    """Train a perceptron on samples in memory; see `train`.
-
-    Parameters
-    ----------
-    samples : SampleSet
-        With whatever features; ``label`` is an index into ``labels``.
-    config : TrainingConfig or None
-        None: the defaults.
-    labels : sequence of str
-        What the labels mean.
-    """
+    """Train a perceptron on samples in memory, with whatever features; ``label`` is an index into ``labels``. See `train`."""
     config = config if config is not None else TrainingConfig()
     folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
     judges: list[GestureModel] = []
@@ -154,7 +140,7 @@ def train_on(samples: SampleSet, config: TrainingConfig | None = None, *, labels
         score[test] = model.score(samples.features[test], soft.probabilities[test])
     reject, lost = reject_limit(soft, score, config.lost)
     error = (calibration_error(raw.probabilities, raw.label), calibration_error(soft.probabilities, soft.label))
-    figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": _plain(config)}
+    figures = soft.figures() | {"calibration_error": error[1], "lost": lost, "training": json.loads(json.dumps(dataclasses.asdict(config)))}
     model = fit(samples, np.ones(len(samples.label), np.bool_), config, labels=labels)
     model = dataclasses.replace(model, temperature=temperature, reject=reject, figures=figures)
     return TrainingReport(model, soft, config, error, score, lost)
@@ -163,21 +149,7 @@ def train_on(samples: SampleSet, config: TrainingConfig | None = None, *, labels
 def validate(
     samples: SampleSet, folds: Sequence[Mask], config: TrainingConfig, *, labels: Sequence[str] = GESTURES, split: str = "subjects"
 ) -> Validation:
-    """Train a perceptron without each fold in turn and judge the samples left out.
-
-    Parameters
-    ----------
-    samples : SampleSet
-        ``label`` is an index into ``labels``.
-    folds : sequence of ndarray of bool, shape (n,)
-        Test parts, see `radar_lab.training.validation`.
-    config : TrainingConfig
-        How to train.
-    labels : sequence of str
-        What the labels mean.
-    split : str
-        Name of the split.
-    """
+    """Train a perceptron without each fold in turn and judge the samples left out; see `cross_validate` and `fit`."""
 
     def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
         return fit(samples, known, config, labels=labels).probabilities(samples.features[test])
@@ -215,23 +187,9 @@ def reject_limit(validation: Validation, score: NDArray[np.float64], lost: float
 
 
 def fit(samples: SampleSet, known: Mask, config: TrainingConfig, *, labels: Sequence[str] = GESTURES) -> GestureModel:
-    """Train one perceptron on the samples that ``known`` marks; temperature 1, nothing rejected.
+    """Train one perceptron on the samples that ``known``, shape (n,), marks; temperature 1, nothing rejected.
 
-    Parameters
-    ----------
-    samples : SampleSet
-        With whatever features; ``label`` is an index into ``labels``.
-    known : ndarray of bool, shape (n,)
-        The training part.
-    config : TrainingConfig
-        How.
-    labels : sequence of str
-        What the labels mean.
-
-    Raises
-    ------
-    DataError
-        When a label has fewer than two samples in the training part.
+    ``label`` of the samples is an index into ``labels``; `DataError` is raised when one of them has fewer than two in the training part.
     """
     features, label = samples.features[known], samples.label[known]
     missing = [name for number, name in enumerate(labels) if np.count_nonzero(label == number) < 2]
@@ -245,24 +203,11 @@ def fit(samples: SampleSet, known: Mask, config: TrainingConfig, *, labels: Sequ
     rng = np.random.default_rng(config.seed)
     order = rng.permutation(_balanced(label, rng) if config.balanced else np.arange(len(label)))
     weights, biases = _perceptron(standard[order], label[order], config)
-    rejector: Rejector = ByProbability()
-    if config.rejector == "distance":
-        rejector = fit_distance(standard, label, len(labels), shared=config.shared)
-    return GestureModel(
-        mean.astype(np.float32),
-        scale.astype(np.float32),
-        tuple(layer.astype(np.float32) for layer in weights),
-        tuple(layer.astype(np.float32) for layer in biases),
-        labels=tuple(labels),
-        names=samples.names,
-        rejector=rejector,
-        settings=dict(samples.config),
-    )
-
-
-def _plain(config: TrainingConfig) -> dict[str, Any]:
-    """Return all settings as the model file keeps them: JSON has no tuples."""
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in dataclasses.asdict(config).items()}
+    by_distance = config.rejector == "distance"
+    rejector: Rejector = fit_distance(standard, label, len(labels), shared=config.shared) if by_distance else ByProbability()
+    about: dict[str, Any] = {"labels": tuple(labels), "names": samples.names, "rejector": rejector, "settings": dict(samples.config)}
+    kernels, offsets = (tuple(layer.astype(np.float32) for layer in part) for part in (weights, biases))
+    return GestureModel(mean.astype(np.float32), scale.astype(np.float32), kernels, offsets, **about)
 
 
 def of_labels(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
@@ -298,18 +243,9 @@ def _perceptron(
     from sklearn.exceptions import ConvergenceWarning  # only training needs scikit-learn
     from sklearn.neural_network import MLPClassifier
 
-    networks = [
-        MLPClassifier(
-            config.hidden,
-            alpha=config.regularisation,
-            max_iter=config.max_iterations,
-            random_state=config.seed + start,
-            learning_rate_init=config.learning_rate,
-            tol=1e-5,
-            n_iter_no_change=30,
-        )
-        for start in range(config.starts)
-    ]
+    common: dict[str, Any] = {"alpha": config.regularisation, "max_iter": config.max_iterations, "learning_rate_init": config.learning_rate}
+    seeds = range(config.seed, config.seed + config.starts)
+    networks = [MLPClassifier(config.hidden, random_state=seed, tol=1e-5, n_iter_no_change=30, **common) for seed in seeds]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # max_iterations is the user's choice
         network = min((network.fit(x, label) for network in networks), key=lambda fitted: float(fitted.loss_))
@@ -322,10 +258,6 @@ def _perceptron(
 def describe(report: TrainingReport) -> str:
     """Write figures and the confusion matrix of people left out as text, then what calibration and rejection found."""
     before, after = report.calibration_error
-    return "\n".join(
-        [
-            as_text(report.validation),
-            f"temperature {report.model.temperature:.2f}: calibration error {before:.1%} without, {after:.1%} with it",
-            f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures",
-        ]
-    )
+    softened = f"temperature {report.model.temperature:.2f}: calibration error {before:.1%} without, {after:.1%} with it"
+    rejected = f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures"
+    return "\n".join([as_text(report.validation), softened, rejected])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.classifiers.rejection import RANDOM, ByProbability, Rejector
+from radar_gestures.classifiers.rejection import RANDOM, ByProbability
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.calibration import fit_temperature, soften
 from radar_lab.training.training import TrainingConfig, fit, reject_limit
 from radar_lab.training.validation import Mask, Validation, leave_subjects_out
+
+Answers = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +28,8 @@ class UnknownReport:
     ----------
     rejector : str
         Name of the rejector.
-    rejected : dict of str to float
-        By gesture kept away, the share of its events that is called random or rejected.
-    lost : float
-        Mean share of known gestures that is.
+    rejected, lost : dict of str to float, float
+        By gesture kept away, the share of its events that is called random or rejected; mean share of known gestures that is.
     """
 
     rejector: str
@@ -47,21 +47,18 @@ def leave_one_gesture_out(
 ) -> tuple[UnknownReport, ...]:
     """Train without each gesture in turn, and count how many of its events are rejected; people are left out as well.
 
+    The reports are by the rejector of ``config`` and, to compare, by the probability alone, of the same models: ``folds`` for each gesture.
+
     Parameters
     ----------
     samples : SampleSet
         ``label`` is an index into ``labels``.
     config : TrainingConfig or None
-        None: the defaults. ``folds`` models are trained for each gesture.
+        None: the defaults.
     labels : sequence of str
         What the labels mean.
     unknown : sequence of str or None
         Gestures to keep away, one at a time; None: all but "random".
-
-    Returns
-    -------
-    tuple of UnknownReport
-        By the rejector of ``config`` and, to compare, by the probability alone; the same models.
 
     Raises
     ------
@@ -88,36 +85,25 @@ def _without(samples: SampleSet, unknown: int, config: TrainingConfig, labels: S
     folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
     renamed = dataclasses.replace(samples, label=samples.label - (samples.label > unknown))
     models = [fit(renamed, ~test & is_known, config, labels=names) for test in folds]
-    raw = _probabilities(models, folds, samples)
+    raw = _left_out(models, folds, lambda model, test: model.probabilities(samples.features[test]))
     soft = soften(raw, fit_temperature(raw[is_known], renamed.label[is_known]))
     known = Validation("subjects", names, soft[is_known], renamed.label[is_known], samples.person[is_known])
     random = names.index(RANDOM) if RANDOM in names else -1
     found = {}
-    for rejector in dict.fromkeys((models[0].rejector.name, ByProbability.name)):
-        score = _scores(models, folds, samples, soft, None if rejector == models[0].rejector.name else ByProbability())
+    others = [dataclasses.replace(model, rejector=ByProbability()) for model in models]
+    for judges in (models, others):
+        score = _left_out(judges, folds, lambda model, test: model.score(samples.features[test], soft[test]))
         limit, lost = reject_limit(known, score[is_known], config.lost)
         gone = (soft.argmax(axis=-1) == random) | (score < limit)
-        found[rejector] = (float(np.mean(gone[~is_known])), lost)
+        found[judges[0].rejector.name] = (float(np.mean(gone[~is_known])), lost)
     return found
 
 
-def _probabilities(models: Sequence[GestureModel], folds: Sequence[Mask], samples: SampleSet) -> NDArray[np.float64]:
-    """Of every sample, by the model that has not seen its person, shape (n, n_labels)."""
-    result = np.empty((len(samples.label), len(models[0].labels)))
-    for model, test in zip(models, folds, strict=True):
-        result[test] = model.probabilities(samples.features[test])
-    return result
-
-
-def _scores(
-    models: Sequence[GestureModel], folds: Sequence[Mask], samples: SampleSet, probabilities: NDArray[np.float64], rejector: Rejector | None
-) -> NDArray[np.float64]:
-    """Score of every sample, shape (n,), by the models' own rejector or another one."""
-    result = np.empty(len(samples.label))
-    for model, test in zip(models, folds, strict=True):
-        judge = model if rejector is None else dataclasses.replace(model, rejector=rejector)
-        result[test] = judge.score(samples.features[test], probabilities[test])
-    return result
+def _left_out(models: Sequence[GestureModel], folds: Sequence[Mask], ask: Callable[[GestureModel, Mask], Answers]) -> Answers:
+    """Ask each model about the samples of the people that it has not seen; the answers of all samples, in their order."""
+    answers = [ask(model, test) for model, test in zip(models, folds, strict=True)]
+    order = np.concatenate([np.flatnonzero(test) for test in folds])
+    return np.asarray(np.concatenate(answers)[np.argsort(order)])
 
 
 def as_table(reports: Sequence[UnknownReport]) -> str:

@@ -20,26 +20,17 @@ Judge = Callable[[Mask, Mask], NDArray[np.floating]]
 def leave_subjects_out(person: NDArray[np.int64], n: int = 2, *, most: int = 10, seed: int = 1) -> list[Mask]:
     """Split into folds, each of which leaves ``n`` people out; everybody is left out once.
 
+    Gives the test part of each fold, shape (n_samples,); they are disjoint and cover all samples. Raises `DataError` when there are not
+    enough people to train on some and test on others.
+
     Parameters
     ----------
     person : ndarray of int, shape (n_samples,)
         Whose sample each is.
-    n : int
-        People left out at a time.
-    most : int
-        Folds at most; with more people than ``n * most``, each fold leaves more of them out.
+    n, most : int
+        People left out at a time; folds at most: with more people than ``n * most``, each fold leaves more of them out.
     seed : int
         Of the order of the people.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (n_samples,)
-        The test part of each fold; they are disjoint and cover all samples.
-
-    Raises
-    ------
-    DataError
-        When there are not enough people to train on some and test on others.
     """
     people = np.unique(person)
     if len(people) < 2:
@@ -54,26 +45,8 @@ def leave_subjects_out(person: NDArray[np.int64], n: int = 2, *, most: int = 10,
 def random_split(n_samples: int, fraction: float = 0.2, *, seed: int = 1) -> list[Mask]:
     """Split at random, as the thesis does, whoever the samples are of; each sample is tested once.
 
-    Parameters
-    ----------
-    n_samples : int
-        Number of samples.
-    fraction : float
-        Test part of each fold, above 0, at most 0.5.
-    seed : int
-        Of the order of the samples.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (n_samples,)
-        The test parts, disjoint; ``round(1 / fraction)`` of them.
-
-    Raises
-    ------
-    ConfigError
-        When the fraction is not above 0 and at most a half.
-    DataError
-        When there are fewer samples than folds.
+    Gives ``round(1 / fraction)`` disjoint test parts, shape (n_samples,). Raises `ConfigError` when the fraction is not above 0 and at most
+    a half, `DataError` when there are fewer samples than folds.
     """
     if not 0 < fraction <= 0.5:
         raise ConfigError(f"random split: the test part is {fraction:g}; it must be above 0 and at most 0.5")
@@ -97,10 +70,8 @@ class Validation:
         Names of the labels.
     probabilities : ndarray of float64, shape (n, n_labels)
         Of every tested sample.
-    label : ndarray of int64, shape (n,)
-        The true ones.
-    person : ndarray of int64, shape (n,)
-        Whose samples they are.
+    label, person : ndarray of int64, shape (n,)
+        The true ones, and whose samples they are.
     n_folds : int
         Classifiers that were trained.
     """
@@ -169,7 +140,7 @@ class Validation:
 def cross_validate(
     label: NDArray[np.int64], person: NDArray[np.int64], folds: Sequence[Mask], judge: Judge, *, labels: Sequence[str], split: str
 ) -> Validation:
-    """Train once for every fold and judge the samples it leaves out.
+    """Train once for every fold and judge the samples it leaves out; they keep their order.
 
     Parameters
     ----------
@@ -179,15 +150,8 @@ def cross_validate(
         Test parts, disjoint; see `leave_subjects_out` and `random_split`.
     judge : callable
         See `Judge`; whatever the classifier is.
-    labels : sequence of str
-        Names of the labels.
-    split : str
-        Name of the split.
-
-    Returns
-    -------
-    Validation
-        Of the samples that are in a test part, in their order.
+    labels, split : sequence of str, str
+        Names of the labels, and of the split.
     """
     tested = np.any(folds, axis=0) if len(folds) else np.zeros(len(label), np.bool_)
     probabilities = np.zeros((len(label), len(labels)))

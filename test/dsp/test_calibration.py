@@ -395,6 +395,6 @@ def test_ambiguity_of_the_design_and_its_picture(tmp_path):
     with pytest.raises(ConfigError, match="no axis"):
         ambiguity(INFO.array, WAVELENGTH, "range")
     with pytest.raises(DataError, match="cannot be written"):
-        plot(INFO.array, WAVELENGTH, tmp_path / "none" / "chi.png")
+        plot(INFO.array, WAVELENGTH, tmp_path / "chi.png" / "chi.png")
     with pytest.raises(ConfigError, match="odd"):
         AmbiguityConfig(n_angle=100)

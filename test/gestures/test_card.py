@@ -15,7 +15,7 @@ from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.datasets.samples import MANIFEST
-from radar_lab.evaluation.reports import draw_confusion, draw_reliability, draw_rows
+from radar_lab.evaluation.pictures import draw_confusion, draw_reliability, draw_rows
 from radar_lab.training.card import card, write_card
 from radar_lab.training.validation import Validation
 

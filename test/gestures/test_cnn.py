@@ -7,7 +7,7 @@ import pytest
 
 from radar_core import ConfigError, DataError
 from radar_lab.training.cnn import CnnConfig, CnnModel, Network, count_flop, export
-from radar_lab.training.cnn_training import cnn_judge, train_cnn
+from radar_lab.training.networks import cnn_judge, train_cnn
 from radar_lab.training.validation import cross_validate, random_split
 
 onnx = pytest.importorskip("onnx", reason="needs onnx (pip install 'handwave[train]')")

@@ -13,7 +13,7 @@ from radar_core import ConfigError, DataError
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.curves import TOTALS
-from radar_lab.training.curve_training import CurveTraining, train_net
+from radar_lab.training.networks import CurveTraining, train_net
 
 STEPS, WIDTH = 7, 3
 NAMES = (*(f"s{k}_{step:02d}" for step in range(STEPS) for k in range(WIDTH)), *TOTALS)
@@ -178,10 +178,10 @@ def test_training_learns_the_order_of_time_and_repeats() -> None:
 def test_numpy_gives_what_pytorch_gives() -> None:
     """The finished network, batch normalisation folded in, against the layers that were trained."""
     torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
-    from radar_lab.training import curve_training
+    from radar_lab.training import networks
 
     kept = []
-    network = curve_training._Network
+    network = networks._Network
 
     class Kept(network):  # type: ignore[misc, valid-type]
         """Remembers what was trained."""
@@ -191,7 +191,7 @@ def test_numpy_gives_what_pytorch_gives() -> None:
             kept.append(self)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(curve_training, "_Network", Kept)
+        patch.setattr(networks, "_Network", Kept)
         x, label = waves(200, np.random.default_rng(4))
         settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
         net = train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, config=settings)
