@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,37 +18,9 @@ _ROWS: Final[int] = 128  # of a new ring: two seconds at 50 Hz and some more
 _EMPTY: Final[tuple[float, float, float, float]] = (0.0, math.nan, math.nan, math.nan)
 
 
-class Detections(Protocol):
-    """The columns of a cloud, or of one track's share of it, that features and maps use; arrays are float32, shape (n_points,)."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Of the cloud [ns]."""
-
-    @property
-    def radial_speed(self) -> Float32Array:
-        """Range rate, positive = receding [m/s]."""
-
-    @property
-    def snr(self) -> Float32Array:
-        """Signal over noise floor [dB]."""
-
-    @property
-    def range(self) -> Float32Array:
-        """Distance from the sensor [m]."""
-
-    @property
-    def azimuth(self) -> Float32Array:
-        """Seen from the sensor, left positive [rad]."""
-
-    @property
-    def elevation(self) -> Float32Array:
-        """Seen from the sensor, up positive [rad]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Share:
-    """The detections of a cloud that belong to one track; as `Detections`."""
+    """The detections of a cloud that belong to one track, in the columns of `PointCloud`, shape (n_points,) each."""
 
     stamp_ns: int
     radial_speed: Float32Array
@@ -56,6 +28,10 @@ class Share:
     range: Float32Array
     azimuth: Float32Array
     elevation: Float32Array
+
+
+Detections = PointCloud | Share
+"""What features and maps are made of."""
 
 
 def shares(cloud: PointCloud, owner: NDArray[np.integer], track_ids: Iterable[int]) -> Iterator[Share]:

@@ -15,7 +15,7 @@ from radar_core.types import Float64Array
 from radar_tracking.estimators import kernels
 from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.kinematics import Motion
-from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement, check_measurement
+from radar_tracking.estimators.measurement_models import PositionModel, PreparedMeasurement, check_measurement
 
 _LOG_2PI = math.log(2 * math.pi)
 
@@ -59,7 +59,7 @@ class GaussianFilter(Protocol):
 class KalmanFilter:
     """Kalman filter in Joseph form (6.1, 6.2) on one kinematic model, for measurements that are linear in the state."""
 
-    def __init__(self, motion: Motion, measurement_model: MeasurementModel) -> None:
+    def __init__(self, motion: Motion, measurement_model: PositionModel) -> None:
         self.motion = motion
         self.measurement_model = measurement_model
 
@@ -92,7 +92,7 @@ class SingleModel:
     ``prior``: standard deviations, of new tracks, of the states behind position and velocity.
     """
 
-    def __init__(self, model: GaussianFilter, measurement_model: MeasurementModel, prior: Sequence[float] = ()) -> None:
+    def __init__(self, model: GaussianFilter, measurement_model: PositionModel, prior: Sequence[float] = ()) -> None:
         self.dimensions = measurement_model.dimensions
         self._filter = model
         self._measurement_model = measurement_model

@@ -7,7 +7,7 @@ from radar_tracking.estimators.base import Estimator
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.estimators.filters import ExtendedKalmanFilter, GaussianFilter, KalmanFilter, SingleModel
 from radar_tracking.estimators.kinematics import ConstantAcceleration, ConstantVelocity, Motion
-from radar_tracking.estimators.measurement_models import MeasurementModel, PositionModel, VelocityModel
+from radar_tracking.estimators.measurement_models import PositionModel, VelocityModel
 
 
 def make_estimator(config: EstimatorConfig | None = None, dimensions: int = 3) -> Estimator:
@@ -85,7 +85,7 @@ def _prior(names: tuple[str, ...], config: EstimatorConfig, dimensions: int) -> 
     return (*acceleration, *((config.turn_std,) if "coordinated_turn" in names else ()))
 
 
-def _measurement_model(name: str, dimensions: int) -> MeasurementModel:
+def _measurement_model(name: str, dimensions: int) -> PositionModel:
     if name == "linear":
         return PositionModel(dimensions)
     if name == "mm_vel_est":
@@ -95,7 +95,7 @@ def _measurement_model(name: str, dimensions: int) -> MeasurementModel:
     return PolarModel(dimensions)
 
 
-def _filter(name: str, motion: Motion, model: MeasurementModel, config: EstimatorConfig) -> GaussianFilter:
+def _filter(name: str, motion: Motion, model: PositionModel, config: EstimatorConfig) -> GaussianFilter:
     if name == "unscented":
         from radar_tracking.estimators.unscented import UnscentedKalmanFilter
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -47,50 +46,34 @@ class PreparedMeasurement:
     axes: Float64Array | None = None
 
 
-class MeasurementModel(Protocol):
-    """How states become measured components, in 2 or 3 ``dimensions``."""
-
-    dimensions: int
-
-    def prepare(self, measurement: Measurement, mean: Float64Array, covariance: Float64Array) -> PreparedMeasurement:
-        """Prepare a measurement for predictions, shapes (n_tracks, n_modes, n_states) and (n_tracks, n_modes, n_states, n_states)."""
-        ...
-
-    def predict(self, prepared: PreparedMeasurement, states: Float64Array) -> Float64Array:
-        """Components predicted for states, shape (n_tracks, k, n_states): shape (n_tracks, k, m)."""
-        ...
-
-    def jacobian(self, prepared: PreparedMeasurement, mean: Float64Array) -> Float64Array:
-        """Differentiate `predict` at one state per track, shape (n_tracks, n_states): shape (n_tracks or 1, m, n_states)."""
-        ...
-
-    def difference(self, prepared: PreparedMeasurement, measured: Float64Array, predicted: Float64Array) -> Float64Array:
-        """Subtract components, angles the short way round; shape (n_tracks, k, m)."""
-        ...
-
-
 class PositionModel:
-    """Positions only (6.4), converted before: linear. ``dimensions``: 2 or 3."""
+    """Positions only (6.4), converted before: linear.
+
+    It is the base of all models, which say how states become measured components, in 2 or 3 ``dimensions``.
+    """
 
     def __init__(self, dimensions: int) -> None:
         self.dimensions = dimensions
 
     def prepare(self, measurement: Measurement, mean: Float64Array, covariance: Float64Array) -> PreparedMeasurement:
-        """Take the position; the range rate is not used."""
+        """Select the components of a measurement; here the position, without the range rate.
+
+        Predicted states have shapes (n_tracks, n_modes, n_states) and (n_tracks, n_modes, n_states, n_states).
+        """
         n, d = check_measurement(measurement, self.dimensions, len(mean))
         no, all_used = np.zeros(n, np.bool_), np.ones((n, d), np.bool_)
         return PreparedMeasurement(measurement.position, measurement.covariance, all_used, measurement.origin, no, np.zeros(n))
 
     def predict(self, prepared: PreparedMeasurement, states: Float64Array) -> Float64Array:
-        """Positions of states."""
+        """Components predicted for states, shape (n_tracks, k, n_states): shape (n_tracks, k, m); here positions."""
         return states[..., : self.dimensions]
 
     def jacobian(self, prepared: PreparedMeasurement, mean: Float64Array) -> Float64Array:
-        """Pick the positions (6.2), the same for all tracks."""
+        """Differentiate `predict` at one state per track, shape (n_tracks, n_states): shape (n_tracks or 1, m, n_states) (6.2)."""
         return np.eye(self.dimensions, mean.shape[-1])[None]
 
     def difference(self, prepared: PreparedMeasurement, measured: Float64Array, predicted: Float64Array) -> Float64Array:
-        """Subtract positions."""
+        """Subtract components, angles the short way round; shape (n_tracks, k, m)."""
         return measured - predicted
 
 

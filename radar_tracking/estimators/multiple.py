@@ -15,7 +15,7 @@ from radar_tracking.estimators.base import Belief, Innovation, Measurement
 from radar_tracking.estimators.filters import GaussianFilter, Updated, check_step, start_at
 from radar_tracking.estimators.kernels import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
-from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
+from radar_tracking.estimators.measurement_models import PositionModel, PreparedMeasurement
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class MultipleModels:
     ----------
     models : sequence of GaussianFilter
         The filters; all with the same number of states.
-    measurement_model : MeasurementModel
+    measurement_model : PositionModel
         What they take of a measurement.
     prior : sequence of float
         Standard deviations, of new tracks, of the states behind position and velocity.
@@ -100,7 +100,7 @@ class MultipleModels:
     def __init__(
         self,
         models: Sequence[GaussianFilter],
-        measurement_model: MeasurementModel,
+        measurement_model: PositionModel,
         prior: Sequence[float] = (),
         sojourn: Sequence[float] | None = None,
         least_weight: float = 1e-6,

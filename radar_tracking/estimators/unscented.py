@@ -11,7 +11,7 @@ from radar_core.types import Float64Array
 from radar_tracking.estimators.filters import Updated, log_likelihood
 from radar_tracking.estimators.kernels import nis_and_log_det
 from radar_tracking.estimators.kinematics import Motion
-from radar_tracking.estimators.measurement_models import MeasurementModel, PreparedMeasurement
+from radar_tracking.estimators.measurement_models import PositionModel, PreparedMeasurement
 
 
 class UnscentedKalmanFilter:
@@ -22,7 +22,7 @@ class UnscentedKalmanFilter:
     the sigma points in units of the square root of the number of states: below, the centre's covariance weight would be negative.
     """
 
-    def __init__(self, motion: Motion, measurement_model: MeasurementModel, spread: float = 0.6) -> None:
+    def __init__(self, motion: Motion, measurement_model: PositionModel, spread: float = 0.6) -> None:
         self.motion = motion
         self.measurement_model = measurement_model
         n = motion.n_states
