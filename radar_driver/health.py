@@ -190,7 +190,10 @@ class Health:
             return [Check("noise floor", None, "dB", "no frame is whole", Verdict.UNKNOWN)]
         floor = np.where(levels.noise > (_ROUNDING * spectra.peak) ** 2, levels.noise, 0.0)
         if not np.any(floor > 0):
-            return [_noiseless(spectra.peak)]
+            zeros = "all samples are zero: is the radar configured, and does it transmit? Power it off and on, then try again"
+            still = "there is no noise at all: a simulation without the effect noise, or a board in a test mode"
+            verdict, advice = (Verdict.WARN, still) if spectra.peak else (Verdict.FAIL, zeros)
+            return [Check("noise floor", None, "dB", "none", verdict, advice)]
         unit = "dBFS" if self._info.full_scale else "dB"
         level = 10 * np.log10(np.where(floor > 0, floor, np.nan)) - spectra.reference
         mean, spread = float(np.nanmean(level)), float(np.nanmax(level) - np.nanmin(level))
@@ -262,15 +265,6 @@ class Health:
         if not self._snr:
             return Check("snr", None, "dB", "not given by this source", Verdict.UNKNOWN)
         return Check("snr", float(np.median(self._snr)), "dB", f"{np.median(self._snr):.1f} dB median of all points", Verdict.OK)
-
-
-def _noiseless(peak: float) -> Check:
-    """Say what it means that there is no noise."""
-    if peak == 0:
-        advice = "all samples are zero: is the radar configured, and does it transmit? Power it off and on, then try again"
-    else:
-        advice = "there is no noise at all: a simulation without the effect noise, or a board in a test mode"
-    return Check("noise floor", None, "dB", "none", Verdict.FAIL if peak == 0 else Verdict.WARN, advice)
 
 
 def _above(value: float, warn: float, fail: float) -> Verdict:

@@ -69,10 +69,8 @@ class Paced:
         self._delay = round(frames.delay * 1e9 / context.rate)
         self._state = "off"
         self._position = self._turn = 0  # which frame comes next, and how often they have begun again
-        self._count = 0  # frames given or skipped
-        self._skipped = 0
-        self._start = 0
-        self._done = 0  # frames due since `resume` that were given or skipped
+        self._count = self._skipped = 0  # frames given or skipped, and skipped
+        self._start = self._done = 0  # when `resume` was, and frames due since then that were given or skipped
         self._ready: tuple[int, tuple[RadarFrame, Truth | None] | HandwaveError] | None = None  # place, frame or why there is none
 
     def power_up(self) -> None:

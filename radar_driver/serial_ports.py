@@ -15,8 +15,7 @@ from serial.tools import list_ports
 
 from radar_core import DeviceError
 
-GONE: Final = (OSError, termios.error)
-"""What pyserial raises, its own errors among them, when a port has gone."""
+GONE: Final = (OSError, termios.error)  # what pyserial raises, its own errors among them, when a port has gone
 _BRIDGES: Final = {
     (0x0451, 0xBEF3): ("auxiliary", "application"),
     (0x0451, 0xBEF4): ("auxiliary", "application"),

@@ -18,15 +18,13 @@ from radar_core.config import load
 
 Float64Array = NDArray[np.float64]
 
-FORMAT: Final = 1
-"""Version of the file; a reader refuses every other."""
+FORMAT: Final = 1  # version of the file; a reader refuses every other
 
 _ARRAYS: Final = ("dead", "phase_residual", "gain_residual", "gain_std", "phase_std", "shift_std", "offset", "offset_std")
 _NUMBERS: Final = ("carrier", "condition", "structure", "range")
 _TABLE: Final = ("azimuth", "elevation", "vectors")
 _ADVICE: Final = "make one with `handwave calibrate RECORDING -o array.npz`"
-_SAME: Final = 1e-6
-"""Positions differ when they do by more than this [m]; carriers, by more than a thousandth."""
+_SAME: Final = 1e-6  # positions differ when they do by more than this [m]; carriers, by more than a thousandth
 _WEAK: Final = np.radians(1.0)
 _STRUCTURE: Final = 0.5
 _VISIBLE: Final = 0.02

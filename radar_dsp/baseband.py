@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FloatArray = NDArray[np.float64]
-_FAINT, _LOUD = 1e-20, 1e30
-"""Powers within which float32 neither loses echoes nor overflows; outside, the samples are scaled first."""
+_FAINT, _LOUD = 1e-20, 1e30  # powers within which float32 neither loses echoes nor overflows; outside, the samples are scaled first
 _AT_LIMIT = 0.999
 _REFINED = {f"{name}{end}" for name in ("distance", "speed", "azimuth", "elevation") for end in ("", "_std")}
 

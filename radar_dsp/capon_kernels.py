@@ -16,10 +16,8 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Complexes = NDArray[np.complex128]
 
-_BLOCK = 256
-"""Grid points solved together: large enough for vector code, small enough for the first cache."""
-CANDIDATES = 4
-"""Grid points that are refined before the highest peak is chosen."""
+_BLOCK = 256  # grid points solved together: large enough for vector code, small enough for the first cache
+CANDIDATES = 4  # grid points that are refined before the highest peak is chosen
 
 
 @numba.njit(cache=True)

@@ -17,8 +17,7 @@ from radar_dsp import kernels, thresholds
 from radar_dsp.config import CfarConfig
 from radar_dsp.kernels import Cells, FloatMap
 
-MIN_TRAINING = 4
-"""A cell with fewer training cells is not judged at all: the threshold would be so high that it only hides the problem."""
+MIN_TRAINING = 4  # a cell with fewer training cells is not judged at all: the threshold would be so high that it only hides the problem
 _USUAL = 0.1
 """Patterns of training cells that a larger share of the cells has get a more careful threshold than those beside ends and coupling."""
 
@@ -39,14 +38,12 @@ class TrainingWindow:
 
     Attributes
     ----------
-    half : tuple of int
-        Reach of the window in speed and range [cells].
-    offsets : ndarray of intp, shape (n_offsets, 2)
-        Training cells relative to the cell under test, in speed and range.
-    side : ndarray of bool, shape (n_offsets,)
-        True beyond the cell under test (in range, or in speed where the range is the same); greatest-of and smallest-of compare the sides.
-    least : int
-        A side with fewer cells, at an end of the range axis, is not compared: the other one counts alone.
+    half, least : tuple of int, int
+        Reach of the window in speed and range [cells]. A side with fewer cells than ``least``, at an end of the range axis, is not
+        compared: the other one counts alone.
+    offsets, side : ndarray of intp, of bool, shape (n_offsets, 2), (n_offsets,)
+        Training cells relative to the cell under test, in speed and range; whether they are beyond it (in range, or in speed where the
+        range is the same): greatest-of and smallest-of compare the sides.
     """
 
     def __init__(self, config: CfarConfig, usable: NDArray[np.bool_]) -> None:
@@ -66,9 +63,8 @@ class TrainingWindow:
             ],
             np.intp,
         ).reshape(-1, 2)
-        along = np.where(self.offsets[:, 1] != 0, self.offsets[:, 1], self.offsets[:, 0])
-        self.side = along > 0
-        self.least = max(len(along) // 4, 1)
+        self.side = np.where(self.offsets[:, 1] != 0, self.offsets[:, 1], self.offsets[:, 0]) > 0
+        self.least = max(len(self.side) // 4, 1)
 
     def patterns(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
         """Group the cells by which of their training cells exist.

@@ -21,15 +21,11 @@ Backend = Literal["numba", "numpy"]
 class SpectrumConfig:
     """Windows of the two Fourier transforms, by scipy's names; a parameter follows a colon, e.g. ``chebwin:60`` or ``kaiser:8.6``."""
 
-    range_window: str = knob(
-        "nuttall", doc="window over the samples of a chirp (scipy name, parameters after colons); low side lobes keep the coupling down"
-    )
-    speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name, parameters after colons)")
+    range_window: str = knob("nuttall", doc="window over the samples of a chirp (scipy name[:parameter]); low side lobes: less coupling")
+    speed_window: str = knob("hann", doc="window over the chirps of a frame (scipy name[:parameter])")
     fft: FftName = knob("scipy", doc="who transforms; fftw needs pyfftw; fixed: integers, as in an FPGA")
     word_length: int = knob(16, unit="bit", low=8, high=16, doc="fixed only: length of the real and the imaginary word")
-    static: Literal["keep", "remove"] = knob(
-        "keep", doc="remove: take out the mean over the chirps, all that stands still, people included"
-    )
+    static: Literal["keep", "remove"] = knob("keep", doc="remove: take out the mean over the chirps: all that stands still, people too")
     missing: Missing = knob(
         "autoregressive",
         doc="chirps that the device lost; autoregressive: predicted from both sides, range cell by range cell; cubic: polynomial through "
@@ -55,8 +51,7 @@ class CfarConfig:
     """Constant-false-alarm detection (thesis, figure A.12): an algorithm and a window, chosen apart."""
 
     algorithm: CfarAlgorithm = knob(
-        "os",
-        doc="os: ordered statistic, sturdy beside other echoes; ca: cell average; go, so: greater or smaller of the averages on both sides",
+        "os", doc="os: ordered statistic, sturdy beside other echoes; ca: cell average; go, so: greater or smaller average of both sides"
     )
     window: CfarWindow = knob("2d", doc="training cells around the cell, or only along one axis")
     false_alarm: float = knob(1e-4, low=1e-12, high=0.1, doc="wanted probability of a false alarm per cell on noise")
@@ -94,8 +89,7 @@ class DoaConfig:
         "elevation: azimuth is NaN, and x, y, z with it; void: x, y, z are NaN",
     )
     method: Literal["dml", "dml2", "capon"] = knob(
-        "dml",
-        doc="dml: deterministic maximum likelihood; dml2: two echoes in one cell where they fit clearly better; capon: minimum variance",
+        "dml", doc="dml: deterministic maximum likelihood; dml2: two echoes in one cell where they fit better; capon: minimum variance"
     )
     search: Literal["newton", "grid"] = knob("newton", doc="newton: coarse grid, then refinement; grid: the best point of the grid")
     grid_azimuth: int = knob(17, low=2, high=721, doc="points of the coarse search over azimuth")
@@ -116,16 +110,12 @@ class BasebandConfig:
     tdm: TdmConfig = TdmConfig()
     doa: DoaConfig = DoaConfig()
     grouping: Grouping = knob(
-        "range",
-        doc="which cells above the threshold become points: none: all; range: maxima along range at every speed; peak: maxima on both axes",
+        "range", doc="which cells above the threshold become points: none: all; range: maxima along range; peak: maxima on both axes"
     )
     select: Literal["all", "doppler"] = knob(
-        "all",
-        doc="doppler: of every Doppler bin only the strongest cell over range becomes a point (thesis, 4.2); for one person in view",
+        "all", doc="doppler: of every Doppler bin only the strongest cell over range becomes a point (thesis, 4.2); for one person in view"
     )
-    refine: Literal["none", "ml"] = knob(
-        "none", doc="ml: joint maximum likelihood of range, speed and direction on the raw samples; slow, at the bound"
-    )
+    refine: Literal["none", "ml"] = knob("none", doc="ml: joint maximum likelihood of range, speed and direction on the samples; slow")
     max_detections: int = knob(512, low=1, high=1 << 20, doc="keep at most this many of the strongest cells of a frame")
     min_snr: float = knob(-100.0, unit="dB", low=-100.0, high=200.0, doc="drop points below this signal-to-noise ratio; -100 keeps all")
     backend: Backend = knob("numba", doc="who finds the directions: compiled loops, or numpy; both give the same points")

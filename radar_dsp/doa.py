@@ -14,8 +14,6 @@ from radar_dsp.config import Backend, DoaConfig
 from radar_dsp.doa_kernels import locate
 from radar_dsp.steering import make_steering, resolve_mode
 
-__all__ = ["DirectionFinder", "Directions", "resolve_mode"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -24,8 +24,7 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 _SUM = {"reassoc", "contract"}
-_ROUND = 6755399441055744.0
-"""1.5 * 2^52: adding and subtracting it rounds to an integer without a call."""
+_ROUND = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to an integer without a call
 _INVERSE_PI = 1 / math.pi
 _PI_HIGH = 3.141592653589793
 _PI_LOW = 1.2246467991473532e-16

@@ -13,8 +13,7 @@ from radar_dsp.steering import Steering
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Result = tuple[Floats, NDArray[np.bool_]]
-_BLOCK = 1 << 20
-"""Numbers per temporary array: large batches and grids go in blocks of detections."""
+_BLOCK = 1 << 20  # numbers per temporary array: large batches and grids go in blocks of detections
 
 
 def scale(snapshot: NDArray[np.complex64]) -> tuple[Complexes, NDArray[np.bool_]]:

@@ -4,15 +4,14 @@ All data are words of 8 to 16 bits for the real and for the imaginary part, held
 with block floating point (Oppenheim and Weinstein, "Effects of finite register length in digital filters and the fast Fourier transform",
 1972): the words of a block share one exponent. Before each stage the largest word says by how much the stage has to be scaled down so that
 nothing overflows. A butterfly adds in full precision and is rounded once, to the nearest word and ties to the even one: rounding ties up
-would leave a constant, which the next stages gather into a spur.
+would leave a constant, which the next stages gather into a spur. Windows and twiddle factors have the same word length; ones need no
+multiplier, so they are exact.
 
 1. The frame is scaled by a power of two, so that its largest part fills the word.
 2. Every chirp is scaled up to fill the word, weighted, and transformed.
 3. The chirps of a channel are brought to their largest exponent, since the next transform adds them up. This is where a strong echo drives
-   weak ones in other range cells towards the last bit.
+weak ones in other range cells towards the last bit.
 4. The same as 2 for every range cell, over the chirps.
-
-Windows and twiddle factors have the same word length. Ones need no multiplier, so they are exact.
 """
 
 from __future__ import annotations
@@ -30,10 +29,8 @@ from radar_dsp.windows import Shape, wrong_shape
 Words = NDArray[np.int16]
 Window = NDArray[np.float64]
 
-EMPTY = -4096
-"""Exponent of a block of zeros: below all others, so that it does not decide when blocks are aligned."""
-GROWTH = 2490
-"""1/1024 of how much a butterfly can grow a part: 1 + sqrt(2), and the twiddle factor's rounding at 8 bits."""
+EMPTY = -4096  # exponent of a block of zeros: below all others, so that it does not decide when blocks are aligned
+GROWTH = 2490  # 1/1024 of how much a butterfly can grow a part: 1 + sqrt(2), and the twiddle factor's rounding at 8 bits
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,12 @@
 """Chirps that a device lost, filled in from the other chirps of the same transmitter.
 
-A lost chirp that stays zero takes the term ``w_m a`` out of the transform over the chirps, for an echo of amplitude a and a window w. What
-is taken out of a sum of N terms is spread evenly over all Doppler cells: ``|w_m a|^2`` in every cell, against a peak of ``|a sum(w)|^2``.
-Behind a Hann window of 64 chirps a lost chirp in the middle leaves a floor 30 dB below the peak, 20 dB above the noise beside an echo of
-50 dB. A chirp filled in with a relative error e leaves ``|e|^2`` of that, so e has to be below 5 % to cost that echo's surroundings 1 dB.
+A lost chirp that stays zero takes the term ``w_m a`` out of the transform over the chirps, for an echo of amplitude a and a window w:
+``|w_m a|^2`` is spread over all Doppler cells, against a peak of ``|a sum(w)|^2``. Behind a Hann window of 64 chirps a lost chirp in the
+middle leaves a floor 30 dB below the peak. A chirp filled in with a relative error e leaves ``|e|^2`` of that.
 
 - ``zero``: the chirps stay zero.
-- ``cubic``: the polynomial through the four nearest chirps. Its error grows with the fourth power of the phase step from chirp to chirp,
-  so it suits echoes below a fifth of the unambiguous speed, and makes those of faster echoes worse than zero does.
+- ``cubic``: the polynomial through the four nearest chirps. Its error grows with the fourth power of the phase step from chirp to chirp, so
+  it suits echoes below a fifth of the unambiguous speed, and makes those of faster echoes worse than zero does.
 - ``autoregressive``: linear prediction from both sides. In a range cell the chirps are a few echoes of constant speed, and p of them obey
   ``x[n] + h[1] x[n-1] + ... + h[p] x[n-p] = 0`` exactly, at any speed. The coefficients of each range cell come from the chirps that are
   there, of all channels, forward and backward (modified covariance method: Marple, "Digital Spectral Analysis", 1987, chapter 8); the lost
@@ -33,16 +32,11 @@ Cube = NDArray[np.complex64]
 Mask = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
 
-ORDER = 6
-"""Most coefficients of the prediction: a person's parts in one range cell, and what leaks from others."""
-MOST_LOST = 0.5
-"""Largest share of a transmitter's chirps that is filled in: beyond it there is more guessed than measured."""
-LONGEST = 0.25
-"""Longest gap, as a share of a transmitter's chirps, over which a person's movement can be predicted to about the noise."""
-_PIVOTS = (1e-14, 1e-300)
-"""Least pivots, see `kernels.cholesky`."""
-LOADING = 1e-9
-"""Diagonal loading of the equations, relative to the power of the cell: far below the noise beside the strongest coupling."""
+ORDER = 6  # most coefficients of the prediction: a person's parts in one range cell, and what leaks from others
+MOST_LOST = 0.5  # largest share of a transmitter's chirps that is filled in: beyond it there is more guessed than measured
+LONGEST = 0.25  # longest gap, as a share of a transmitter's chirps, over which a person's movement can be predicted to about the noise
+_PIVOTS = (1e-14, 1e-300)  # least pivots, see `kernels.cholesky`
+LOADING = 1e-9  # diagonal loading of the equations, relative to the power of the cell: far below the noise beside the strongest coupling
 
 
 class Gaps:

@@ -19,16 +19,11 @@ from radar_dsp.windows import make_window
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-_OTHERS = 12
-"""At most this many strong echoes that were not given are modelled besides."""
-_NEAR = 3.0
-"""Detections closer than this many half cells may be flanks of one echo: windows widen an echo to two cells on each side."""
-_SETTLED = 0.3
-"""Last step [standard deviations] up to which an estimate counts as converged when the cycles are used up."""
-_REACH = 1.2
-"""An estimate may move by this many half cells. An echo errs far less; only parts of a body in one cell trade places further."""
-_STRONG = 100.0
-"""Signal-to-noise power ratio from which the side lobes of an echo that was not given matter beyond its neighbours."""
+_OTHERS = 12  # at most this many strong echoes that were not given are modelled besides
+_NEAR = 3.0  # detections closer than this many half cells may be flanks of one echo: windows widen an echo to two cells on each side
+_SETTLED = 0.3  # last step [standard deviations] up to which an estimate counts as converged when the cycles are used up
+_REACH = 1.2  # an estimate may move by this many half cells. An echo errs far less; only parts of a body in one cell trade places further.
+_STRONG = 100.0  # signal-to-noise power ratio from which the side lobes of an echo that was not given matter beyond its neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +57,15 @@ class Refined:
 
 
 class _State(NamedTuple):
-    """Every echo's estimate; those that were found besides the given ones stand at the end.
+    """Every echo's estimate; those that were found besides the given ones stand at the end."""
 
-    (d, v, u_y, u_z) and where they started, the complex amplitude of every channel, the last step in standard deviations, whether it is
-    still in the model, whether its channels have amplitudes of their own, and the stronger echo that it may be a flank of, or -1.
-    """
-
-    theta: FloatArray
-    start: FloatArray
-    amplitude: ComplexArray
-    length: FloatArray
-    active: NDArray[np.bool_]
-    free: NDArray[np.bool_]
-    parent: NDArray[np.int64]
+    theta: FloatArray  # (d, v, u_y, u_z)
+    start: FloatArray  # where they started
+    amplitude: ComplexArray  # of every channel
+    length: FloatArray  # the last step in standard deviations
+    active: NDArray[np.bool_]  # still in the model
+    free: NDArray[np.bool_]  # its channels have amplitudes of their own
+    parent: NDArray[np.int64]  # the stronger echo that it may be a flank of, or -1
 
 
 class Refiner:
@@ -264,8 +255,7 @@ class Refiner:
         uy, uz = np.where(good, uy, 0.0), np.where(good, uz, 0.0)
         elevation = np.arcsin(uz)
         azimuth = np.arcsin(np.clip(uy / np.sqrt(1 - uz**2), -1.0, 1.0))
-        snr = np.mean(np.abs(amplitude) ** 2, axis=1) * self._model.cells / noise
-        snr = np.where(good, snr, np.nan)
+        snr = np.where(good, np.mean(np.abs(amplitude) ** 2, axis=1) * self._model.cells / noise, np.nan)
         bounds = self._bound.process(snr, azimuth, elevation)
         found = (theta[:, 0], theta[:, 1], azimuth, elevation)
         # What was not given is not measured in this mode, whatever the model held it at.

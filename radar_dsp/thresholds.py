@@ -27,10 +27,8 @@ Array = NDArray[np.float64]
 Level = Callable[[NDArray[np.floating]], Array]
 """Noise level per draw, shape (n_draws,), from powers of the training cells, shape (n_draws, n_training)."""
 
-NUMBERS = 2_000_000
-"""Complex normal numbers per threshold: small windows, whose levels spread more, get more draws."""
-_DEPENDENT = 1e-3
-"""Share of the cell's variance that its training cells foretell, below which they count as independent."""
+NUMBERS = 2_000_000  # complex normal numbers per threshold: small windows, whose levels spread more, get more draws
+_DEPENDENT = 1e-3  # share of the cell's variance that its training cells foretell, below which they count as independent
 
 
 def ca_factor(false_alarm: float, n_effective: Array, n: int) -> Array:

@@ -19,12 +19,9 @@ from radar_dsp.steering import Steering
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
-ONE_STEPS = 8
-"""Newton steps for one echo before it is compared with two: a step short of the maximum would look like a second echo."""
-PAIR_STEPS = 30
-"""Most Levenberg-Marquardt steps; a dozen is usual."""
-TOLERANCE = 1e-8
-"""Smallest step worth another, in direction cosine."""
+ONE_STEPS = 8  # Newton steps for one echo before it is compared with two: a step short of the maximum would look like a second echo
+PAIR_STEPS = 30  # most Levenberg-Marquardt steps; a dozen is usual
+TOLERANCE = 1e-8  # smallest step worth another, in direction cosine
 
 
 @numba.njit(forceinline=True, cache=True)

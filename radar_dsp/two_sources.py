@@ -61,7 +61,7 @@ class TwoSources:
             raise ConfigError(f"doa.method 'dml2' needs at least {unknowns // 2 + 1} virtual channels, the array has {n}; choose 'dml'")
         self._steering = steering
         self._tables = _pair_tables(steering)
-        self.threshold = _tail(config, info, mode).threshold(config.split)
+        self.threshold = _threshold(_tail(config, info, mode), config.split)
 
     def process(self, snapshot: NDArray[np.complex64], snr: NDArray[np.float32]) -> Split:
         """Estimate directions.
@@ -111,35 +111,14 @@ def _pair_tables(steering: Steering) -> Tables:
     return (n * inverse).astype(np.float32), np.stack([2 * inverse * g.real, 2 * inverse * g.imag]).astype(np.float32)
 
 
-class _Tail:
-    """Upper tail of the statistic without a second echo: P(T > t) = C t^k exp(-t), C and k fitted to simulated quantiles.
-
-    The statistic is the maximum over directions of a noise power with an exponential distribution; the form is that of the expected
-    number of maxima of such a field above a level, and reaches where simulation cannot. One fit serves every signal-to-noise ratio, as
-    the first echo's power drops out.
-    """
-
-    def __init__(self, statistic: Floats) -> None:
-        chance = np.geomspace(0.3, 20 / len(statistic), 24)
-        t = np.quantile(statistic, 1 - chance)
-        # Quantiles deep in the tail come from few trials: weigh with the inverse deviation of log P, sqrt(P n).
-        weight = np.sqrt(chance / (1 - chance))
-        design = np.stack([np.ones_like(t), np.log(t)], axis=1)
-        self._log_c, self._k = np.linalg.lstsq(design * weight[:, None], (np.log(chance) + t) * weight, rcond=None)[0]
-
-    def threshold(self, chance: float) -> float:
-        """Level that the statistic exceeds with this probability."""
-        low, high = max(float(self._k), 1.0), 1e3
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            above = self._log_c + self._k * math.log(middle) - middle > math.log(chance)
-            low, high = (middle, high) if above else (low, middle)
-        return high
-
-
 @functools.lru_cache(maxsize=16)
-def _tail(config: DoaConfig, info: RadarInfo, mode: str) -> _Tail:
-    """Simulate single echoes in noise, with this array and grid: 20 dB per channel, directions uniform in the field of view."""
+def _tail(config: DoaConfig, info: RadarInfo, mode: str) -> tuple[float, float]:
+    """Fit the upper tail of the statistic without a second echo, P(T > t) = C t^k exp(-t), to simulated quantiles: log C and k.
+
+    The statistic is the maximum over directions of a noise power with an exponential distribution; the form is that of the expected number
+    of maxima of such a field above a level, and reaches where simulation cannot. One fit, to single echoes of 20 dB per channel with
+    directions uniform in the field of view, serves every signal-to-noise ratio, as the first echo's power drops out.
+    """
     steering = make_steering(config, info, mode)
     rng = np.random.default_rng(1)
     u = rng.uniform(-1, 1, (2, _TRIALS)) * np.sin(np.minimum(steering.limit, np.pi / 2))[:, None]
@@ -149,4 +128,22 @@ def _tail(config: DoaConfig, info: RadarInfo, mode: str) -> _Tail:
     noise = rng.normal(scale=math.sqrt(0.5), size=(*a.shape, 2)) @ np.array([1, 1j])
     snapshot = (10 * a + noise).astype(np.complex64)
     snr = (np.mean(np.abs(snapshot) ** 2, axis=1) - 1).astype(np.float32)
-    return _Tail(_run(snapshot[:, None], snr, steering, _pair_tables(steering), -1.0)[3])
+    statistic = _run(snapshot[:, None], snr, steering, _pair_tables(steering), -1.0)[3]
+    chance = np.geomspace(0.3, 20 / len(statistic), 24)
+    t = np.quantile(statistic, 1 - chance)
+    # Quantiles deep in the tail come from few trials: weigh with the inverse deviation of log P, sqrt(P n).
+    weight = np.sqrt(chance / (1 - chance))
+    design = np.stack([np.ones_like(t), np.log(t)], axis=1)
+    log_c, k = np.linalg.lstsq(design * weight[:, None], (np.log(chance) + t) * weight, rcond=None)[0]
+    return float(log_c), float(k)
+
+
+def _threshold(tail: tuple[float, float], chance: float) -> float:
+    """Level that the statistic exceeds with this probability."""
+    log_c, k = tail
+    low, high = max(k, 1.0), 1e3
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = log_c + k * math.log(middle) - middle > math.log(chance)
+        low, high = (middle, high) if above else (low, middle)
+    return high

@@ -18,8 +18,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex64]
 _GRID = (17, 5)
 """Points of the search over u_y and u_z: half a beam of the widest array that a field of view leaves unambiguous at eight channels."""
-_POLISH = 2
-"""Gauss-Newton steps from the best point of the grid."""
+_POLISH = 2  # Gauss-Newton steps from the best point of the grid
 
 
 @dataclass(frozen=True, eq=False)

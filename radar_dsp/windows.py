@@ -11,13 +11,10 @@ from radar_core import DataError
 from radar_core.windows import window_shape
 
 AnyArray = NDArray[Any]
-Shape = tuple[int, int, int, int]
-"""Of a frame: (n_tx, n_chirp, n_rx, n_sample)."""
-FLOOR = 1e-3
-"""Neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it."""
+Shape = tuple[int, int, int, int]  # of a frame: (n_tx, n_chirp, n_rx, n_sample)
+FLOOR = 1e-3  # neighbours weaker than this beside the peak are noise (only the boxcar window makes them): no logarithm goes below it
 _TABLE = 1025
-_NOTHING = 1e30
-"""Variance of an offset that cannot be measured; estimates cap it at that of a whole cell."""
+_NOTHING = 1e30  # variance of an offset that cannot be measured; estimates cap it at that of a whole cell
 
 
 def make_window(name: str, n: int) -> NDArray[np.float64]:

@@ -78,8 +78,7 @@ class Board:
         return self.open(config, context or Context()) if self.paced else self.open(config)
 
 
-GROUP: Final = "handwave.boards"
-"""Entry points of this group are boards of other packages: each names a `Board`."""
+GROUP: Final = "handwave.boards"  # entry points of this group are boards of other packages: each names a `Board`
 
 _registered: dict[str, Board] = {}
 

@@ -33,9 +33,7 @@ class Dca1000Config:
     mount: Pose = Pose()
     config: str = knob("", doc="the sensor's .cfg: what it is to measure")
     serial_port: str = knob("", doc="the sensor's command line, e.g. /dev/ttyACM0, or auto; empty: somebody else starts the sensor")
-    control: bool = knob(
-        True, doc="set up and start the capture board; off: somebody else does (mmWave Studio), its samples are listened to"
-    )
+    control: bool = knob(True, doc="set up and start the capture board; off: somebody else does (mmWave Studio), samples are just received")
     lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
     order: Literal["q_first", "i_first"] = knob("q_first", doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
     host_address: str = knob("192.168.33.30", doc="this computer's address on the capture board's network")

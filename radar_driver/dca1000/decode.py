@@ -28,21 +28,11 @@ def frame_bytes(info: RadarInfo, lanes: int) -> int:
 
 
 def decode_frame(data: bytes | bytearray, info: RadarInfo, *, order: str = "q_first", lanes: int = 2) -> NDArray[np.complex64]:
-    """Unpack the 16-bit words of one frame, in counts of the converter, shape (n_tx, n_chirp, n_rx, n_sample).
+    """Unpack the 16-bit words of one frame, little endian: counts of the converter, shape (n_tx, n_chirp, n_rx, n_sample) as of ``info``.
 
-    Two lanes: chirp by chirp, all samples of the first receiver, then of the next; words in groups of four, two of one component, two of
-    the other. Four lanes: sample by sample, the in-phase words of four receivers, then their quadrature words.
-
-    Parameters
-    ----------
-    data : bytes or bytearray
-        One frame, little endian.
-    info : RadarInfo
-        The radar; says the shape.
-    order : str
-        Two lanes: whether a group starts with quadrature (``q_first``) or in-phase words (``i_first``).
-    lanes : int
-        2 or 4.
+    Two ``lanes``: chirp by chirp, all samples of the first receiver, then of the next; words in groups of four, two of one component, two
+    of the other: of quadrature first (``order`` is ``q_first``), or in-phase (``i_first``). Four lanes: sample by sample, the in-phase
+    words of four receivers, then their quadrature words.
     """
     n_tx, n_chirp, n_rx, n_sample = info.cube_shape
     words = np.frombuffer(data, "<i2")

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 HEAD: Final = struct.Struct("<IIH")
 """In front of the samples: sequence number from 1 (32 bits), number of the first byte in the stream (48 bits)."""
-LARGEST: Final = 1456
-"""Samples of one packet [bytes]; the last one of a recording may hold fewer."""
+LARGEST: Final = 1456  # samples of one packet [bytes]; the last one of a recording may hold fewer
 _WINDOW: Final = 16 * LARGEST  # bytes: packets overtake each other by less, so a hole that far behind is a loss
 _MODULUS: Final = 1 << 32
 _LONGEST: Final = 1472  # bytes: what an Ethernet frame holds

@@ -33,7 +33,7 @@ class UdpPort:
         self._link: socket.socket | None = None
 
     def open(self) -> None:
-        """Open the socket; a `DeviceError` says that the address or the port cannot be had."""
+        """Open the socket; see `bind`."""
         self._link = bind(self._host, self._port, self.what)
 
     def close(self) -> None:

@@ -45,9 +45,8 @@ class SerialCli:
 
         A `DeviceError` says that the port is not there, not allowed or held, that nobody answers, or that another firmware does.
         """
-        port = only_port("command", "serial_port") if self._port == "auto" else self._port
-        self._link = open_port(port, BAUD, timeout=_SLICE, write_timeout=self._timeout)
-        self._used = port
+        self._used = only_port("command", "serial_port") if self._port == "auto" else self._port
+        self._link = open_port(self._used, BAUD, timeout=_SLICE, write_timeout=self._timeout)
         try:
             self._greet()
         except DeviceError:

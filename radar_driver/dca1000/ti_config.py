@@ -12,8 +12,7 @@ from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, DataError, Pos
 
 _ELEMENT: Final = {1: (0.0, 0.0), 2: (2.0, 1.0), 3: (4.0, 0.0)}
 """(y, z) in half wavelengths of the evaluation boards' transmitters: TX2 sits half a wavelength above the line of TX1 and TX3."""
-_TWO_TX: Final = {1: (0.0, 0.0), 2: (4.0, 0.0)}
-"""The same of the xWR16xx, which has two."""
+_TWO_TX: Final = {1: (0.0, 0.0), 2: (4.0, 0.0)}  # the same of the xWR16xx, which has two
 _ARGUMENTS: Final = {"profileCfg": 14, "frameCfg": 7, "chirpCfg": 8, "channelCfg": 3, "adcCfg": 2}
 _OPTIONAL: Final = {"lvdsStreamCfg": 4, "adcbufCfg": 4}
 _FULL_SCALE: Final = 32767.0  # samples are counts of 16 bits

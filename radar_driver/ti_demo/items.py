@@ -121,5 +121,4 @@ def decibel(ratio: Float64Array) -> Float64Array:
     return 10 * result
 
 
-NOTHING: Final = Points(None, np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
-"""No points."""
+NOTHING: Final = Points(None, np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))  # no points

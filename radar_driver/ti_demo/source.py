@@ -40,12 +40,8 @@ class TiDemoConfig:
     frame_interval: float = knob(0.1, unit="s", low=1e-3, high=10.0, doc="from one cloud to the next; not used with a .cfg, which says it")
     fov_azimuth: float = knob(2.09, unit="rad", low=1e-3, high=6.28, doc="full field of view in azimuth")
     fov_elevation: float = knob(1.05, unit="rad", low=1e-3, high=3.14, doc="full field of view in elevation")
-    latency: float = knob(
-        0.0, unit="s", low=0.0, high=1.0, doc="from the end of the chirps until a packet is sent, where the demo does not say it (item 6)"
-    )
-    silence: float = knob(
-        2.0, unit="s", low=0.2, high=60.0, doc="no packet for so long is an error; with cli_port the sensor is started anew"
-    )
+    latency: float = knob(0.0, unit="s", low=0.0, high=1.0, doc="from the end of the chirps to the packet, where it is not said (item 6)")
+    silence: float = knob(2.0, unit="s", low=0.2, high=60.0, doc="no packet for so long is an error; cli_port: the sensor is started anew")
     frame_id: str = knob("radar", doc="name of the sensor frame")
     mount: Pose = Pose()
 
@@ -55,8 +51,7 @@ class TiDemoConfig:
             raise ConfigError("TiDemoConfig.cli_port is given but no config; name the .cfg to send, or leave cli_port empty")
 
 
-SendConfig = Callable[[str, Path], None]
-"""Sends a .cfg to the command port of that path; a `DeviceError` says which line the radar refused."""
+SendConfig = Callable[[str, Path], None]  # sends a .cfg to the command port of that path; a `DeviceError` says which line the radar refused
 
 
 class _Sensor(Component):
@@ -220,10 +215,7 @@ class TiDemo(Radar):
         return f"{port}: silent for {long}; the sensor does not run, or hangs: {again}"
 
     def _take(self, packet: Packet, arrived_ns: int) -> None:
-        """Make a cloud of a packet.
-
-        The packet's first byte left ``behind`` bytes before the last one that has come, at the line's speed.
-        """
+        """Make a cloud of a packet, whose first byte left ``behind`` bytes before the last one that has come, at the line's speed."""
         self._listen()
         sdk = ".".join(map(str, packet.version.to_bytes(4, "big")))
         self._about = {"demo": packet.family, "platform": f"{packet.platform:X}", "sdk": sdk}
@@ -236,8 +228,8 @@ class TiDemo(Radar):
         self._stamp = max(stamp, self._stamp + 1)  # bytes that come in bursts must not turn time back
         points = NOTHING if packet.points is None else packet.points
         self._counts.update(points=len(points), points_refused=points.refused)
-        number, place, speed = packet.number, points.cartesian, points.radial_speed
-        cloud = cloud_from_ti(self._stamp, number, place, speed, points.snr, noise=points.noise, spherical=points.spherical)
+        given = points.cartesian, points.radial_speed, points.snr
+        cloud = cloud_from_ti(self._stamp, packet.number, *given, noise=points.noise, spherical=points.spherical)
         self._ready.append(replace(cloud, frame_id=self.info.frame_id, quality=self._quality))
 
     def report(self) -> dict[str, Any]:

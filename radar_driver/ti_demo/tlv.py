@@ -21,8 +21,7 @@ from typing import Any, Final
 from radar_driver.ti_demo.items import ITEMS, ContentError, ItemError, Points, float_points, packed_points
 
 MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
-LONGEST: Final = 1 << 16
-"""Bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit."""
+LONGEST: Final = 1 << 16  # bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit
 SHORTEST: Final = 40
 _DEMOS: Final = (("demo", 40), ("area scanner", 44))
 

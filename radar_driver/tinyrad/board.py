@@ -18,15 +18,13 @@ from radar_driver.tinyrad import registers, wire
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_driver.tinyrad.link import UsbLink
 
-N_BYTES: Final = 80
-"""Bytes of the calibration memory that mean something; it has 128."""
+N_BYTES: Final = 80  # bytes of the calibration memory that mean something; it has 128
 _CHANNELS: Final = 2 * wire.N_RX
 _LARGEST: Final = 10.0  # 20 dB: channels of one chip do not differ more
 
 _AFTER_RESET: Final = 0.2  # s: the board takes that long
 _STOP: Final = 0.3  # s: so long may a command take that stops it; a board that hangs must not hold up the end of the program
-FIRMWARE: Final = 3
-"""Major version of the firmware whose protocol this is."""
+FIRMWARE: Final = 3  # major version of the firmware whose protocol this is
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,10 +171,6 @@ class Converter(Component):
     def __init__(self, link: UsbLink) -> None:
         self._link, self._locked = link, False
 
-    def power_down(self) -> None:
-        """Its clock stops with the board."""
-        self._locked = False
-
     def resume(self) -> None:
         """Start its clock."""
         answer = self._link.ask(wire.CONVERTER_CLOCK, 1)
@@ -185,8 +179,10 @@ class Converter(Component):
             raise DeviceError("the converter's clock did not lock: unplug the TinyRad, wait ten seconds, plug it in again", gone=True)
 
     def suspend(self) -> None:
-        """Its clock stops when the board is reset."""
+        """Its clock stops when the board is reset or has no power."""
         self._locked = False
+
+    power_down = suspend
 
     def report(self) -> dict[str, Any]:
         """Say whether its clock runs."""

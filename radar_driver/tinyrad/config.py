@@ -35,9 +35,7 @@ class TinyRadConfig:
     flipped: bool = knob(False, doc="the board is mounted upside down: left and right change places")
     timeout: float = knob(1.0, unit="s", low=0.05, high=10.0, doc="the board is opened anew when it is silent for that long")
     transfer: int = knob(0, unit="byte", low=0, high=1 << 20, doc="size of one USB read, in packets of 512; 0: a whole frame")
-    temperature_interval: float = knob(
-        10.0, unit="s", low=0.0, high=3600.0, doc="how often the temperature is asked for while frames come; 0: only at the start"
-    )
+    temperature_interval: float = knob(10.0, unit="s", low=0.0, high=3600.0, doc="how often the temperature is asked for; 0: at the start")
     any_firmware: bool = knob(False, doc="use a board with another firmware than 3.x all the same")
 
     def validate(self) -> None:
@@ -95,7 +93,7 @@ class TinyRadConfig:
         """Describe the radar.
 
         Its complex samples are every second of the analytic signal, see `radar_driver.tinyrad.convert`: as many as the real ones have
-        positive frequencies, over the time in which the real ones were taken.
+        positive frequencies, over the same time.
         """
         n_real = self.samples - self.skip
         duration = n_real / wire.SAMPLE_RATE

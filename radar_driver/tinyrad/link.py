@@ -8,6 +8,7 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -49,15 +50,13 @@ def _node(device: Any) -> Path:
 def access_problem(device: Any) -> str:
     """Say why the user may not use a device, and what to do; empty: the user may, as far as can be seen without opening it."""
     node = _node(device)
-    if not node.exists() or os.access(node, os.R_OK | os.W_OK):
-        return ""
-    return _no_permission(device)
+    return _no_permission(device) if node.exists() and not os.access(node, os.R_OK | os.W_OK) else ""
 
 
 def _no_permission(device: Any) -> str:
-    rule = share_dir() / "config" / "udev" / RULE
     return (
-        f"no permission for the TinyRad at {port_of(device)}: sudo cp {rule} /etc/udev/rules.d/ && sudo udevadm control --reload, "
+        f"no permission for the TinyRad at {port_of(device)}: sudo cp {share_dir() / 'config' / 'udev' / RULE} /etc/udev/rules.d/ && "
+        "sudo udevadm control --reload, "
         "then unplug it and plug it in again (without a desktop also: sudo usermod -aG plugdev $USER, and log in again)"
     )
 
@@ -130,10 +129,8 @@ class UsbLink:
             import usb.util
 
             device, self._device = self._device, None
-            try:
+            with suppress(usb.core.USBError):  # it was unplugged: nothing is left to release
                 usb.util.dispose_resources(device)
-            except usb.core.USBError:
-                return  # it was unplugged: nothing is left to release
 
     def report(self) -> dict[str, Any]:
         """Where it is, and what happened on the link."""

@@ -12,10 +12,8 @@ from typing import Final
 
 from radar_core import ConfigError
 
-REFERENCE: Final = 100e6
-"""The board's crystal, which is also the comparison frequency of the synthesiser [Hz]."""
-BAND: Final = (24.0e9, 24.25e9)
-"""What the transmitter can send [Hz]."""
+REFERENCE: Final = 100e6  # the board's crystal, which is also the comparison frequency of the synthesiser [Hz]
+BAND: Final = (24.0e9, 24.25e9)  # what the transmitter can send [Hz]
 _CENTRE: Final = 24.125e9  # Hz: where the transmitter is calibrated, whatever the sweep
 _FRACTION: Final = 1 << 25  # steps of the fractional dividers
 _LARGEST_DEVIATION: Final = 8000  # of the 16-bit word, so that its rounding costs less than 0.05 %

@@ -48,7 +48,7 @@ class Stream:
         self.counts: Counter[str] = Counter()
 
     def restart(self) -> None:
-        """Forget what was asked for: the board begins anew."""
+        """Forget what was asked for: the board begins anew, or the frame is given up."""
         self._asked = self._owed = False
         self._part = bytearray()
 
@@ -91,7 +91,7 @@ class Stream:
         try:
             got = self._link.read(wanted, timeout)
         except DeviceError:
-            self._abandon()
+            self.restart()
             raise
         now = time.monotonic()
         if not got:
@@ -111,13 +111,9 @@ class Stream:
         if len(self._part) > self._size or (len(self._part) < self._size and len(got) % wire.PACKET):
             self._broken(len(self._part))
 
-    def _abandon(self) -> None:
-        self._part = bytearray()
-        self._asked = self._owed = False
-
     def _broken(self, n_byte: int) -> None:
         """Leave out a frame that came cut short: its response came with it, so the link is in step again."""
-        self._abandon()
+        self.restart()
         self.counts["broken"] += 1
         self._in_a_row += 1
         what = f"a frame of the TinyRad came with {n_byte} bytes instead of {self._size}"

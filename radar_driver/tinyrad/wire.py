@@ -11,17 +11,12 @@ from radar_core import ConfigError, DeviceError
 
 VENDOR: Final = 0x064B
 PRODUCT: Final = 0x7823
-COMMAND_BYTES: Final = 2048
-"""A command is always one transfer of this length, padded with zeros."""
-PACKET: Final = 512
-"""Largest packet of the bulk endpoints; whatever is shorter ends a transfer."""
+COMMAND_BYTES: Final = 2048  # a command is always one transfer of this length, padded with zeros
+PACKET: Final = 512  # largest packet of the bulk endpoints; whatever is shorter ends a transfer
 N_RX: Final = 4
-SAMPLE_RATE: Final = 1e6
-"""Of every channel, fixed [Hz]."""
-VOLTS: Final = 0.498 / 65536
-"""Per count of the converter [V]."""
-RING_VALUES: Final = 0x60000
-"""Samples that the board's ring buffer holds."""
+SAMPLE_RATE: Final = 1e6  # of every channel, fixed [Hz]
+VOLTS: Final = 0.498 / 65536  # per count of the converter [V]
+RING_VALUES: Final = 0x60000  # samples that the board's ring buffer holds
 _MAX_WORDS: Final = 28
 
 
@@ -51,14 +46,10 @@ def command(code: int, *arguments: int) -> bytes:
     return struct.pack(f"<H{len(words)}I", 4 * len(words), *words).ljust(COMMAND_BYTES, b"\0")
 
 
-VERSION: Final = command(Code.VERSION, 0)
-"""Ask for the firmware's version."""
-UNIQUE_ID: Final = command(Code.BOARD, 1, 0)
-"""Ask for the board's number."""
-INFO: Final = command(Code.INFO, 0)
-"""Ask for software number and temperature."""
-RESET: Final = command(Code.RADAR, 1, 0)
-"""Reset the radar: measuring ends and registers are lost; the USB link stays."""
+VERSION: Final = command(Code.VERSION, 0)  # ask for the firmware's version
+UNIQUE_ID: Final = command(Code.BOARD, 1, 0)  # ask for the board's number
+INFO: Final = command(Code.INFO, 0)  # ask for software number and temperature
+RESET: Final = command(Code.RADAR, 1, 0)  # reset the radar: measuring ends and registers are lost; the USB link stays
 CONVERTER_CLOCK: Final = command(Code.RADAR, 1, 12, 3, 5, 76, 100)
 """Set up the clock of the converter (ADAR7251): dividers X, R, N, M of its loop for 1 MHz per channel."""
 

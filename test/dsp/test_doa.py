@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 
 from radar_core import AntennaArray, ConfigError, RadarInfo, Waveform
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
-from radar_dsp.doa import DirectionFinder, resolve_mode
+from radar_dsp.doa import DirectionFinder
+from radar_dsp.steering import resolve_mode
 
 INFO = RadarInfo()
 LAMBDA = INFO.waveform.wavelength
