@@ -33,18 +33,10 @@ _ITERATIONS = 500
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """A body whose arms Blender's inverse kinematics posed, in ``room`` at T times.
+    """A body whose arms Blender's inverse kinematics posed, in ``room`` at T times."""
 
-    Attributes
-    ----------
-    pose : Pose
-        As read back from Blender's armature.
-    vertices : ndarray of float64, shape (T, n_vertex, 3)
-        As read back from Blender's mesh [m].
-    """
-
-    pose: Pose
-    vertices: Float64Array
+    pose: Pose  # as read back from Blender's armature
+    vertices: Float64Array  # as read back from Blender's mesh, shape (T, n_vertex, 3) [m]
 
 
 class BlenderBody(MeshBody):

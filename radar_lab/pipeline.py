@@ -47,24 +47,12 @@ class PipelineConfig:
 
 @dataclass(frozen=True, eq=False)
 class PipelineResult:
-    """What one frame gave.
+    """What one frame gave."""
 
-    Attributes
-    ----------
-    cloud : PointCloud
-        In the frame it came in (the sensor's, for raw frames), as it is published.
-    tracks : Tracks
-        People, in ``room``.
-    gestures : tuple of Gesture
-        Decided with this frame.
-    hand : HandTrack or None
-        The hand, while one is tracked.
-    """
-
-    cloud: PointCloud
-    tracks: Tracks
-    gestures: tuple[Gesture, ...]
-    hand: HandTrack | None
+    cloud: PointCloud  # in the frame it came in (the sensor's, for raw frames), as it is published
+    tracks: Tracks  # people, in ``room``
+    gestures: tuple[Gesture, ...]  # decided with this frame
+    hand: HandTrack | None  # the hand, while one is tracked
 
 
 class Pipeline:

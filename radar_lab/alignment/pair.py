@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import PointCloud, Pose, RadarInfo
 from radar_core.config import config, knob, plain
 from radar_core.errors import DataError
 from radar_core.mounting import MountCalibration
+from radar_core.types import Float64Array
 from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig
 from radar_lab.alignment.trajectory_fit import align_trajectories
 from radar_lab.figures import new_figure, save_figure
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.tracker import PeopleTracker
 from radar_tracking.tracks import TrackStatus
-
-Float64Array = NDArray[np.float64]
 
 GOOD_POSITION, GOOD_YAW = 0.02, math.radians(0.5)
 """What a calibration is expected to be as sure as (standard deviations) [m, rad]."""
@@ -125,27 +123,15 @@ class Walker:
 
 @dataclass(frozen=True, eq=False)
 class PairCalibration:
-    """The mount of the second radar, as measured.
+    """The mount of the second radar, as measured."""
 
-    Attributes
-    ----------
-    mount : MountCalibration
-        What is written to a file.
-    alignment : TrajectoryAlignment
-        How it was found, in the first radar's levelled frame.
-    first, second : Trajectory
-        What it was found from, each in its radar's levelled frame.
-    seconds : float
-        From the first pair of positions to the last [s].
-    height_difference : float
-        Median height of the second radar's points less that of the first one's [m]: a check of heights and tilts, which are taken as given.
-    """
-
-    mount: MountCalibration
-    alignment: TrajectoryAlignment
+    mount: MountCalibration  # what is written to a file
+    alignment: TrajectoryAlignment  # how it was found, in the first radar's levelled frame
+    # first, second: what it was found from, each in its radar's levelled frame
     first: Trajectory
     second: Trajectory
-    seconds: float
+    seconds: float  # from the first pair of positions to the last [s]
+    # Median height of the second radar's points less that of the first one's [m]: a check of heights and tilts, which are taken as given
     height_difference: float
 
     @property

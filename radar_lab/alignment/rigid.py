@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import canonical_svd
+from radar_core.types import Float64Array
 from radar_lab.alignment.solver import Freedom, Linear, NotObservableError, SolverConfig, solve
-
-Float64Array = NDArray[np.float64]
 
 _TRIALS = 200  # smallest samples for the start: one without an outlier among them is certain when half of the pairs are good
 _JUDGED = 2000  # pairs that judge them
@@ -33,39 +31,18 @@ class RigidConfig(SolverConfig):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A rigid motion that was measured: target = rotation source + translation.
+    """A rigid motion that was measured: target = rotation source + translation."""
 
-    Attributes
-    ----------
-    rotation : ndarray of float64, shape (d, d)
-        Vectors of the source's frame to the target's.
-    translation : ndarray of float64, shape (d,)
-        Where the source's origin is in the target's frame [m].
-    names : tuple of str
-        Of the p parameters: x, y, (z), then yaw, or roll, pitch, yaw: small turns about the target's axes; then others that were estimated.
-    covariance : ndarray of float64, shape (p, p)
-        Of these [m, rad, s].
-    weight : ndarray of float64, shape (n,)
-        How much each pair counts, 0..1.
-    residual : ndarray of float64, shape (n, d)
-        Target minus moved source [m].
-    scale : float
-        Standard deviations of the points are this many times those given.
-    rank : int
-        Of the problem: always p; less is refused.
-    condition : float
-        Condition number of the equilibrated problem.
-    """
-
-    rotation: Float64Array
-    translation: Float64Array
+    rotation: Float64Array  # vectors of the source's frame to the target's, shape (d, d)
+    translation: Float64Array  # where the source's origin is in the target's frame, shape (d,) [m]
+    # Of the p parameters: x, y, (z), then yaw, or roll, pitch, yaw: small turns about the target's axes; then others that were estimated
     names: tuple[str, ...]
-    covariance: Float64Array
-    weight: Float64Array
-    residual: Float64Array
-    scale: float
-    rank: int
-    condition: float
+    covariance: Float64Array  # of these, shape (p, p) [m, rad, s]
+    weight: Float64Array  # how much each pair counts, 0..1, shape (n,)
+    residual: Float64Array  # target minus moved source, shape (n, d) [m]
+    scale: float  # standard deviations of the points are this many times those given
+    rank: int  # of the problem: always p; less is refused
+    condition: float  # condition number of the equilibrated problem
 
     @property
     def yaw(self) -> float:

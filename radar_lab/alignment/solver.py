@@ -15,8 +15,8 @@ from radar_core.checks import require_finite
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import SingularError, canonical_svd, first_max, symmetrise
+from radar_core.types import Float64Array
 
-Float64Array = NDArray[np.float64]
 S = TypeVar("S")
 
 Loss = Literal["none", "huber", "tukey"]
@@ -41,23 +41,12 @@ class NotObservableError(SingularError):
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Residuals about a state, and how they change with the parameters: residual(state + step) = residual - jacobian step.
+    """Residuals about a state, and how they change with the parameters: residual(state + step) = residual - jacobian step."""
 
-    Attributes
-    ----------
-    residual : ndarray of float64, shape (n, d)
-        Measured minus predicted.
-    jacobian : ndarray of float64, shape (n, d, p)
-        Of what is predicted.
-    covariance : ndarray of float64, shape (n, d, d)
-        Of the residuals, up to a common factor.
-    noise : ndarray of float64, shape (p, p)
-        Part of jacobian' covariance^-1 jacobian, summed over residuals, that comes from errors within the jacobian alone.
-    """
-
-    residual: Float64Array
-    jacobian: Float64Array
-    covariance: Float64Array
+    residual: Float64Array  # measured minus predicted, shape (n, d)
+    jacobian: Float64Array  # of what is predicted, shape (n, d, p)
+    covariance: Float64Array  # of the residuals, up to a common factor, shape (n, d, d)
+    # Part of jacobian' covariance^-1 jacobian, summed over residuals, that comes from errors within the jacobian alone, shape (p, p)
     noise: Float64Array
 
 
@@ -75,40 +64,25 @@ class SolverConfig:
 
 @dataclass(frozen=True, eq=False)
 class Solution(Generic[S]):
-    """What `solve` found about n samples of d components, with p parameters.
+    """What `solve` found about n samples of d components, with p parameters."""
 
-    Attributes
-    ----------
-    state, linear : object, Linear
-        The best state, and what is linear about it.
-    whitened, jacobian : ndarray of float64, shapes (n, d), (n, d, p)
-        Of unit variance where the covariances are right.
-    weight : ndarray of float64, shape (n,)
-        Of the samples, 0..1.
-    scale : float
-        Standard deviations are this many times those given.
-    covariance, bread : ndarray of float64, shape (p, p)
-        Of the parameters, for errors that are independent from sample to sample; outer parts of `correlated_covariance`.
-    prior : ndarray of float64, shape (p,)
-        Standard deviations of what was known beforehand.
-    condition, rank : float, int
-        Of the equilibrated problem; the rank is p, because everything else is refused.
-    iterations : int
-        Until it converged.
-    """
-
+    # state, linear: the best state, and what is linear about it
     state: S
     linear: Linear
+    # whitened, jacobian: of unit variance where the covariances are right, shapes (n, d), (n, d, p)
     whitened: Float64Array
     jacobian: Float64Array
-    weight: Float64Array
-    scale: float
+    weight: Float64Array  # of the samples, 0..1, shape (n,)
+    scale: float  # standard deviations are this many times those given
+    # covariance, bread: of the parameters, for errors that are independent from sample to sample; outer parts of `correlated_covariance`,
+    # shape (p, p)
     covariance: Float64Array
     bread: Float64Array
-    prior: Float64Array
+    prior: Float64Array  # standard deviations of what was known beforehand, shape (p,)
+    # condition, rank: of the equilibrated problem; the rank is p, because everything else is refused
     condition: float
     rank: int
-    iterations: int
+    iterations: int  # until it converged
 
 
 def solve(

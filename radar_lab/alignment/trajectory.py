@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.checks import require_shape
 from radar_core.config import config, knob
 from radar_core.errors import DataError
+from radar_core.types import Float64Array, IndexArray
 from radar_lab.alignment.rigid import Motion, check_points
 from radar_lab.alignment.solver import Freedom, Loss, SolverConfig
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _SECOND = 1e9  # ns
 _MOST = 50  # samples on either side that a slope is fitted to: more make it no better for what it is needed
@@ -57,27 +54,16 @@ class TrajectoryConfig(SolverConfig):
 class Trajectory:
     """Where something was, as one sensor saw it, in that sensor's frame (levelled, where only yaw is to be found).
 
-    Attributes
-    ----------
-    stamp_ns : ndarray of int64, shape (n,)
-        By the sensor's clock, ascending [ns].
-    position : ndarray of float64, shape (n, d)
-        d = 2 (floor plane) or 3; the sensor is at the origin [m].
-    covariance : ndarray of float64, shape (n, d, d)
-        Of the positions [m^2]. Only ratios matter: a common factor is measured.
-    velocity : ndarray of float64, shape (n, d)
-        Where known [m/s], else NaN, and found from the positions.
-
     Raises
     ------
     DataError
         When shapes differ, stamps do not ascend, or a position or covariance is not finite.
     """
 
-    stamp_ns: IndexArray
-    position: Float64Array
-    covariance: Float64Array
-    velocity: Float64Array | None = None
+    stamp_ns: IndexArray  # by the sensor's clock, ascending, shape (n,) [ns]
+    position: Float64Array  # d = 2 (floor plane) or 3; the sensor is at the origin; shape (n, d) [m]
+    covariance: Float64Array  # of the positions [m^2]. Only ratios matter: a common factor is measured; shape (n, d, d)
+    velocity: Float64Array | None = None  # where known [m/s], else NaN, and found from the positions, shape (n, d)
 
     def __post_init__(self) -> None:
         position, covariance = check_points("Trajectory", self.position, self.covariance)
@@ -113,30 +99,17 @@ class TrajectoryAlignment(Motion):
 
     The covariance is for errors that are correlated in time. After the names of the motion come those of ``offset``, ``depth`` and
     ``depth_difference`` that were estimated.
-
-    Attributes
-    ----------
-    offset : float
-        What is to be added to the second one's stamps to get the first one's [s]; 0 where it was not looked for.
-    depth, depth_difference : float
-        How far the body's centre lies behind the positions along the lines of sight, mean of both sensors, and second minus first [m].
-    n_effective : float
-        How many independent samples would say as much.
-    correlation_time : float
-        Within which errors are correlated [s].
-    used : ndarray of int64, shape (n,)
-        Indices of the second sensor's samples that have a partner.
-    partner : ndarray of float64, shape (n, d)
-        Where the first sensor saw it then, in its frame [m].
     """
 
-    offset: float
+    offset: float  # what is to be added to the second one's stamps to get the first one's [s]; 0 where it was not looked for
+    # depth, depth_difference: how far the body's centre lies behind the positions along the lines of sight, mean of both sensors, and
+    # second minus first [m]
     depth: float
     depth_difference: float
-    n_effective: float
-    correlation_time: float
-    used: IndexArray
-    partner: Float64Array
+    n_effective: float  # how many independent samples would say as much
+    correlation_time: float  # within which errors are correlated [s]
+    used: IndexArray  # indices of the second sensor's samples that have a partner, shape (n,)
+    partner: Float64Array  # where the first sensor saw it then, in its frame, shape (n, d) [m]
 
     @property
     def pairs(self) -> int:

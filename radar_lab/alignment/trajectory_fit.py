@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.errors import DataError
+from radar_core.types import Float64Array, IndexArray
 from radar_lab.alignment import rigid
 from radar_lab.alignment.rigid import noise_information, parameter_names, rigid_jacobian
 from radar_lab.alignment.solver import Linear, NotObservableError, Solution, correlated_covariance, solve
 from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, TrajectoryConfig, nearest, sight_lines, since, slopes
-
-Float64Array = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 _SECOND = 1e9  # ns
 _SPAN = 10.0  # correlation times that a movement has to last

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.figures import new_figure, save_figure
 from radar_sim.turntable import AXES
-
-Float64Array = NDArray[np.float64]
 
 
 @config
@@ -32,31 +31,16 @@ class AmbiguityConfig:
 
 @dataclass(frozen=True, eq=False)
 class Ambiguity:
-    """Ambiguity function along one axis, the other angle being 0.
+    """Ambiguity function along one axis, the other angle being 0."""
 
-    Attributes
-    ----------
-    axis : str
-        ``azimuth`` or ``elevation``.
-    angle : ndarray of float64, shape (n_angle,)
-        Grid, ascending [rad].
-    chi : ndarray of float64, shape (n_angle, n_angle)
-        abs(chi) of (3.2), 0 to 1; symmetric.
-    unambiguous : float
-        Half width of the largest symmetric interval in which no side lobe reaches the threshold [rad]; 0: the array does not measure
-        this angle.
-    side_lobe : float
-        Highest side lobe between directions of the array's field of view; 0: none.
-    beamwidth : float
-        Width of abs(chi)^2 = 1/2 around the boresight [rad] (3 dB); NaN where it does not fall that far within the grid.
-    """
-
-    axis: str
-    angle: Float64Array
-    chi: Float64Array
+    axis: str  # ``azimuth`` or ``elevation``
+    angle: Float64Array  # grid, ascending, shape (n_angle,) [rad]
+    chi: Float64Array  # abs(chi) of (3.2), 0 to 1; symmetric; shape (n_angle, n_angle)
+    # Half width of the largest symmetric interval in which no side lobe reaches the threshold [rad]; 0: the array does not measure this
+    # angle
     unambiguous: float
-    side_lobe: float
-    beamwidth: float
+    side_lobe: float  # highest side lobe between directions of the array's field of view; 0: none
+    beamwidth: float  # width of abs(chi)^2 = 1/2 around the boresight [rad] (3 dB); NaN where it does not fall that far within the grid
 
 
 def ambiguity(array: AntennaArray, wavelength: float, axis: str, config: AmbiguityConfig | None = None) -> Ambiguity:

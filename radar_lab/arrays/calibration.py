@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, RadarInfo
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_dsp.array_file import CalibratedArray, SteeringTable
 from radar_lab.arrays.ambiguity import Ambiguity
 from radar_lab.arrays.channel_fit import ChannelFit, Channels, Residual
 from radar_lab.arrays.turntable import Snapshots, spherical
-
-Float64Array = NDArray[np.float64]
 
 DEAD_GAIN = -100.0
 """Gain that a dead channel gets [dB]: it then has no say in any direction."""

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-
-Float64Array = NDArray[np.float64]
-Complex128Array = NDArray[np.complex128]
+from radar_core.types import Complex128Array, Float64Array
 
 _STEPS = 50
 _UNSEEN = 1e-4
@@ -19,41 +17,22 @@ _UNSEEN = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """Parameters of the live channels.
+    """Parameters of the live channels."""
 
-    Attributes
-    ----------
-    gain, phase : ndarray of float64, shape (n_channel,)
-        Factor of the amplitude, and phase [rad].
-    shift : ndarray of float64, shape (n_channel, 2)
-        Along y and z [m].
-    offset : ndarray of float64, shape (n_sweep, 2)
-        True minus stated (azimuth, elevation) of each sweep [rad].
-    """
-
+    # gain, phase: factor of the amplitude, and phase, shape (n_channel,) [rad]
     gain: Float64Array
     phase: Float64Array
-    shift: Float64Array
-    offset: Float64Array
+    shift: Float64Array  # along y and z, shape (n_channel, 2) [m]
+    offset: Float64Array  # true minus stated (azimuth, elevation) of each sweep, shape (n_sweep, 2) [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What a set of parameters leaves.
+    """What a set of parameters leaves."""
 
-    Attributes
-    ----------
-    phase : ndarray of float64, shape (n_snapshot, n_channel)
-        Of measurement over model [rad].
-    level : ndarray of float64, shape (n_snapshot, n_channel)
-        Of measurement over model [dB].
-    power : ndarray of float64, shape (n_snapshot,)
-        Fitted power of each snapshot.
-    """
-
-    phase: Float64Array
-    level: Float64Array
-    power: Float64Array
+    phase: Float64Array  # of measurement over model, shape (n_snapshot, n_channel) [rad]
+    level: Float64Array  # of measurement over model, shape (n_snapshot, n_channel) [dB]
+    power: Float64Array  # fitted power of each snapshot, shape (n_snapshot,)
 
     def rms(self, gain: Float64Array) -> float:
         """Weighted rms phase [rad]: noise is the same everywhere, so strong entries know their phase better."""

@@ -38,31 +38,20 @@ class Sweeps:
 class Snapshots:
     """Complex amplitudes of one reflector in all channels, over known directions.
 
-    Attributes
-    ----------
-    azimuth, elevation : ndarray of float64, shape (n_snapshot,)
-        Where the reflector was, in the sensor frame [rad].
-    sweep : ndarray of int64, shape (n_snapshot,)
-        Sweep that each belongs to.
-    values : ndarray of complex128, shape (n_snapshot, n_channel)
-        Spectrum in the reflector's cell; channel v = tx * n_rx + rx. Each row has an unknown factor of its own.
-    range : float
-        Distance of the reflector [m]; infinite: plane waves.
-    snr : float
-        Power in the reflector's cell over that of the median cell [dB]; NaN: not measured.
-
     Raises
     ------
     DataError
         When lengths differ, a number is not finite, or a direction lies behind the array.
     """
 
+    # azimuth, elevation: where the reflector was, in the sensor frame, shape (n_snapshot,) [rad]
     azimuth: NDArray[np.float64]
     elevation: NDArray[np.float64]
-    sweep: NDArray[np.int64]
+    sweep: NDArray[np.int64]  # sweep that each belongs to, shape (n_snapshot,)
+    # Spectrum in the reflector's cell; channel v = tx * n_rx + rx. Each row has an unknown factor of its own; shape (n_snapshot, n_channel)
     values: NDArray[np.complex128]
-    range: float = np.inf
-    snr: float = field(default=np.nan)
+    range: float = np.inf  # distance of the reflector [m]; infinite: plane waves
+    snr: float = field(default=np.nan)  # power in the reflector's cell over that of the median cell [dB]; NaN: not measured
 
     def __post_init__(self) -> None:
         n = len(self.azimuth)

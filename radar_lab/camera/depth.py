@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 _MAD = 1.4826  # standard deviation over median absolute deviation, for a normal distribution
 _MEDIAN = math.pi / 2  # variance of a median over that of a mean, for a normal distribution
@@ -48,19 +47,12 @@ class DepthConfig:
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth at some pixels.
+    """Depth at some pixels."""
 
-    Attributes
-    ----------
-    depth, std : ndarray of float64, shape (n,)
-        Along the optical axis, and its standard deviation [m]; NaN: there is no surface.
-    reason : tuple of str
-        Why not, one entry per pixel; empty: there is one.
-    """
-
+    # depth, std: along the optical axis, and its standard deviation [m]; NaN: there is no surface; shape (n,)
     depth: Float64Array
     std: Float64Array
-    reason: tuple[str, ...]
+    reason: tuple[str, ...]  # why not, one entry per pixel; empty: there is one
 
 
 class DepthReader:

@@ -6,38 +6,25 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
+from radar_core.types import Float64Array
 from radar_lab.alignment import Trajectory, TrajectoryAlignment, TrajectoryConfig, align_trajectories
 from radar_lab.camera.pinhole import CameraMount
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """Place and direction of a camera, and its latency, with what is known of their errors.
+    """Place and direction of a camera, and its latency, with what is known of their errors."""
 
-    Attributes
-    ----------
-    mount : CameraMount
-        Of the camera in the radar's ``room``.
-    latency : float
-        By which its images are stamped late [s].
-    position_std, angle_std, latency_std : float
-        Standard deviations: root mean square of the coordinates and of the angles that were found [m], [rad], [s]; NaN: the latency was
-        not looked for.
-    alignment : TrajectoryAlignment
-        All of what was found; its pose is that of the assumed camera, moved.
-    """
-
-    mount: CameraMount
-    latency: float
+    mount: CameraMount  # of the camera in the radar's ``room``
+    latency: float  # by which its images are stamped late [s]
+    # position_std, angle_std, latency_std: standard deviations: root mean square of the coordinates and of the angles that were found [m],
+    # [rad], [s]; NaN: the latency was not looked for
     position_std: float
     angle_std: float
     latency_std: float
-    alignment: TrajectoryAlignment
+    alignment: TrajectoryAlignment  # all of what was found; its pose is that of the assumed camera, moved
 
 
 def calibrate(

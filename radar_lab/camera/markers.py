@@ -10,9 +10,9 @@ from scipy import ndimage
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.camera.pose import Keypoints, require_image
 
-Float64Array = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
 
 _CIRCLE = 360.0  # degrees

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.camera.pose import Keypoints, require_image
-
-Float64Array = NDArray[np.float64]
 
 _LANDMARKS: dict[str, tuple[int, ...]] = {
     "nose": (0,),

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 COEFFICIENTS = {"none": (0,), "plumb_bob": (0, 4, 5), "rational_polynomial": (0, 8)}
 """Lens models, and how many coefficients each may have; none: no distortion."""

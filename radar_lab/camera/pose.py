@@ -10,29 +10,18 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_shape
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 
 @dataclass(frozen=True, eq=False)
 class RgbdFrame:
-    """A colour image and the depth image that is aligned to it: the same pixel shows the same direction.
+    """A colour image and the depth image that is aligned to it: the same pixel shows the same direction."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        As the camera's driver gives it [ns]; the light may be older by the camera's latency.
-    sequence : int
-        Counts the frames.
-    colour : ndarray of uint8, shape (height, width, 3)
-        Red, green, blue.
-    depth : ndarray of uint16 or float32, shape (height, width)
-        Along the optical axis: whole millimetres (ROS: 16UC1), or metres (32FC1). 0, NaN and infinity: not measured.
-    """
-
-    stamp_ns: int
-    sequence: int
-    colour: NDArray[np.uint8]
+    stamp_ns: int  # as the camera's driver gives it [ns]; the light may be older by the camera's latency
+    sequence: int  # counts the frames
+    colour: NDArray[np.uint8]  # red, green, blue, shape (height, width, 3)
+    # Along the optical axis: whole millimetres (ROS: 16UC1), or metres (32FC1). 0, NaN and infinity: not measured, uint16 or float32, shape
+    # (height, width)
     depth: NDArray[Any]
 
     def __post_init__(self) -> None:
@@ -48,26 +37,14 @@ class RgbdFrame:
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """Joints in an image.
+    """Joints in an image."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of n joints, e.g. ``right_hand``; sides are the person's own.
-    pixel : ndarray of float64, shape (n, 2) = (u, v)
-        The centre of the first pixel is (0, 0); NaN: not found.
-    confidence : ndarray of float64, shape (n,)
-        0 (not found) to 1.
-    pixel_std : ndarray of float64, shape (n,)
-        Standard deviation of u and of v [px].
-    label : ndarray of uint8, shape (height, width), or None
-        k + 1 where the image shows what joint k was found by, so that depth is read there only; None: the estimator does not know.
-    """
-
-    names: tuple[str, ...]
-    pixel: Float64Array
-    confidence: Float64Array
-    pixel_std: Float64Array
+    names: tuple[str, ...]  # of n joints, e.g. ``right_hand``; sides are the person's own
+    pixel: Float64Array  # the centre of the first pixel is (0, 0); NaN: not found; shape (n, 2) = (u, v)
+    confidence: Float64Array  # 0 (not found) to 1, shape (n,)
+    pixel_std: Float64Array  # standard deviation of u and of v, shape (n,) [px]
+    # K + 1 where the image shows what joint k was found by, so that depth is read there only; None: the estimator does not know, shape
+    # (height, width), or None
     label: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:

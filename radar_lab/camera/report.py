@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from radar_core import DataError
 from radar_core.linalg import SingularError, solve_spd
+from radar_core.types import Float64Array
 from radar_lab.camera.residual import PARTS, Residual, ResidualConfig
 from radar_lab.figures import new_figure, save_figure
-
-Float64Array = NDArray[np.float64]
 
 _SECOND = 1e-9
 _BASE = 0.2  # s: a hand's direction changes little in this time
@@ -28,28 +26,19 @@ _AXES = ("x, forward", "y, left", "z, up")
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Residuals of one track, as arrays.
+    """Residuals of one track, as arrays."""
 
-    Attributes
-    ----------
-    time : ndarray of float64, shape (n,)
-        Since the first stamp of all tracks [s].
-    position, reference, residual : ndarray of float64, shape (n, 3)
-        Of the track, of the reference, and the difference of both [m].
-    track_covariance, covariance, common : ndarray of float64, shape (n, 3, 3)
-        Of the track, of the reference, and what of the latter is the same at all times [m^2].
-    part_std : ndarray of float64, shape (n, 6)
-        As in `Residual` [m].
-    """
-
-    time: Float64Array
+    time: Float64Array  # since the first stamp of all tracks, shape (n,) [s]
+    # position, reference, residual: of the track, of the reference, and the difference of both, shape (n, 3) [m]
     position: Float64Array
     reference: Float64Array
     residual: Float64Array
+    # track_covariance, covariance, common: of the track, of the reference, and what of the latter is the same at all times, shape (n, 3, 3)
+    # [m^2]
     track_covariance: Float64Array
     covariance: Float64Array
     common: Float64Array
-    part_std: Float64Array
+    part_std: Float64Array  # as in `Residual`, shape (n, 6) [m]
 
 
 def collect(residuals: Iterable[Residual]) -> dict[str, Series]:

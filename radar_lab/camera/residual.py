@@ -7,14 +7,12 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob
 from radar_core.linalg import symmetrise
-
-Float64Array = NDArray[np.float64]
+from radar_core.types import Float64Array
 
 PARTS = ("pixel", "depth", "skin", "latency", "mount", "interpolation")
 """Errors of a reference at a track's stamp: those of `radar_lab.camera.truth.PARTS`, and what lies between two of its images."""
@@ -50,24 +48,14 @@ def _check(sample: object, **shapes: tuple[int, ...]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceSample:
-    """Where the hand is, says the reference.
+    """Where the hand is, says the reference."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        When [ns].
-    position : ndarray of float64, shape (3,)
-        In ``room`` [m].
-    covariance, common : ndarray of float64, shape (3, 3)
-        Of all errors, and of those that are the same in all samples [m^2].
-    part_std : ndarray of float64, shape (5,)
-        Root mean square length of the errors named by the first five of `PARTS` [m].
-    """
-
-    stamp_ns: int
-    position: Float64Array
+    stamp_ns: int  # when [ns]
+    position: Float64Array  # in ``room``, shape (3,) [m]
+    # covariance, common: of all errors, and of those that are the same in all samples, shape (3, 3) [m^2]
     covariance: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
     common: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+    # Root mean square length of the errors named by the first five of `PARTS`, shape (5,) [m]
     part_std: Float64Array = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
@@ -76,24 +64,12 @@ class ReferenceSample:
 
 @dataclass(frozen=True, eq=False)
 class TrackSample:
-    """Where the hand is, says one of the trackers that are compared.
+    """Where the hand is, says one of the trackers that are compared."""
 
-    Attributes
-    ----------
-    track : str
-        Which tracker, e.g. its topic.
-    stamp_ns : int
-        When [ns].
-    position : ndarray of float64, shape (3,)
-        In ``room`` [m].
-    covariance : ndarray of float64, shape (3, 3)
-        Of the position [m^2].
-    """
-
-    track: str
-    stamp_ns: int
-    position: Float64Array
-    covariance: Float64Array
+    track: str  # which tracker, e.g. its topic
+    stamp_ns: int  # when [ns]
+    position: Float64Array  # in ``room``, shape (3,) [m]
+    covariance: Float64Array  # of the position, shape (3, 3) [m^2]
 
     def __post_init__(self) -> None:
         _check(self, position=(3,), covariance=(3, 3))
@@ -101,28 +77,15 @@ class TrackSample:
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """A track less the reference at one moment.
+    """A track less the reference at one moment."""
 
-    Attributes
-    ----------
-    sample : TrackSample
-        The track.
-    reference : ndarray of float64, shape (3,)
-        Place of the reference, interpolated to the track's stamp [m].
-    residual : ndarray of float64, shape (3,)
-        Track less reference [m].
-    covariance, common : ndarray of float64, shape (3, 3)
-        Of the reference there: all errors, and those that are the same at all times [m^2].
-    part_std : ndarray of float64, shape (6,)
-        Root mean square length of the errors named by `PARTS` [m].
-    """
-
-    sample: TrackSample
-    reference: Float64Array
-    residual: Float64Array
+    sample: TrackSample  # the track
+    reference: Float64Array  # place of the reference, interpolated to the track's stamp, shape (3,) [m]
+    residual: Float64Array  # track less reference, shape (3,) [m]
+    # covariance, common: of the reference there: all errors, and those that are the same at all times, shape (3, 3) [m^2]
     covariance: Float64Array
     common: Float64Array
-    part_std: Float64Array
+    part_std: Float64Array  # root mean square length of the errors named by `PARTS`, shape (6,) [m]
 
 
 class HandResiduals:

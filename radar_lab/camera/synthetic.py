@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.camera.pinhole import CameraModel, CameraMount
 from radar_lab.camera.pose import RgbdFrame
 from radar_sim.bodies.base import BONES, Pose
@@ -24,7 +25,6 @@ from radar_sim.bodies.skin import MeshBody, at
 from radar_sim.scene import Scene
 from radar_sim.world import World
 
-Float64Array = NDArray[np.float64]
 _jit = numba.njit(cache=True, nogil=True)
 
 JOINTS: Mapping[str, str] = {

@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
 from radar_core.linalg import symmetrise
+from radar_core.types import Float64Array
 from radar_lab.camera.depth import DepthConfig, DepthReader
 from radar_lab.camera.markers import MarkerConfig, MarkerFinder
 from radar_lab.camera.mediapipe_pose import MediapipeConfig, MediapipePose
 from radar_lab.camera.pinhole import CameraModel, CameraMount, from_optical
 from radar_lab.camera.pose import Keypoints, PoseEstimator, RgbdFrame
 from radar_lab.camera.residual import ReferenceSample
-
-Float64Array = NDArray[np.float64]
 
 PARTS = ("pixel", "depth", "skin", "latency", "mount")
 """What makes up the error of a joint; see `JointTruth.part_std`."""
@@ -75,47 +73,23 @@ class CameraTruthConfig:
 
 @dataclass(frozen=True, eq=False)
 class JointTruth:
-    """Joints of one person in ``room``; arrays have one entry (row) per joint, NaN where it was not seen.
+    """Joints of one person in ``room``; arrays have one entry (row) per joint, NaN where it was not seen."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        When the light was seen: the image's stamp less the known latency [ns].
-    sequence : int
-        Of the frame.
-    frame_id : str
-        Always ``room``.
-    names : tuple of str
-        Of n joints.
-    position, velocity : ndarray of float64, shape (n, 3)
-        [m], [m/s]; the velocity is NaN too while the joint has not been seen for long enough.
-    covariance : ndarray of float64, shape (n, 3, 3)
-        Of the position, all errors together [m^2].
-    common : ndarray of float64, shape (n, 3, 3)
-        That part of it which is the same from frame to frame: skin, latency, mount [m^2].
-    part_std : ndarray of float64, shape (n, 5)
-        Root mean square length of each error of `PARTS` [m]: pixel noise, depth noise, depth below the skin, latency times speed, place
-        and direction of the camera. Their squares add up to the trace of the covariance.
-    pixel : ndarray of float64, shape (n, 2) = (u, v)
-        Where the joint was found in the image.
-    confidence : ndarray of float64, shape (n,)
-        Of the pose estimator, 0 to 1.
-    reason : tuple of str
-        Why a joint was not seen; empty: it was.
-    """
-
-    stamp_ns: int
-    sequence: int
-    frame_id: str
-    names: tuple[str, ...]
+    stamp_ns: int  # when the light was seen: the image's stamp less the known latency [ns]
+    sequence: int  # of the frame
+    frame_id: str  # always ``room``
+    names: tuple[str, ...]  # of n joints
+    # Shape (n, 3) [m], [m/s]; the velocity is NaN too while the joint has not been seen for long enough.
     position: Float64Array
     velocity: Float64Array
-    covariance: Float64Array
-    common: Float64Array
+    covariance: Float64Array  # of the position, all errors together, shape (n, 3, 3) [m^2]
+    common: Float64Array  # that part of it which is the same from frame to frame: skin, latency, mount; shape (n, 3, 3) [m^2]
+    # Root mean square length of each error of `PARTS` [m]: pixel noise, depth noise, depth below the skin, latency times speed, place and
+    # direction of the camera. Their squares add up to the trace of the covariance; shape (n, 5)
     part_std: Float64Array
-    pixel: Float64Array
-    confidence: Float64Array
-    reason: tuple[str, ...]
+    pixel: Float64Array  # where the joint was found in the image, shape (n, 2) = (u, v)
+    confidence: Float64Array  # of the pose estimator, 0 to 1, shape (n,)
+    reason: tuple[str, ...]  # why a joint was not seen; empty: it was
 
 
 class CameraTruth:

@@ -32,36 +32,21 @@ _NOWHERE: Final[NDArray[np.float64]] = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class Moment:
-    """What a recording holds at one stamp.
+    """What a recording holds at one stamp."""
 
-    Attributes
-    ----------
-    cloud : PointCloud
-        In the sensor frame.
-    one : PointCloud or None
-        Of the same frame through the first transmitter alone, where it was asked for.
-    places : mapping of int to ndarray
-        Where people truly are, shape (3,), by their numbers, in ``room`` [m]; empty: not known.
-    """
-
-    cloud: PointCloud
-    one: PointCloud | None = None
+    cloud: PointCloud  # in the sensor frame
+    one: PointCloud | None = None  # of the same frame through the first transmitter alone, where it was asked for
+    # Where people truly are, shape (3,), by their numbers, in ``room`` [m]; empty: not known
     places: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What `import_labelled` did.
+    """What `import_labelled` did."""
 
-    Attributes
-    ----------
-    n_written, n_found : int
-        New samples; those of them in which the event stage finds the gesture.
-    n_known, n_outside : int
-        Labels whose samples were there already; labels at times that the recording does not have.
-    """
-
+    # n_written, n_found: new samples; those of them in which the event stage finds the gesture
     n_written: int
+    # n_known, n_outside: labels whose samples were there already; labels at times that the recording does not have
     n_known: int
     n_found: int
     n_outside: int

@@ -37,30 +37,15 @@ _GATE: Final[float] = 0.8  # m: a track farther from the person on the floor is 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What the event stage made of one sample.
+    """What the event stage made of one sample."""
 
-    Attributes
-    ----------
-    label : int
-        Index into `GESTURES`.
-    person : int
-        The subject.
-    stroke_ns : tuple of int
-        True start and end [ns].
-    event : TrackEvent or None
-        The gesture's event; None: it was missed. Its features are never None.
-    clouds : tuple of PointCloud
-        The track's own points, in ``room``, from ``margin`` before the event to ``margin`` after it; empty without an event.
-    samples : tuple of MotionSample
-        Of these clouds: the one-dimensional signals of the thesis's figure 4.9.
-    """
-
-    label: int
-    person: int
-    stroke_ns: tuple[int, int]
-    event: TrackEvent | None
+    label: int  # index into `GESTURES`
+    person: int  # the subject
+    stroke_ns: tuple[int, int]  # true start and end [ns]
+    event: TrackEvent | None  # the gesture's event; None: it was missed. Its features are never None
+    # The track's own points, in ``room``, from ``margin`` before the event to ``margin`` after it; empty without an event
     clouds: tuple[PointCloud, ...]
-    samples: tuple[MotionSample, ...]
+    samples: tuple[MotionSample, ...]  # of these clouds: the one-dimensional signals of the thesis's figure 4.9
 
     @property
     def features(self) -> NDArray[np.float64]:

@@ -46,33 +46,16 @@ _ADVICE: Final[str] = "make some with `handwave dataset generate`, or radar_lab.
 
 @dataclass(frozen=True, eq=False)
 class SampleSet:
-    """Labelled samples.
+    """Labelled samples."""
 
-    Attributes
-    ----------
-    features : ndarray of float64, shape (n, n_features)
-        One row a sample: the thirteen that `extract` gives, or those that ``names`` says.
-    label : ndarray of int64, shape (n,)
-        Index into `GESTURES`.
-    person : ndarray of int64, shape (n,)
-        Whose; every simulated scene has people of its own, every subject of a data set a number.
-    walked : ndarray of float64, shape (n,)
-        Ground distance moved during the event [m].
-    missed : ndarray of int64, shape (10,)
-        Gestures performed that gave no event, by label.
-    config : mapping
-        How the features were made.
-    names : tuple of str, length n_features
-        Of the features.
-    """
-
+    # One row a sample: the thirteen that `extract` gives, or those that ``names`` says, shape (n, n_features)
     features: NDArray[np.float64]
-    label: NDArray[np.int64]
-    person: NDArray[np.int64]
-    walked: NDArray[np.float64]
-    missed: NDArray[np.int64]
-    config: Mapping[str, Any]
-    names: tuple[str, ...] = FEATURE_NAMES
+    label: NDArray[np.int64]  # index into `GESTURES`, shape (n,)
+    person: NDArray[np.int64]  # whose; every simulated scene has people of its own, every subject of a data set a number; shape (n,)
+    walked: NDArray[np.float64]  # ground distance moved during the event, shape (n,) [m]
+    missed: NDArray[np.int64]  # gestures performed that gave no event, by label, shape (10,)
+    config: Mapping[str, Any]  # how the features were made
+    names: tuple[str, ...] = FEATURE_NAMES  # of the features, length n_features
 
     def __post_init__(self) -> None:
         n = len(self.label)

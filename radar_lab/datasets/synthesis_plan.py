@@ -138,56 +138,29 @@ def named_plan(name: str, **changes: Any) -> Plan:
 
 @dataclass(frozen=True)
 class Subject:
-    """Somebody who performs gestures, and how they usually do.
+    """Somebody who performs gestures, and how they usually do."""
 
-    Attributes
-    ----------
-    number : int
-        Of the subject.
-    height, build : float
-        Stature [m], and as `Person.build`.
-    sex, arm : str
-        As of `Person`.
-    usual : dict of str to float
-        Where in the plan's bounds of speed, size, tilt, path, sway and walk they usually are, 0 to 1.
-    variant : dict of str to int
-        How they perform gestures that there are several ways of; the number of ways: in each way in turn.
-    """
-
-    number: int
+    number: int  # of the subject
+    # height, build: stature [m], and as `Person.build`
     height: float
     build: float
+    # sex, arm: as of `Person`
     sex: Sex
     arm: Side
-    usual: dict[str, float]
-    variant: dict[str, int]
+    usual: dict[str, float]  # where in the plan's bounds of speed, size, tilt, path, sway and walk they usually are, 0 to 1
+    variant: dict[str, int]  # how they perform gestures that there are several ways of; the number of ways: in each way in turn
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample before it is simulated.
+    """One sample before it is simulated."""
 
-    Attributes
-    ----------
-    number : int
-        Of the sample.
-    gesture : str
-        One of `GESTURES`.
-    variant : int
-        Which way of performing it; of random, 1 (`WALKING`) is a walk.
-    subject : int
-        Who performs it; without subjects, the number of the sample.
-    scene : Scene
-        One person who performs it once.
-    start, end : float
-        Of the stroke, or the walk, in scene time [s].
-    """
-
-    number: int
-    gesture: str
-    variant: int
-    subject: int
-    scene: Scene
+    number: int  # of the sample
+    gesture: str  # one of `GESTURES`
+    variant: int  # which way of performing it; of random, 1 (`WALKING`) is a walk
+    subject: int  # who performs it; without subjects, the number of the sample
+    scene: Scene  # one person who performs it once
+    # start, end: of the stroke, or the walk, in scene time [s]
     start: float
     end: float
 

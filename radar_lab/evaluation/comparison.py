@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.validation import Validation
 
-Float64Array = NDArray[np.float64]
 _LARGEST: Final[int] = 5000  # samples of which Shapiro's p-value is known
 _FEWEST: Final[int] = 3  # samples of which a test says anything
 
@@ -34,43 +34,25 @@ class ComparisonConfig:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What `compare` found. A p-value is NaN where a test says nothing; ``notes`` says why.
+    """What `compare` found. A p-value is NaN where a test says nothing; ``notes`` says why."""
 
-    Attributes
-    ----------
-    names, labels : tuple of str, length n_features, and of int, length n_labels
-        Features; gestures that both data sets have, as indices into `GESTURES`.
-    counts : ndarray of int64, shape (2, n_labels)
-        Samples of each, of A and of B.
-    shapiro : ndarray of float64, shape (2, n_features)
-        p-values that a feature of A, of B, is normally distributed.
-    kruskal, statistic : ndarray of float64, shape (n_labels, n_features)
-        p-values that a feature of a gesture has one distribution in A and B (figure 5.15), and H of these tests: the larger, the more
-        different.
-    wilcoxon : ndarray of float64, shape (n_labels,)
-        p-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3).
-    left_out : tuple of int
-        The most different features: those of the largest mean H.
-    transfer, reduced : Validation or None
-        Trained on A, tested on B, with all features (tables 5.1 and 5.2), and without ``left_out``; None: too few gestures or samples.
-    significance : float
-        p-values below this count as different.
-    notes : tuple of str
-        What could not be tested.
-    """
-
-    names: tuple[str, ...]
-    labels: tuple[int, ...]
-    counts: NDArray[np.int64]
-    shapiro: Float64Array
+    names: tuple[str, ...]  # features
+    labels: tuple[int, ...]  # gestures that both data sets have, as indices into `GESTURES`
+    counts: NDArray[np.int64]  # samples of each, of A and of B, shape (2, n_labels)
+    shapiro: Float64Array  # p-values that a feature of A, of B, is normally distributed, shape (2, n_features)
+    # kruskal, statistic: p-values that a feature of a gesture has one distribution in A and B (figure 5.15), and H of these tests: the
+    # larger, the more different; shape (n_labels, n_features)
     kruskal: Float64Array
     statistic: Float64Array
+    # P-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3), shape (n_labels,)
     wilcoxon: Float64Array
-    left_out: tuple[int, ...]
+    left_out: tuple[int, ...]  # the most different features: those of the largest mean H
+    # transfer, reduced: trained on A, tested on B, with all features (tables 5.1 and 5.2), and without ``left_out``; None: too few gestures
+    # or samples
     transfer: Validation | None
     reduced: Validation | None
-    significance: float
-    notes: tuple[str, ...]
+    significance: float  # p-values below this count as different
+    notes: tuple[str, ...]  # what could not be tested
 
 
 def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) -> Comparison:

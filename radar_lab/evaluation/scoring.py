@@ -40,30 +40,15 @@ class RecognisedGesture:
 
 @dataclass(frozen=True, eq=False)
 class GestureScore:
-    """Counts over all people.
+    """Counts over all people."""
 
-    Attributes
-    ----------
-    hits : int
-        Gestures recognised with the right label.
-    wrong : int
-        Gestures recognised as another gesture.
-    misses : int
-        Gestures not recognised: no event, or one called random.
-    false_alarms : int
-        Published gestures (not random) that overlap no gesture of that person, or one already recognised; those of tracks on nobody too.
-    confusion : ndarray of int64, shape (10, 11)
-        True label by recognised label; the last column counts gestures without any event.
-    outcomes : tuple of (TruthSegment, RecognisedGesture or None)
-        What was matched with every segment, in the order given.
-    """
-
-    hits: int
-    wrong: int
-    misses: int
+    hits: int  # gestures recognised with the right label
+    wrong: int  # gestures recognised as another gesture
+    misses: int  # gestures not recognised: no event, or one called random
+    # Published gestures (not random) that overlap no gesture of that person, or one already recognised; those of tracks on nobody too
     false_alarms: int
-    confusion: NDArray[np.int64]
-    outcomes: tuple[tuple[TruthSegment, RecognisedGesture | None], ...]
+    confusion: NDArray[np.int64]  # true label by recognised label; the last column counts gestures without any event; shape (10, 11)
+    outcomes: tuple[tuple[TruthSegment, RecognisedGesture | None], ...]  # what was matched with every segment, in the order given
 
     @property
     def total(self) -> int:

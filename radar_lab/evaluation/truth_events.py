@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError, Pose
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_sim.truth import Truth
-
-Float64Array = NDArray[np.float64]
 
 
 @config
@@ -25,34 +24,22 @@ class CriterionConfig:
 
 @dataclass(frozen=True)
 class TrueEvent:
-    """A performed gesture as its radial speed shows it.
+    """A performed gesture as its radial speed shows it."""
 
-    Attributes
-    ----------
-    person_id, label : int
-        Who; index into `GESTURES`.
-    start_ns, end_ns : int
-        First and last moment at which it was being performed [ns].
-    first_ns, last_ns : int
-        First and last crossing of the threshold [ns]; equal to ``start_ns`` and ``end_ns`` when the hand was never fast.
-    fast, fast_total : float
-        Longest time without a break above the threshold, and all such times together [s]; 0: never.
-    peak : float
-        Largest radial speed, without its sign [m/s].
-    meets : bool
-        Whether the hand was fast for as long as `CriterionConfig.duration` asks.
-    """
-
+    # person_id, label: who; index into `GESTURES`
     person_id: int
     label: int
+    # start_ns, end_ns: first and last moment at which it was being performed [ns]
     start_ns: int
     end_ns: int
+    # first_ns, last_ns: first and last crossing of the threshold [ns]; equal to ``start_ns`` and ``end_ns`` when the hand was never fast
     first_ns: int
     last_ns: int
+    # fast, fast_total: longest time without a break above the threshold, and all such times together [s]; 0: never
     fast: float
     fast_total: float
-    peak: float
-    meets: bool
+    peak: float  # largest radial speed, without its sign [m/s]
+    meets: bool  # whether the hand was fast for as long as `CriterionConfig.duration` asks
 
 
 def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64Array) -> Float64Array:

@@ -20,21 +20,11 @@ from radar_lab.importers.segments import MHOMEGES, MTRANSSEE, SegmentOptions, re
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of recording: what it is, its options, and what reads it.
+    """One kind of recording: what it is, its options, and what reads it."""
 
-    Attributes
-    ----------
-    doc : str
-        One sentence for users.
-    options : type
-        Configuration class; its knobs are the options.
-    read : callable
-        Takes the path and the options, gives a `Recording`.
-    """
-
-    doc: str
-    options: type[Any]
-    read: Callable[[Path, Any], Recording]
+    doc: str  # one sentence for users
+    options: type[Any]  # configuration class; its knobs are the options
+    read: Callable[[Path, Any], Recording]  # takes the path and the options, gives a `Recording`
 
     def help(self) -> list[str]:
         """One line per option: name, default, unit and meaning."""

@@ -20,21 +20,11 @@ _UDP: Final = 17
 
 @dataclass(frozen=True)
 class Datagram:
-    """One UDP datagram.
+    """One UDP datagram."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        When it was captured [ns since 1970].
-    port : int
-        Where it went.
-    payload : bytes
-        What it carried.
-    """
-
-    stamp_ns: int
-    port: int
-    payload: bytes
+    stamp_ns: int  # when it was captured [ns since 1970]
+    port: int  # where it went
+    payload: bytes  # what it carried
 
 
 def read_datagrams(path: Path, skipped: Counter[str]) -> Iterator[Datagram]:

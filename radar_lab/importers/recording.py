@@ -43,23 +43,12 @@ START_NS: Final[int] = 1_000_000_000
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled part of a recording.
+    """A labelled part of a recording."""
 
-    Attributes
-    ----------
-    label : str
-        As the original says.
-    subject : int
-        Who.
-    distance : float
-        From the radar [m]; NaN: unknown.
-    start_ns, end_ns : int
-        Stamps of its first and last cloud [ns].
-    """
-
-    label: str
-    subject: int
-    distance: float
+    label: str  # as the original says
+    subject: int  # who
+    distance: float  # from the radar [m]; NaN: unknown
+    # start_ns, end_ns: stamps of its first and last cloud [ns]
     start_ns: int
     end_ns: int
 
@@ -75,21 +64,11 @@ class Tally:
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording being read.
+    """A recording being read."""
 
-    Attributes
-    ----------
-    info : RadarInfo
-        The radar.
-    items : iterator of PointCloud, RadarFrame or Truth
-        In the order of time; read once.
-    tally : Tally
-        Complete when ``items`` is exhausted.
-    """
-
-    info: RadarInfo
-    items: Iterator[Item]
-    tally: Tally
+    info: RadarInfo  # the radar
+    items: Iterator[Item]  # in the order of time; read once
+    tally: Tally  # complete when ``items`` is exhausted
 
 
 def field_names(path: Path) -> list[str]:

@@ -56,29 +56,14 @@ class SegmentOptions(SourceOptions):
 
 @dataclass(frozen=True)
 class Original:
-    """One segment as it was recorded; TI axes.
+    """One segment as it was recorded; TI axes."""
 
-    Attributes
-    ----------
-    label : str
-        As the data set says.
-    subject : int
-        Who.
-    distance : float
-        From the radar [m]; NaN: unknown.
-    frame : ndarray of int64, shape (n,)
-        Frame number of each point.
-    xyz : ndarray, shape (n, 3)
-        Right, forward, up [m].
-    speed, intensity : ndarray, shape (n,)
-        Range rate [m/s] and strength.
-    """
-
-    label: str
-    subject: int
-    distance: float
-    frame: NDArray[np.int64]
-    xyz: NDArray[Any]
+    label: str  # as the data set says
+    subject: int  # who
+    distance: float  # from the radar [m]; NaN: unknown
+    frame: NDArray[np.int64]  # frame number of each point, shape (n,)
+    xyz: NDArray[Any]  # right, forward, up, shape (n, 3) [m]
+    # speed, intensity: range rate [m/s] and strength, shape (n,)
     speed: NDArray[Any]
     intensity: NDArray[Any]
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
-
-Float64Array = NDArray[np.float64]
 
 _QUANTILES: Final = (0.0, 0.1, 0.5, 0.9, 1.0)  # symmetric, so that mirroring turns their order round
 _CHANNELS: Final = 4  # number of points, sums of their range rates, of the magnitudes, of how far they are behind the body
@@ -56,18 +55,10 @@ class PostureFeatureConfig:
 
 @dataclass(frozen=True, eq=False)
 class BodyFrame:
-    """A person's own axes: away from the sensor, to the left as the sensor sees it, up from the floor.
+    """A person's own axes: away from the sensor, to the left as the sensor sees it, up from the floor."""
 
-    Attributes
-    ----------
-    place : ndarray of float64, shape (3,)
-        Origin in ``room``: the body on the floor plane, z = 0 [m].
-    axes : ndarray of float64, shape (3, 3)
-        Rows: the unit vectors of the axes in ``room``.
-    """
-
-    place: Float64Array
-    axes: Float64Array
+    place: Float64Array  # origin in ``room``: the body on the floor plane, z = 0; shape (3,) [m]
+    axes: Float64Array  # rows: the unit vectors of the axes in ``room``; shape (3, 3)
 
     @classmethod
     def of(cls, body: Float64Array, origin: Float64Array) -> BodyFrame:
@@ -92,24 +83,12 @@ class BodyFrame:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One person as one cloud shows them.
+    """One person as one cloud shows them."""
 
-    Attributes
-    ----------
-    track : Track
-        Of the person.
-    frame : BodyFrame
-        Their axes.
-    n_points : int
-        Points of the cloud that are theirs.
-    features : ndarray of float64, shape (n_features,)
-        What the cloud and the ones before say.
-    """
-
-    track: Track
-    frame: BodyFrame
-    n_points: int
-    features: Float64Array
+    track: Track  # of the person
+    frame: BodyFrame  # their axes
+    n_points: int  # points of the cloud that are theirs
+    features: Float64Array  # what the cloud and the ones before say, shape (n_features,)
 
 
 class PostureFeatures:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError
 from radar_core.arrays import as_float32, description, load_arrays, read_description, save_arrays
 from radar_core.config import load, plain
+from radar_core.types import Float64Array
 from radar_lab.posture.features import PostureFeatureConfig
-
-Float64Array = NDArray[np.float64]
 
 FORMAT: Final[int] = 1
 """Version of the model file; a reader refuses every other."""
@@ -33,36 +32,22 @@ class PostureModel:
     It gives the left hand. The right one is the mirror image of what it gives for the mirrored person, so that both are learned from both.
     Arrays of any real type are taken and kept as float32, which is what the file holds; sums are made in double precision.
 
-    Attributes
-    ----------
-    features : PostureFeatureConfig
-        What the inputs are.
-    weights : tuple of ndarray of float32, each of shape (n_in, n_out)
-        Of every layer; the first has ``n_in = features.n_features``, the last ``n_out = 3``: (away, left, up) in the person's own axes [m].
-    biases : tuple of ndarray of float32, each of shape (n_out,)
-        Of every layer.
-    std : ndarray of float32, shape (3,)
-        Error of the outputs, root mean square over parts of the training set that were left out [m].
-    spread : ndarray of float32, shape (3,)
-        Standard deviation of the hands themselves in the training set [m].
-    bounds : ndarray of float32, shape (2, 3)
-        Lowest and highest place of a hand in the training set [m]. Beyond it nothing is known, and the answer stays within.
-    figures : mapping
-        What training measured.
-
     Raises
     ------
     ConfigError
         When shapes do not fit or a number is not finite.
     """
 
-    features: PostureFeatureConfig
+    features: PostureFeatureConfig  # what the inputs are
+    # Of every layer; the first has ``n_in = features.n_features``, the last ``n_out = 3``: (away, left, up) in the person's own axes, each
+    # of shape (n_in, n_out) [m]
     weights: tuple[NDArray[np.float32], ...]
-    biases: tuple[NDArray[np.float32], ...]
-    std: NDArray[np.float32]
-    spread: NDArray[np.float32]
+    biases: tuple[NDArray[np.float32], ...]  # of every layer, each of shape (n_out,)
+    std: NDArray[np.float32]  # error of the outputs, root mean square over parts of the training set that were left out, shape (3,) [m]
+    spread: NDArray[np.float32]  # standard deviation of the hands themselves in the training set, shape (3,) [m]
+    # Lowest and highest place of a hand in the training set [m]. Beyond it nothing is known, and the answer stays within; shape (2, 3)
     bounds: NDArray[np.float32]
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, Any] = field(default_factory=dict)  # what training measured
     _layers: tuple[tuple[Float64Array, Float64Array], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

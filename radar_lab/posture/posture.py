@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import RadarInfo
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_lab.posture.features import PostureFeatures, Seen, mirror
 from radar_lab.posture.model import PostureModel
 from radar_tracking.tracks import TrackedCloud
-
-Float64Array = NDArray[np.float64]
 
 _FLIP = np.array([1.0, -1.0, 1.0])  # (away, left, up) in a mirror
 
@@ -32,47 +30,25 @@ class PostureConfig:
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """Both hands of one person.
+    """Both hands of one person."""
 
-    Attributes
-    ----------
-    track_id : int
-        Whose.
-    position : ndarray of float64, shape (2, 3) = (hand, axis)
-        The person's left and right hand in ``room`` [m].
-    std : ndarray of float64, shape (2, 3) = (hand, axis)
-        Standard deviations along the axes of ``room`` [m]; for people and movements like those of the training.
-    n_points : int
-        Points of the cloud that are the person's.
-    unseen : float
-        Since the person had a point [s].
-    """
-
-    track_id: int
-    position: Float64Array
+    track_id: int  # whose
+    position: Float64Array  # the person's left and right hand in ``room``, shape (2, 3) = (hand, axis) [m]
+    # Standard deviations along the axes of ``room`` [m]; for people and movements like those of the training; shape (2, 3) = (hand, axis)
     std: Float64Array
-    n_points: int
-    unseen: float
+    n_points: int  # points of the cloud that are the person's
+    unseen: float  # since the person had a point [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The hands of all people after one cloud.
+    """The hands of all people after one cloud."""
 
-    Attributes
-    ----------
-    stamp_ns, sequence : int
-        Of the cloud.
-    frame_id : str
-        Always ``room``.
-    people : tuple of Posture
-        In the order of their tracks.
-    """
-
+    # stamp_ns, sequence: of the cloud
     stamp_ns: int
     sequence: int
-    frame_id: str
-    people: tuple[Posture, ...]
+    frame_id: str  # always ``room``
+    people: tuple[Posture, ...]  # in the order of their tracks
 
     def find(self, track_id: int) -> Posture | None:
         """Return the posture of the track with this id, or None."""

@@ -14,11 +14,11 @@ from radar_core import DataError
 from radar_core.checks import require_shape
 from radar_core.config import config, knob
 from radar_core.linalg import canonical_eigh
+from radar_core.types import Float64Array
 from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures, Seen, mirror
 from radar_lab.posture.model import PostureModel
 from radar_tracking.tracks import TrackedCloud
 
-Float64Array = NDArray[np.float64]
 Layers = list[tuple[Float64Array, Float64Array]]
 
 _FLIP: Final = np.array([1.0, -1.0, 1.0])  # (away, left, up) in a mirror
@@ -48,24 +48,16 @@ class PostureTrainingConfig:
 class HandRecording:
     """One recording of one person with both hands.
 
-    Attributes
-    ----------
-    clouds : sequence of TrackedCloud
-        In ``room``, in order.
-    hands : ndarray of float64, shape (n_clouds, 2, 3) = (cloud, hand, axis)
-        The person's left and right hand in ``room`` at the clouds' stamps [m]; NaN: unknown.
-    origin : ndarray of float64, shape (3,)
-        Where the sensor stands in ``room`` [m].
-
     Raises
     ------
     DataError
         When there is not one pair of hands for every cloud, or a place is infinite.
     """
 
-    clouds: Sequence[TrackedCloud]
+    clouds: Sequence[TrackedCloud]  # in ``room``, in order
+    # The person's left and right hand in ``room`` at the clouds' stamps [m]; NaN: unknown; shape (n_clouds, 2, 3) = (cloud, hand, axis)
     hands: Float64Array
-    origin: Float64Array
+    origin: Float64Array  # where the sensor stands in ``room``, shape (3,) [m]
 
     def __post_init__(self) -> None:
         require_shape("HandRecording.hands", self.hands, (len(self.clouds), 2, 3))
@@ -76,27 +68,13 @@ class HandRecording:
 
 @dataclass(frozen=True, eq=False)
 class PostureSamples:
-    """What is learned from: every cloud gives two, the left hand, and the right hand of the mirrored person.
+    """What is learned from: every cloud gives two, the left hand, and the right hand of the mirrored person."""
 
-    Attributes
-    ----------
-    features : ndarray of float64, shape (n, n_features)
-        As `PostureFeatures` makes them.
-    hand : ndarray of float64, shape (n, 3)
-        (away, left, up) in the person's axes [m].
-    cloud : ndarray of int64, shape (n,)
-        Index of the cloud in its recording.
-    side : ndarray of int64, shape (n,)
-        0: left hand, 1: right hand, mirrored.
-    block : ndarray of int64, shape (n,)
-        Which piece of time they are from; pieces of different recordings differ.
-    """
-
-    features: Float64Array
-    hand: Float64Array
-    cloud: NDArray[np.int64]
-    side: NDArray[np.int64]
-    block: NDArray[np.int64]
+    features: Float64Array  # as `PostureFeatures` makes them, shape (n, n_features)
+    hand: Float64Array  # (away, left, up) in the person's axes, shape (n, 3) [m]
+    cloud: NDArray[np.int64]  # index of the cloud in its recording, shape (n,)
+    side: NDArray[np.int64]  # 0: left hand, 1: right hand, mirrored; shape (n,)
+    block: NDArray[np.int64]  # which piece of time they are from; pieces of different recordings differ; shape (n,)
 
     def __len__(self) -> int:
         return len(self.hand)

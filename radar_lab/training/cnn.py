@@ -139,22 +139,15 @@ def _about(path: Path, described: Mapping[str, str]) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Numbers of a trained network, independent of what trained it.
+    """Numbers of a trained network, independent of what trained it."""
 
-    Attributes
-    ----------
-    mean, scale : ndarray of float32, shape (5,)
-        Standardisation of each attribute; cells without a detection stay 0.
-    convolutions : tuple of (ndarray, ndarray)
-        Filters, shape (n_out, n_in, 3, 3), and biases, shape (n_out,), of each convolution (edges padded by 1), each followed by ReLU and
-        maxima over 2 x 2 cells.
-    dense : tuple of (ndarray, ndarray)
-        Weights, shape (n_in, n_out), and biases, shape (n_out,), of each dense layer; ReLU between them, softmax after the last.
-    """
-
+    # mean, scale: standardisation of each attribute; cells without a detection stay 0; shape (5,)
     mean: NDArray[np.float32]
     scale: NDArray[np.float32]
+    # Filters, shape (n_out, n_in, 3, 3), and biases, shape (n_out,), of each convolution (edges padded by 1), each followed by ReLU and
+    # maxima over 2 x 2 cells
     convolutions: tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
+    # Weights, shape (n_in, n_out), and biases, shape (n_out,), of each dense layer; ReLU between them, softmax after the last
     dense: tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
 
 

@@ -45,30 +45,15 @@ class TrainingConfig:
 
 @dataclass(frozen=True, eq=False)
 class TrainingReport:
-    """What a training run found.
+    """What a training run found."""
 
-    Attributes
-    ----------
-    model : GestureModel
-        Trained on all samples, calibrated on people left out.
-    validation : Validation
-        What models trained without them say about the people left out, calibrated.
-    config : TrainingConfig
-        How it was trained.
-    calibration_error : tuple of float, length 2
-        Expected calibration error of people left out, before and after the temperature.
-    score : ndarray of float64, shape (n,)
-        How much every sample looks like a known gesture to the model trained without it, see `GestureModel.score`.
-    lost : float
-        Known gestures of people left out that are called random or rejected, as a share.
-    """
-
-    model: GestureModel
-    validation: Validation
-    config: TrainingConfig
-    calibration_error: tuple[float, float]
+    model: GestureModel  # trained on all samples, calibrated on people left out
+    validation: Validation  # what models trained without them say about the people left out, calibrated
+    config: TrainingConfig  # how it was trained
+    calibration_error: tuple[float, float]  # expected calibration error of people left out, before and after the temperature
+    # How much every sample looks like a known gesture to the model trained without it, see `GestureModel.score`, shape (n,)
     score: NDArray[np.float64]
-    lost: float
+    lost: float  # known gestures of people left out that are called random or rejected, as a share
 
 
 def train(

@@ -22,17 +22,10 @@ Answers = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class UnknownReport:
-    """What happens to gestures that were kept from the training.
+    """What happens to gestures that were kept from the training."""
 
-    Attributes
-    ----------
-    rejector : str
-        Name of the rejector.
-    rejected, lost : dict of str to float, float
-        By gesture kept away, the share of its events that is called random or rejected; mean share of known gestures that is.
-    """
-
-    rejector: str
+    rejector: str  # name of the rejector
+    # rejected, lost: by gesture kept away, the share of its events that is called random or rejected; mean share of known gestures that is
     rejected: dict[str, float]
     lost: float
 

@@ -60,28 +60,15 @@ def random_split(n_samples: int, fraction: float = 0.2, *, seed: int = 1) -> lis
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """What a classifier says about samples that were not in its training.
+    """What a classifier says about samples that were not in its training."""
 
-    Attributes
-    ----------
-    split : str
-        How the samples were chosen: subjects, random or all (tested by a model trained elsewhere).
-    labels : tuple of str
-        Names of the labels.
-    probabilities : ndarray of float64, shape (n, n_labels)
-        Of every tested sample.
-    label, person : ndarray of int64, shape (n,)
-        The true ones, and whose samples they are.
-    n_folds : int
-        Classifiers that were trained.
-    """
-
-    split: str
-    labels: tuple[str, ...]
-    probabilities: NDArray[np.float64]
+    split: str  # how the samples were chosen: subjects, random or all (tested by a model trained elsewhere)
+    labels: tuple[str, ...]  # names of the labels
+    probabilities: NDArray[np.float64]  # of every tested sample, shape (n, n_labels)
+    # label, person: the true ones, and whose samples they are, shape (n,)
     label: NDArray[np.int64]
     person: NDArray[np.int64]
-    n_folds: int = 0
+    n_folds: int = 0  # classifiers that were trained
 
     def __post_init__(self) -> None:
         n = len(self.label)

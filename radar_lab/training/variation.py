@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.config import config, knob
+from radar_core.types import Float64Array
 from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, curve_names, read_curves, signals
 
 _STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
-
-Float64Array = NDArray[np.float64]
 
 
 @config
