@@ -30,12 +30,12 @@ _SATURATED: Final = "the converter is at its limit and makes false points: lower
 
 
 class Verdict(Enum):
-    """What a check found."""
+    """What a check found, the worst last."""
 
+    UNKNOWN = "-"
     OK = "ok"
     WARN = "warn"
     FAIL = "fail"
-    UNKNOWN = "-"
 
 
 @dataclass(frozen=True)
@@ -273,8 +273,7 @@ def _above(value: float, warn: float, fail: float) -> Verdict:
 
 def worst(checks: tuple[Check, ...]) -> Verdict:
     """Give the worst verdict of all."""
-    order = (Verdict.UNKNOWN, Verdict.OK, Verdict.WARN, Verdict.FAIL)
-    return max((check.verdict for check in checks), key=order.index, default=Verdict.UNKNOWN)
+    return max((check.verdict for check in checks), key=list(Verdict).index, default=Verdict.UNKNOWN)
 
 
 @dataclass(frozen=True)

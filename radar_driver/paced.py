@@ -39,11 +39,9 @@ class Frames(Protocol):
 
     def frame(self, number: int) -> tuple[RadarFrame, Truth | None]:
         """Frame ``number`` (from 0) and, where known, what is true in its middle; stamps count from the start."""
-        ...
 
     def close(self) -> None:
         """Let go of what is held; may be called twice."""
-        ...
 
 
 class Paced:

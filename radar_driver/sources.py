@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from radar_core import PointCloud, RadarFrame, RadarInfo
 
@@ -65,32 +65,24 @@ class Source(Protocol):
 
     def power_up(self) -> None:
         """Open and set up the device, suspended; a `DeviceError` leaves it powered down."""
-        ...
 
     def resume(self) -> None:
         """Let it send; what it still had from before is thrown away. A recording or scene goes on from where it was suspended."""
-        ...
 
     def suspend(self) -> None:
         """Stop sending; may be called twice."""
-        ...
 
     def power_down(self) -> None:
         """Let go of everything; may be called twice, and never fails."""
-        ...
 
     def read(self, timeout: float) -> Reading | None:
         """Wait ``timeout`` seconds at most for what comes next; None: nothing came.
 
         A `DeviceError` says why; ``gone``: the device has to be powered up anew. Otherwise reading may go on.
         """
-        ...
 
     def report(self) -> Mapping[str, Any]:
         """Say what is known of the source: states, temperature, counts; called from any thread."""
-        ...
 
 
-def monotonic_ns() -> int:
-    """Read the clock on which boards stamp [ns]."""
-    return time.monotonic_ns()
+monotonic_ns: Final = time.monotonic_ns  # the clock on which boards stamp [ns]

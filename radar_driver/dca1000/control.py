@@ -20,7 +20,6 @@ _REPLY: Final = struct.Struct("<HHHH")  # mark, code, status, mark
 _LONGEST: Final = 504  # bytes of data of one command
 _TICKS: Final = 125  # of the packet delay in a microsecond
 _RAW, _CAPTURE, _ETHERNET, _BITS_16 = 1, 1, 2, 3  # of 1 raw, 2 multi; 1 capture, 2 playback; 1 SD card, 2 Ethernet; 12, 14, 16 bits
-
 _TRIES: Final = 3
 _FLOOD: Final = 1000  # datagrams: whoever sends more of them at once cannot keep us busy for ever
 _POLL: Final = 0.05  # s

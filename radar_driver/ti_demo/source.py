@@ -106,13 +106,12 @@ class Uart(Component):
 
         A `DeviceError` says that the port has disappeared, or was never opened.
         """
-        if self._serial is None:
-            raise DeviceError(f"{self.port} is not open", gone=True)
+        link = self._open()
         try:
-            if self._serial.timeout != timeout:
-                self._serial.timeout = timeout
-            first: bytes = self._serial.read(1)
-            return first + self._serial.read(min(self._serial.in_waiting, _CHUNK)) if first else first
+            if link.timeout != timeout:
+                link.timeout = timeout
+            first: bytes = link.read(1)
+            return first + link.read(min(link.in_waiting, _CHUNK)) if first else first
         except (*GONE, TypeError) as error:  # TypeError: pyserial, when another thread closed it
             raise DeviceError(
                 f"{self.port} has gone ({error}): plug the board in again, or, if it is still there, close the other program that reads it",
@@ -121,12 +120,15 @@ class Uart(Component):
 
     def resume(self) -> None:
         """Throw away what has come so far."""
-        if self._serial is None:
-            raise DeviceError(f"{self.port} is not open", gone=True)
         try:
-            self._serial.reset_input_buffer()
+            self._open().reset_input_buffer()
         except GONE as error:
             raise DeviceError(f"{self.port} has gone ({error}): plug the board in again", gone=True) from None
+
+    def _open(self) -> serial.Serial:
+        if self._serial is None:
+            raise DeviceError(f"{self.port} is not open", gone=True)
+        return self._serial
 
     def report(self) -> Report:
         """Name the port."""

@@ -1,13 +1,11 @@
 """Packets of TI's radar demos on the data port: a magic word, a header, and items of type, length and value (TLV).
 
 Four families are known. The header of "demo" (the out-of-the-box demo of SDK 3 and what grew out of it, the 3D people counting of TI's
-toolboxes from 2021 on) has 40 bytes, its lengths leave out the 8 bytes of an item's own head, and packets are filled up to multiples
-of 32 bytes. The "area scanner" has one more number at the end of its header, and its item 1 holds ranges and angles. The older
-people-counting demos ("people 3D" with 48 bytes, "people 2D" with 52) end their header with a checksum, by which they are told apart, and
-their lengths include the head.
-
-Facts from TI's "Understanding UART Data Output Format" and "Understanding the Out of Box Demo Data Output", and from captures of boards
-that people show in TI's forum (994264: people 3D, 1236655: area scanner).
+toolboxes from 2021 on) has 40 bytes, its lengths leave out the 8 bytes of an item's own head, and packets are filled up to multiples of 32
+bytes. The "area scanner" has one more number at the end of its header, and its item 1 holds ranges and angles. The older people-counting
+demos ("people 3D" with 48 bytes, "people 2D" with 52) end their header with a checksum, which tells them apart, and their lengths include
+the head. Facts from TI's "Understanding UART Data Output Format" and "Understanding the Out of Box Demo Data Output", and from captures of
+boards that people show in TI's forum (994264: people 3D, 1236655: area scanner).
 """
 
 from __future__ import annotations
@@ -24,7 +22,6 @@ MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 LONGEST: Final = 1 << 16  # bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit
 SHORTEST: Final = 40
 _DEMOS: Final = (("demo", 40), ("area scanner", 44))
-
 _PIECE: Final = 4096  # bytes taken in at a time, so that a long read does not pile up before it is looked through
 
 
