@@ -218,7 +218,7 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
 
 @app.command("import")
 def import_(
-    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, dca1000, dca1000_bin or openradar")],
+    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
     option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,

@@ -14,6 +14,7 @@ from radar_lab.importers.crossing import CrossingOptions, read_crossing
 from radar_lab.importers.dca1000 import Dca1000BinOptions, Dca1000Options, read_dca1000, read_dca1000_bin
 from radar_lab.importers.mars import MarsOptions, read_mars
 from radar_lab.importers.openradar import OpenRadarOptions, read_openradar
+from radar_lab.importers.radhar import RadharOptions, read_radhar
 from radar_lab.importers.recording import Recording
 from radar_lab.importers.segments import MHOMEGES, MTRANSSEE, SegmentOptions, read_segments
 
@@ -37,6 +38,7 @@ KINDS: Mapping[str, Kind] = {
     "mhomeges": Kind("arm gestures, mHomeGes (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MHOMEGES)),
     "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MTRANSSEE)),
     "mars": Kind("exercises with the joints' truth, MARS (.npz)", MarsOptions, read_mars),
+    "radhar": Kind("one person who walks or exercises, RadHAR (.npz, or .txt of one recording)", RadharOptions, read_radhar),
     "dca1000": Kind("network capture of a DCA1000 (.pcap) with the radar's .cfg", Dca1000Options, read_dca1000),
     "dca1000_bin": Kind(
         "samples that a DCA1000's tools recorded (.bin file, or folder of one recording) with the .cfg", Dca1000BinOptions, read_dca1000_bin
