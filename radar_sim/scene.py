@@ -12,6 +12,7 @@ from radar_core import ConfigError, RadarInfo
 from radar_core.config import config, knob, load_file
 from radar_core.paths import find_config
 from radar_sim.effects.config import Effects, EffectsKnob
+from radar_sim.movers import Curtain, Fan, Mover
 from radar_sim.people import Action, Person
 from radar_sim.things import Corner, Furniture, Point, Wall, check_places
 
@@ -104,6 +105,9 @@ class Scene:
     corners: tuple[Corner, ...] = knob((), doc="corner reflectors")
     walls: tuple[Wall, ...] = knob((), doc="upright walls")
     furniture: tuple[Furniture, ...] = knob((), doc="boxes")
+    fans: tuple[Fan, ...] = knob((), doc="fans that turn")
+    curtains: tuple[Curtain, ...] = knob((), doc="curtains and plants in the wind")
+    movers: tuple[Mover, ...] = knob((), doc="small things that move over the floor: pets, a robot vacuum")
     effects: EffectsKnob = Effects()
     fidelity: Annotated[Fidelity, BeforeValidator(_short)] = Fidelity()
     tolerance: float = knob(

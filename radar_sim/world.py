@@ -9,6 +9,7 @@ from radar_sim.bodies.base import Pose
 from radar_sim.bodies.make import Figure, make_figure
 from radar_sim.motions.planner import Segment
 from radar_sim.motions.script import Timeline
+from radar_sim.movers import Movers
 from radar_sim.room import Things
 from radar_sim.scatterers import Float64Array, Scatterers
 from radar_sim.scene import Scene, SceneRadar
@@ -43,6 +44,8 @@ class World:
         self.timelines = tuple(Timeline(person, scene.seed, (mount.x, mount.y)) for person in scene.people)
         self._figures: tuple[Figure, ...] = tuple(make_figure(person, scene.seed) for person in scene.people)
         self._things = Things(scene, radar)
+        moving = (scene.fans, scene.curtains, scene.movers)
+        self._movers = Movers(scene.seed, *moving) if any(moving) else None
         self._ids = np.array([person.id for person in scene.people], np.uint32)
         self._acting = np.array([0 if person.arm == "left" else 1 for person in scene.people], np.uint8)
 
@@ -52,9 +55,10 @@ class World:
         return [figure.skeleton.pose(timeline.posture(times)) for figure, timeline in zip(self._figures, self.timelines, strict=True)]
 
     def scatterers(self, middle: float, span: float, poses: list[Pose]) -> Scatterers:
-        """Everything that could echo, in ``room``: things first, then people in the scene's order; arguments are those of `poses`."""
+        """Everything that could echo, in ``room``: things, then people in the scene's order; arguments are those of `poses`."""
         bodies = [figure.body.surface(pose, span, i) for i, (figure, pose) in enumerate(zip(self._figures, poses, strict=True))]
-        return Scatterers.join([self._things.scatterers(middle), *bodies])
+        moving = [] if self._movers is None else [self._movers.scatterers(middle, span)]
+        return Scatterers.join([self._things.scatterers(middle), *moving, *bodies])
 
     def truth(self, waveform: Waveform, start_ns: int, sequence: int, poses: list[Pose], seen: Scatterers) -> Truth:
         """Tell what is true in the middle of a frame, with poses as `poses` gives them and what of everything is seen."""
