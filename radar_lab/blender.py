@@ -79,23 +79,9 @@ class BlenderBody(MeshBody):
         """Pose the arms with Blender's inverse kinematics, all else with the skeleton.
 
         Each arm has an inverse kinematics constraint with two bones: shoulder to elbow, and elbow to the middle of the hand. Its target is
-        the wanted hand, kept within the same reach as in `radar_sim.bodies.skeleton.bend`; its pole lies beyond the elbow of
-        `radar_sim.bodies.skeleton.Skeleton`. How far the elbow bends, and how the arm turns, is Blender's answer.
-
-        Parameters
-        ----------
-        posture : Posture
-            At T times; not from motion capture, which wants no hands.
-
-        Returns
-        -------
-        Reached
-            The skeleton and the skin.
-
-        Raises
-        ------
-        DataError
-            When the posture comes from motion capture, or the body is closed.
+        the wanted hand, kept within the same reach as in the skeleton's own arms; its pole lies beyond the elbow of
+        `radar_sim.bodies.skeleton.Skeleton`. How far the elbow bends, and how the arm turns, is Blender's answer. Raises `DataError` when
+        the posture, at T times, comes from motion capture, which wants no hands, or the body is closed.
         """
         if posture.rotation is not None:
             raise DataError("BlenderBody.reach: a posture of motion capture wants no hands; pose its skeleton and use vertices")
@@ -114,22 +100,11 @@ class BlenderBody(MeshBody):
         return Reached(Pose(joint, rotation, hand, guide.centre, guide.breath), skin)
 
     def visible(self, vertices: Float64Array, radar: Float64Array) -> NDArray[np.bool_]:
-        """Tell which faces a radar sees, by casting a ray at the middle of each with Blender's BVH tree.
+        """Tell which faces, shape (n_face,), a radar sees, by casting a ray at the middle of each with Blender's BVH tree.
 
-        A face is seen when it faces the radar and nothing is met more than `radar_sim.bodies.shadows.MARGIN` before it. The first
-        condition is not implied by the second: at the rim a ray just reaches faces that look away.
-
-        Parameters
-        ----------
-        vertices : ndarray, shape (n_vertex, 3)
-            In ``room`` [m].
-        radar : ndarray, shape (3,)
-            In ``room`` [m].
-
-        Returns
-        -------
-        ndarray of bool, shape (n_face,)
-            Faces in the subject's order.
+        A face is seen when it faces the radar and nothing is met more than `radar_sim.bodies.shadows.MARGIN` before it. The first condition
+        is not implied by the second: at the rim a ray just reaches faces that look away. ``vertices``, shape (n_vertex, 3), and ``radar``,
+        shape (3,), are in ``room`` [m].
         """
         away = vertices - radar
         centroid, normal, _ = facets(away[None], self.subject.faces)

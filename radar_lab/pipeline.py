@@ -61,14 +61,9 @@ class Pipeline:
     Parameters
     ----------
     radar : RadarInfo or RadarContext
-        The radar whose frames come; a context may hold calibrations that are in memory.
+        The radar whose frames come; a context, then the pipeline's ``context``, may hold calibrations that are in memory.
     config : PipelineConfig or None
         All knobs, the files of calibrations among them; None: the defaults.
-
-    Attributes
-    ----------
-    context : RadarContext
-        What all processors were made from.
 
     Raises
     ------
@@ -92,18 +87,7 @@ class Pipeline:
         return self._hand
 
     def process(self, frame: RadarFrame) -> PipelineResult:
-        """Process one raw frame.
-
-        Parameters
-        ----------
-        frame : RadarFrame
-            Of the radar that ``info`` describes.
-
-        Raises
-        ------
-        DataError
-            When the frame does not fit the radar or has a non-finite sample.
-        """
+        """Process one raw frame of the pipeline's radar. Raises `DataError` when it does not fit the radar or has a non-finite sample."""
         return self.process_cloud(self._baseband.process(frame))
 
     def process_cloud(self, cloud: PointCloud) -> PipelineResult:

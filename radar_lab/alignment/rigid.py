@@ -257,16 +257,8 @@ def closed_form(source: Float64Array, target: Float64Array, freedom: str) -> tup
 def start(source: Float64Array, target: Float64Array, std: Float64Array, freedom: str, seed: int = 0) -> tuple[Float64Array, Float64Array]:
     """Find a motion that half of the pairs agree with (least median of squares over small samples, Rousseeuw 1984).
 
-    Parameters
-    ----------
-    source, target : ndarray of float64, shape (n, d)
-        Corresponding points [m].
-    std : ndarray of float64, shape (n,)
-        Of their differences [m].
-    freedom : str
-        ``yaw`` or ``full``.
-    seed : int
-        Of the samples.
+    ``source`` and ``target``, shape (n, d) [m], are corresponding points, ``std``, shape (n,), that of their differences [m]; ``freedom``
+    is ``yaw`` or ``full``.
     """
     n, d = source.shape
     size = min(n, 4 if d == 3 and freedom == "full" else 3)

@@ -103,24 +103,10 @@ class ChannelFit:
         return Residual(np.angle(ratio), level, np.abs(source) ** 2)
 
     def solve(self, max_shift: float, offsets: bool) -> Channels:
-        """Find the best parameters.
+        """Find the best parameters: mean gain [dB] 0, mean shift 0, phase of the mean phasor 0.
 
-        Parameters
-        ----------
-        max_shift : float
-            Extent of the grid of shifts that the first fit is looked for on [m].
-        offsets : bool
-            Also fit the sweeps' mounting offsets.
-
-        Returns
-        -------
-        Channels
-            Mean gain [dB] 0, mean shift 0, phase of the mean phasor 0.
-
-        Raises
-        ------
-        DataError
-            When offsets cannot be told from each other.
+        The first fit is looked for on a grid of shifts up to ``max_shift`` [m]; with ``offsets`` the sweeps' mounting offsets are fitted
+        too, and `DataError` is raised when they cannot be told from each other.
         """
         channels = self._start(max_shift)
         for _ in range(_STEPS):

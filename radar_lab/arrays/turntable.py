@@ -77,7 +77,7 @@ class Snapshots:
 
 
 def gather(readings: Iterable[TurntableFrame], info: RadarInfo, distance: float = 0.0, nearest: float = 0.5) -> Snapshots:
-    """Cut the reflector out of the frames of a turntable.
+    """Cut the reflector out of the frames of a turntable; gives one snapshot per frame.
 
     The reflector stands still: the mean over the chirps is its Doppler cell, and transmitters that take turns need no compensation. One
     range cell, the strongest over all angles and channels, is used throughout, so that the transform turns all channels alike.
@@ -88,10 +88,9 @@ def gather(readings: Iterable[TurntableFrame], info: RadarInfo, distance: float 
         Frames with the directions in which the reflector stood.
     info : RadarInfo
         The radar.
-    distance : float
-        Where to look for the reflector [m], within two range cells; 0: the strongest echo beyond ``nearest``.
-    nearest : float
-        Nearer echoes are taken for coupling [m].
+    distance, nearest : float
+        Where to look for the reflector, within two range cells, 0: the strongest echo beyond ``nearest``; nearer ones count as coupling
+        [m].
 
     Raises
     ------
@@ -168,10 +167,8 @@ def spherical(array: AntennaArray, cosines: NDArray[np.float64], distance: float
         Nominal positions.
     cosines : ndarray, shape (n, 2)
         Direction cosines along y and z.
-    distance : float
-        Of the reflector from the array's origin [m]; infinite: nothing is added.
-    wavelength : float
-        Wavelength [m].
+    distance, wavelength : float
+        Of the reflector from the array's origin, infinite: nothing is added; of the radar [m].
 
     Returns
     -------

@@ -73,16 +73,11 @@ class DepthReader:
         Parameters
         ----------
         image : ndarray of uint16 [mm] or float32 [m], shape (height, width)
-            0, NaN and infinity: not measured.
+            0, NaN and infinity: not measured. `DataError` is raised for another type or shape.
         pixel : ndarray, shape (n, 2) = (u, v)
             Where; NaN: nowhere.
         label : ndarray of uint8, shape (height, width), or None
             Pixels that show the k-th pixel's own surface are k + 1; None: any surface may be its own.
-
-        Raises
-        ------
-        DataError
-            When the image is of another type or shape.
         """
         if image.dtype not in (np.uint16, np.float32) or image.ndim != 2:
             raise DataError(f"depth image is {image.dtype} of shape {image.shape}, expected uint16 [mm] or float32 [m] of (height, width)")

@@ -37,10 +37,8 @@ def calibrate(
     radar, camera : Trajectory
         The same hand (3 dimensions) or body (2: height and tilt stay as assumed), both in ``room``; the camera's with the mount and the
         latency that were assumed.
-    assumed : CameraMount
-        With which the camera's trajectory was made.
-    latency : float
-        Likewise [s].
+    assumed, latency : CameraMount, float
+        With which the camera's trajectory was made; latency in [s].
     config : TrajectoryConfig or None
         None: all defaults; only yaw is found, because tilt and roll are known better from a level.
 

@@ -59,16 +59,11 @@ class MarkerConfig:
 
 
 class MarkerFinder:
-    """Find markers by their hue.
+    """Find markers by their hue; ``names`` are those of the joints.
 
     Of each hue the largest connected spot is the marker. The joint is the middle of the smallest circle around it: right for a ball of
-    which fingers hide up to half, and for a band. The confidence is the spot's share of all spots of that hue (two of one size: 0.5),
-    times that of the circle which it fills (a ball 1, a band of 1 : 2 0.5). A spot at the image's border is cut off: not found.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the joints.
+    which fingers hide up to half, and for a band. The confidence is the spot's share of all spots of that hue (two of one size: 0.5), times
+    that of the circle which it fills (a ball 1, a band of 1 : 2 0.5). A spot at the image's border is cut off: not found.
     """
 
     def __init__(self, config: MarkerConfig | None = None) -> None:
@@ -134,18 +129,7 @@ def _rims(u: Float64Array, v: Float64Array) -> Float64Array:
 
 
 def enclosing_circle(points: Float64Array) -> tuple[Float64Array, float]:
-    """Smallest circle around points (Welzl 1991, incrementally).
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (n, 2)
-        At least one.
-
-    Returns
-    -------
-    tuple of (ndarray of float64, float)
-        Centre, shape (2,), and radius.
-    """
+    """Smallest circle around points, shape (n, 2), at least one (Welzl 1991, incrementally): centre, shape (2,), and radius."""
     order = np.random.default_rng(0).permutation(len(points))  # any order is right; a random one is fast
     at = [complex(*points[i]) for i in order]
     centre, radius = at[0], 0.0

@@ -55,18 +55,7 @@ class MediapipeConfig:
 
 
 class MediapipePose:
-    """Find the joints of one person.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the joints.
-
-    Raises
-    ------
-    ConfigError
-        When MediaPipe is not installed, or there is no model.
-    """
+    """Find the joints of one person, by their ``names``. Raises `ConfigError` when MediaPipe is not installed, or there is no model."""
 
     def __init__(self, config: MediapipeConfig | None = None) -> None:
         self.config = config or MediapipeConfig()

@@ -6,7 +6,9 @@ Pixels are (u, v): columns to the right, rows down, the centre of the first pixe
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,8 @@ from radar_core import ConfigError
 from radar_core.config import config, knob
 from radar_core.types import Float64Array
 
-COEFFICIENTS = {"none": (0,), "plumb_bob": (0, 4, 5), "rational_polynomial": (0, 8)}
+Lens = Literal["none", "plumb_bob", "rational_polynomial"]
+COEFFICIENTS: Mapping[str, tuple[int, ...]] = {"none": (0,), "plumb_bob": (0, 4, 5), "rational_polynomial": (0, 8)}
 """Lens models, and how many coefficients each may have; none: no distortion."""
 
 _STEPS = 50  # of Newton's method; 5 suffice for usual lenses
@@ -79,7 +82,7 @@ class CameraModel:
     fy: float = knob(600.0, unit="px", low=1e-3, high=1e6, doc="focal length down")
     cx: float = knob(319.5, unit="px", low=-1e6, high=1e6, doc="column where the optical axis meets the image")
     cy: float = knob(239.5, unit="px", low=-1e6, high=1e6, doc="row where the optical axis meets the image")
-    lens: str = knob("none", choices=tuple(COEFFICIENTS), doc="distortion model; none: a rectified image")
+    lens: Lens = knob("none", doc="distortion model; none: a rectified image")
     distortion: tuple[float, ...] = knob((), doc="plumb_bob: k1 k2 p1 p2 [k3]; rational_polynomial: k1 k2 p1 p2 k3 k4 k5 k6")
 
     def validate(self) -> None:
@@ -136,17 +139,9 @@ class CameraModel:
         return image, derivative
 
     def project(self, optical: NDArray[np.floating]) -> Float64Array:
-        """Image points.
+        """Image points (u, v), shape (..., 2), of points in the optical frame (x right, y down, z forward), shape (..., 3) [m].
 
-        Parameters
-        ----------
-        optical : ndarray, shape (..., 3) = (x right, y down, z forward)
-            In the optical frame [m].
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 2) = (u, v)
-            Pixels, also outside the image; NaN for what is not in front of the camera or beyond what the lens is described for.
+        They may lie outside the image; NaN for what is not in front of the camera or beyond what the lens is described for.
         """
         points = np.asarray(optical, np.float64)
         flat = points.reshape(-1, 3)
@@ -158,17 +153,9 @@ class CameraModel:
         return pixel.reshape(*points.shape[:-1], 2)
 
     def rays(self, pixel: NDArray[np.floating]) -> Float64Array:
-        """Directions of pixels.
+        """Directions of pixels (u, v), shape (..., 2), in or outside the image: in the optical frame, with z = 1, shape (..., 3).
 
-        Parameters
-        ----------
-        pixel : ndarray, shape (..., 2) = (u, v)
-            In or outside the image.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
-            In the optical frame, with z = 1; NaN where the lens is not described.
+        NaN where the lens is not described.
         """
         pixels = np.asarray(pixel, np.float64)
         flat = self._undistort((pixels.reshape(-1, 2) - (self.cx, self.cy)) / (self.fx, self.fy))
@@ -179,19 +166,9 @@ class CameraModel:
         return self.rays(pixel) * np.asarray(depth, np.float64)[..., None]
 
     def sensitivity(self, pixel: NDArray[np.floating], depth: NDArray[np.floating]) -> Float64Array:
-        """Differentiate `unproject`.
+        """Differentiate `unproject` at pixels, shape (n, 2) = (u, v), and depths along the optical axis, shape (n,).
 
-        Parameters
-        ----------
-        pixel : ndarray, shape (n, 2) = (u, v)
-            Pixels.
-        depth : ndarray, shape (n,)
-            Along the optical axis [m].
-
-        Returns
-        -------
-        ndarray of float64, shape (n, 3, 3)
-            Rows x, y, z of the optical frame; columns u, v [m/px], depth [1].
+        Gives an array of shape (n, 3, 3): rows x, y, z of the optical frame; columns u, v [m/px], depth [1].
         """
         ray = self.rays(pixel)
         derivative = np.zeros((len(ray), 3, 3))

@@ -89,16 +89,11 @@ class Residual:
 
 
 class HandResiduals:
-    """Bring tracks and a reference together by their stamps.
+    """Bring tracks and a reference together by their stamps; counts, as ``unmatched``, samples of tracks without a reference near enough.
 
     The reference is interpolated linearly to the stamp of a track. Errors that are drawn anew in every image get smaller between two of
     them, the others stay, and that a hand does not move in a straight line is an error of its own. Samples may come in any order between
     the trackers and the reference, but each in the order of its own stamps; a track waits until the reference has gone past it.
-
-    Attributes
-    ----------
-    unmatched : int
-        Samples of tracks without a reference near enough on both sides, so far.
     """
 
     def __init__(self, config: ResidualConfig | None = None) -> None:
@@ -114,17 +109,9 @@ class HandResiduals:
         self.unmatched = getattr(self, "unmatched", 0)
 
     def process(self, sample: ReferenceSample | TrackSample) -> tuple[Residual, ...]:
-        """Take in one sample of a track or of the reference.
+        """Take in one sample of a track or of the reference; gives the residuals that are known now, in the order in which the tracks came.
 
-        Returns
-        -------
-        tuple of Residual
-            Those that are known now, in the order in which the tracks came.
-
-        Raises
-        ------
-        DataError
-            When a sample is not newer than the one before of the same source.
+        Raises `DataError` when a sample is not newer than the one before of the same source.
         """
         source = sample.track if isinstance(sample, TrackSample) else ""
         last = self._newest.get(source)

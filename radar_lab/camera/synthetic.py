@@ -82,19 +82,8 @@ class SyntheticCameraConfig:
 class SyntheticCamera:
     """Take pictures of a scene's people; the first one wears the markers.
 
-    Everybody is drawn as the mesh of `radar_sim.bodies.skin`, whatever the scene says for the radar: motion and size are the same.
-
-    Parameters
-    ----------
-    scene : Scene
-        Who is there and what they do.
-    config : SyntheticCameraConfig or None
-        None: all defaults.
-
-    Raises
-    ------
-    ConfigError
-        When nobody is there who could wear the markers, or a script cannot be kept.
+    Everybody is drawn as the mesh of `radar_sim`, whatever the scene says for the radar: motion and size are the same. Raises `ConfigError`
+    when nobody is there who could wear the markers, or a script cannot be kept.
     """
 
     def __init__(self, scene: Scene, config: SyntheticCameraConfig | None = None) -> None:
@@ -112,14 +101,9 @@ class SyntheticCamera:
         return _joints(self._world.poses(time, _SPAN)[0])
 
     def process(self, time: float, sequence: int = 0) -> RgbdFrame:
-        """Take one picture: a function of config, ``time`` and ``sequence`` only.
+        """Take one picture of what is seen at a time of the scene [s]: a function of config, ``time`` and ``sequence`` only.
 
-        Parameters
-        ----------
-        time : float
-            When the light is seen, in the scene [s]; the stamp is later by the latency.
-        sequence : int
-            Of the frame; also chooses its noise.
+        The stamp is later by the latency; the sequence also chooses the noise.
         """
         c = self.config
         rng = np.random.default_rng((c.seed, sequence))
@@ -275,13 +259,9 @@ def draw_ball(
     ----------
     ray : ndarray, shape (height, width, 3)
         Direction of every pixel in the optical frame, with z = 1.
-    centre : ndarray, shape (3,)
+    centre, radius : ndarray, shape (3,), and float
         In the optical frame [m].
-    radius : float
-        Of the ball [m].
-    shade : ndarray, shape (3,)
-        Red, green, blue, 0 to 255.
-    colour, depth : ndarray, shapes (height, width, 3), (height, width)
+    shade, colour, depth : ndarray, shapes (3,), (height, width, 3), (height, width)
         As in `draw_triangles`.
     """
     along = ray @ centre

@@ -104,14 +104,9 @@ class CameraTruth:
     camera : CameraModel
         Of both images.
     config : CameraTruthConfig or None
-        None: all defaults.
+        None: all defaults. `ConfigError` is raised when `below_skin` does not fit the joints.
     estimator : PoseEstimator or None
         None: the one that the configuration names.
-
-    Raises
-    ------
-    ConfigError
-        When `below_skin` does not fit the joints, or the pose estimator is not there.
     """
 
     def __init__(self, camera: CameraModel, config: CameraTruthConfig | None = None, estimator: PoseEstimator | None = None) -> None:

@@ -55,17 +55,8 @@ class ImportReport:
 def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
     """Read a file of labels: comma-separated, with `COLUMNS` in its first line; ordered by start.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    start_ns : int
-        Stamp at which the recording's seconds begin: its first cloud's [ns].
-
-    Raises
-    ------
-    DataError
-        When the file cannot be read, naming line and column of what makes no sense.
+    The recording's seconds begin at ``start_ns``: the stamp of its first cloud [ns]. Raises `DataError` when the file cannot be read,
+    naming line and column of what makes no sense.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -124,10 +115,8 @@ def import_labelled(
         Data set; it is made.
     info : RadarInfo
         The radar.
-    moments : iterable of Moment
-        The recording, in order of time.
-    labels : sequence of TruthSegment
-        What was performed, when and by whom.
+    moments, labels : iterable of Moment, sequence of TruthSegment
+        The recording, in order of time; what was performed, when and by whom.
     source : str
         What the recording is called, to know its samples again.
     config : GestureConfig or None

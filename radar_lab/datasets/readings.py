@@ -213,12 +213,12 @@ def collect(
     vector: Callable[[Reading], NDArray[Any]] | None = None,
     names: tuple[str, ...] = FEATURE_NAMES,
 ) -> SampleSet:
-    """Read a data set into features and labels, as training takes them.
+    """Read a data set into features and labels, as training takes them: of the samples whose gesture was found; the others are ``missed``.
 
     Parameters
     ----------
     folder : str or Path
-        A data set of `radar_lab.datasets.synthesis` or `radar_lab.datasets.labelled`.
+        A data set of `radar_lab.datasets.synthesis` or `radar_lab.datasets.labelled`; `DataError` when it is none, or cannot be read.
     config, every, one_tx
         As in `read`.
     n_jobs : int
@@ -227,16 +227,6 @@ def collect(
         Makes other features of a reading whose event was found, shape (n_features,); a function of a module. None: the thirteen.
     names : tuple of str
         Of these features.
-
-    Returns
-    -------
-    SampleSet
-        Of the samples whose gesture was found; the others are counted in ``missed``. ``person`` is the subject.
-
-    Raises
-    ------
-    DataError
-        When the folder is no such data set, holds no sample, or one cannot be read.
     """
     config = config or GestureConfig()
     found, missed = _each(folder, n_jobs, functools.partial(_row, config=config, every=every, one_tx=one_tx, make=vector or _features))

@@ -300,16 +300,12 @@ def work_through(
 
     Parameters
     ----------
-    make : callable
-        Does one piece; a function of a module, so that it can be sent to other processes.
-    todo : sequence of int
-        Pieces to do.
+    make, todo : callable, sequence of int
+        Does one piece, a function of a module, so that it can be sent to other processes; pieces to do.
     n_total : int
-        All pieces, those done by an earlier run too; for the progress bar.
+        All pieces, those done by an earlier run too; for the progress bar, whose ``title`` stands beside it.
     n_jobs : int or None
         Pieces at the same time, -1: as many as there are cores; None: what joblib's configuration says, else 1. Dask: its whole cluster.
-    progress, title : bool, str
-        Whether to show a progress bar, and what stands beside it.
     """
     size = max(1, min(_BATCH, math.ceil(len(todo) / (_ROUNDS * max(effective_n_jobs(n_jobs), 1)))))
     batches = [list(todo[first : first + size]) for first in range(0, len(todo), size)]

@@ -42,7 +42,7 @@ def generate(
     info: RadarInfo | None = None,
     progress: bool = True,
 ) -> int:
-    """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped.
+    """Simulate scenes and write their samples to ``folder``; a stopped run goes on where it stopped. Returns the number of samples there.
 
     A scene takes about 10 s of one core and gives about 20 samples, see `radar_lab.datasets.training_scenes`.
 
@@ -50,23 +50,14 @@ def generate(
     ----------
     folder : str or Path
         Where the samples go, one file per scene.
-    n_scenes : int
-        Scenes that the folder shall hold in the end.
+    n_scenes, n_jobs : int
+        Scenes that the folder shall hold in the end, and those simulated at the same time, each on a core of its own.
     seed : int
         Scene ``i`` depends on ``seed`` and ``i`` only: the number of jobs or a restart change nothing.
-    n_jobs : int
-        Scenes simulated at the same time, each on a core of its own.
-    config : GestureConfig or None
-        Knobs of events and features; None: the defaults.
-    info : RadarInfo or None
-        The radar; None: the default radar.
+    config, info : GestureConfig, RadarInfo or None
+        Knobs of events and features, and the radar; None: the defaults.
     progress : bool
         Whether to show a progress bar.
-
-    Returns
-    -------
-    int
-        Samples that the folder now holds.
 
     Raises
     ------
@@ -126,14 +117,7 @@ def record(scene: Scene, baseband: BasebandConfig | None = None) -> Recording:
 def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> list[tuple[int, TrackEvent]]:
     """Run tracking and event detection over a recording; gives the events with the person whose they are (-1: nobody near).
 
-    Parameters
-    ----------
-    recording : Recording
-        Clouds and truth.
-    config : GestureConfig
-        Knobs of events and features.
-    every : int
-        Take every n-th cloud only, as a radar with a lower frame rate would give them.
+    With ``every`` only every n-th cloud is taken, as a radar with a lower frame rate would give them.
     """
     tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(config, recording.info.mount)
     events = []
@@ -159,17 +143,10 @@ def nearest_person(truth: Truth, position: NDArray[np.floating], gate: float = 0
 
 
 def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[TruthSegment]) -> dict[str, NDArray[Any]]:
-    """Name every event by what its person was doing; gives the columns of `SampleSet`.
+    """Name every event by what its person (``events`` say whose they are) was doing; gives the columns of `SampleSet`.
 
     An event that overlaps a gesture by 40 % of the longer of the two gets its label; one that touches no gesture is random (walking, slow
     arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
-
-    Parameters
-    ----------
-    events : iterable of (int, TrackEvent)
-        Events and whose they are.
-    segments : iterable of TruthSegment
-        What was performed.
     """
     segments = list(segments)
     rows: list[tuple[NDArray[np.float64], int, int, float]] = []

@@ -109,7 +109,7 @@ def synthesise(
     info: RadarInfo | None = None,
     progress: bool = True,
 ) -> int:
-    """Simulate single strokes and write each, with clouds, features and truth, to a file of its own; a stopped run goes on where it was.
+    """Simulate single strokes and write each to a file of its own; a stopped run goes on where it was. Returns how many were simulated now.
 
     Parameters
     ----------
@@ -125,21 +125,13 @@ def synthesise(
         What is drawn; a name: one of `PLANS`.
     body : str
         As `Person.body`: ``mesh``, or ``ellipsoids``, which takes less time.
-    raw : bool
-        Keep the raw frames too, about 16 MB a sample.
-    one_tx : bool
-        Keep the clouds of the same frames through the first transmitter alone too (thesis, table 4.1).
-    config : GestureConfig or None
-        Knobs of events and features; None: the defaults.
-    info : RadarInfo or None
-        The radar; None: the default radar.
+    raw, one_tx : bool
+        Keep the raw frames too, about 16 MB a sample; and the clouds of the same frames through the first transmitter alone (thesis, table
+        4.1).
+    config, info : GestureConfig, RadarInfo or None
+        Knobs of events and features, and the radar; None: the defaults.
     progress : bool
         Whether to show a progress bar.
-
-    Returns
-    -------
-    int
-        Samples that were simulated now.
 
     Raises
     ------
@@ -266,15 +258,8 @@ def scene_of(sample: Mapping[str, NDArray[Any]]) -> Scene:
 def remake(sample: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Simulate a stored sample again, from nothing but what its file says; equal to it byte for byte on the same kind of machine.
 
-    Parameters
-    ----------
-    sample : mapping
-        As `read_samples` gives it. The result has raw frames and the clouds of one transmitter where the sample has them.
-
-    Raises
-    ------
-    DataError
-        When the sample was recorded, or what it depends on (defaults of the stages, the motion library) is no longer the same.
+    ``sample`` is as `read_samples` gives it; the result has raw frames and the clouds of one transmitter where it has them. Raises
+    `DataError` when the sample was recorded, or what it depends on (defaults of the stages, the motion library) is no longer the same.
     """
     scene, config = scene_of(sample), load(GestureConfig, json.loads(str(sample["settings"])), "sample")
     margin = float(sample["margin"])

@@ -187,20 +187,8 @@ def draw_subject(plan: Plan, seed: int, number: int) -> Subject:
 def draw_sample(plan: Plan, seed: int, number: int, *, body: BodyKind = "mesh", info: RadarInfo | None = None) -> Sample:
     """Draw a sample: a function of the arguments only, whatever was drawn before.
 
-    Gestures, then subjects, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn.
-
-    Parameters
-    ----------
-    plan : Plan
-        Bounds.
-    seed : int
-        Of the data set.
-    number : int
-        Of the sample, from 0.
-    body : str
-        As `Person.body`.
-    info : RadarInfo or None
-        The radar; None: the default radar.
+    Gestures, then subjects, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn. Samples
+    are numbered from 0, ``body`` is as `Person.body`, and without ``info`` the radar is the default one.
     """
     info = info if info is not None else RadarInfo()
     rng = np.random.default_rng([seed, number, _STREAM])

@@ -49,13 +49,6 @@ class Visibility:
 
     A person is visible who is in the radar's azimuth field of view and nearer than its unambiguous range less ``margin``, has been so for
     ``settle``, and shows the radar at least ``least_rcs``. The last is not asked where the truth does not say what the radar sees.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        Mount, field of view and unambiguous range.
-    config : MatchingConfig or None
-        None: all defaults.
     """
 
     def __init__(self, info: RadarInfo, config: MatchingConfig | None = None) -> None:

@@ -29,18 +29,11 @@ class EvaluationConfig(MatchingConfig):
 
 
 class Evaluator:
-    """Compare results with the truth of the same stamps.
+    """Compare results with the truth of the same stamps, for a radar of which mount, field of view and unambiguous range count.
 
     Who counts is said by `Visibility`, which track is on whom and what a ghost is by `Matching`, which gestures are right by
     `score_gestures`. A gesture belongs to the person whose its track was while it was performed. A **false gesture** is every published one
     (not random) without a performed one of that person; a gesture of a track that is on nobody is always false.
-
-    Parameters
-    ----------
-    info : RadarInfo
-        Mount, field of view and unambiguous range.
-    config : EvaluationConfig or None
-        None: all defaults.
     """
 
     def __init__(self, info: RadarInfo, config: EvaluationConfig | None = None) -> None:

@@ -116,16 +116,8 @@ def score_gestures(
 ) -> GestureScore:
     """Match published gestures with those performed, see `match_spans`: right labels first, then other gestures, then events called random.
 
-    Parameters
-    ----------
-    truth : sequence of TruthSegment
-        What was performed.
-    gestures : sequence of RecognisedGesture
-        What was published, those of tracks on nobody too.
-    tolerance : float
-        Widening of the truth on both sides [s].
-    count_random : bool
-        Whether segments with label random are gestures to be recognised; by default they are left out.
+    Published gestures of tracks on nobody count too. The truth is widened by ``tolerance`` [s] on both sides. Segments with label random
+    are gestures to be recognised only with ``count_random``.
     """
     segments = [s for s in truth if count_random or s.label != _RANDOM]
 

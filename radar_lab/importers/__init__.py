@@ -62,10 +62,8 @@ def open_original(kind: str, source: Path, **options: Any) -> Recording:
 
     Raises
     ------
-    ConfigError
-        When there is no such kind or option.
-    DataError
-        When the file is missing or its content is not what the kind says; naming file and field.
+    ConfigError, DataError
+        When there is no such kind or option; when the file is missing or its content is not what the kind says, naming file and field.
     """
     if kind not in KINDS:
         raise ConfigError(f"there is no kind of recording called {kind!r}; choose one of {', '.join(KINDS)}")

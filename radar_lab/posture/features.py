@@ -104,24 +104,10 @@ class PostureFeatures:
         self._stamp_ns: int | None = None
 
     def process(self, tracked: TrackedCloud, origin: Float64Array) -> tuple[Seen, ...]:
-        """Take in one cloud with its tracks.
+        """Take in one cloud with its tracks, in ``room``, not older than the one before, seen from a sensor at ``origin``, shape (3,) [m].
 
-        Parameters
-        ----------
-        tracked : TrackedCloud
-            In ``room``, not older than the one before.
-        origin : ndarray of float64, shape (3,)
-            Where the sensor stands in ``room`` [m].
-
-        Returns
-        -------
-        tuple of Seen
-            Confirmed people who have had a point since they appeared, in the order of their tracks.
-
-        Raises
-        ------
-        DataError
-            When the cloud is not in ``room``, older than the one before, or a position, a range rate or a track is infinite.
+        Gives confirmed people who have had a point since they appeared, in the order of their tracks. Raises `DataError` when the cloud is
+        not in ``room``, older than the one before, or a position, a range rate or a track is infinite.
         """
         cloud = tracked.cloud
         if cloud.frame_id != "room":

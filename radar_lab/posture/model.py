@@ -77,22 +77,10 @@ class PostureModel:
         return sum(array.size for array in (*self.weights, *self.biases))
 
     def predict(self, features: NDArray[np.floating]) -> Float64Array:
-        """Place of the left hand in the person's own axes.
+        """Place of the left hand in the person's own axes: (away, left, up) from the body and the floor, shape (..., 3) [m].
 
-        Parameters
-        ----------
-        features : ndarray, shape (..., n_features)
-            As `PostureFeatures` makes them; mirrored ones (`mirror`) give the right hand, mirrored.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
-            (away, left, up) [m]: away and left from the body, up from the floor.
-
-        Raises
-        ------
-        DataError
-            When a feature is not finite or absurdly large (beyond 1e9), or their number is wrong.
+        ``features``, shape (..., n_features), are as `PostureFeatures` makes them; mirrored ones (`mirror`) give the right hand, mirrored.
+        Raises `DataError` when one is not finite or absurdly large (beyond 1e9), or their number is wrong.
         """
         x = np.asarray(features, np.float64)
         if x.shape[-1:] != (self.features.n_features,):

@@ -58,16 +58,8 @@ class Postures:
 class PostureTracker:
     """Give both hands of every confirmed person, cloud by cloud, from this cloud and the ones before.
 
-    Left and right are the person's own, who faces the radar.
-
-    Parameters
-    ----------
-    model : PostureModel
-        What was learned, see `posture_training.train_postures` and `posture_model.load_postures`.
-    config : PostureConfig or None
-        Knobs; None: all defaults.
-    info : RadarInfo or None
-        The radar, to know where it stands; None: at the room's origin.
+    Left and right are the person's own, who faces the radar. Where the radar stands ``info`` says; None: at the room's origin. The model is
+    one of `radar_lab.posture.training.train_postures` or `radar_lab.posture.model.load_postures`.
     """
 
     def __init__(self, model: PostureModel, config: PostureConfig | None = None, info: RadarInfo | None = None) -> None:
@@ -89,22 +81,11 @@ class PostureTracker:
         self._origin = np.asarray(info.mount.origin, np.float64)
 
     def process(self, tracked: TrackedCloud) -> Postures:
-        """Take in one cloud with its tracks.
+        """Take in one cloud with its tracks, in ``room``, not older than the one before.
 
-        Parameters
-        ----------
-        tracked : TrackedCloud
-            In ``room``, not older than the one before. Points without height are left out; a range rate that is NaN counts as 0.
-
-        Returns
-        -------
-        Postures
-            People without a point keep their hands where they were, less and less sure.
-
-        Raises
-        ------
-        DataError
-            When the cloud is not in ``room``, older than the one before, or a position, a range rate or a track is infinite.
+        Points without height are left out; a range rate that is NaN counts as 0. People without a point keep their hands where they were,
+        less and less sure. Raises `DataError` when the cloud is not in ``room``, older than the one before, or a position, a range rate or
+        a track is infinite.
         """
         cloud = tracked.cloud
         people = []

@@ -83,19 +83,7 @@ class PostureSamples:
 def samples_of(recordings: Sequence[HandRecording], config: PostureFeatureConfig, block: float = 10.0) -> PostureSamples:
     """Make samples of recordings, each from its start on, with the features that `PostureTracker` will see.
 
-    Parameters
-    ----------
-    recordings : sequence of HandRecording
-        Of any people.
-    config : PostureFeatureConfig
-        Knobs of the features.
-    block : float
-        Length of a piece of time [s].
-
-    Raises
-    ------
-    DataError
-        When there are fewer than 100 clouds with a person and a hand.
+    ``block`` is the length of a piece of time [s]. `DataError` is raised for fewer than 100 clouds with a person and a hand.
     """
     features, hand, rows, first = [], [], [], 0
     for recording in recordings:
@@ -134,24 +122,17 @@ def train_postures(
 ) -> PostureModel:
     """Train a model. Its error is measured on pieces of time left out in turn; the model itself has seen everything.
 
+    Its ``figures`` hold the number of samples, the error [m] of the parts left out, and what the mean place has there. The same recordings,
+    config and versions of the libraries give the same model.
+
     Parameters
     ----------
     recordings : sequence of HandRecording
-        Of the people that it is for, or of as many others as possible.
+        Of the people that it is for, or of as many others as possible; `DataError` when there is too little to learn from.
     config : PostureTrainingConfig or None
-        Knobs; None: all defaults. The same recordings, config and versions of the libraries give the same model.
+        Knobs; None: all defaults.
     progress : callable or None
         Told what is done next.
-
-    Returns
-    -------
-    PostureModel
-        With ``figures``: number of samples, error [m] of the parts left out, and what the mean place has there.
-
-    Raises
-    ------
-    DataError
-        When there is too little to learn from.
     """
     chosen = config if config is not None else PostureTrainingConfig()
     samples = samples_of(recordings, chosen.features, chosen.block)

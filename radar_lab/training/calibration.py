@@ -105,13 +105,9 @@ def fit_distance(
     standard : ndarray of float64, shape (n, n_features)
         Standardised features.
     label : ndarray of int64, shape (n,)
-        What each is; every label must occur.
-    n_labels : int
-        Number of labels.
-    weight : float
-        See `ByDistance`.
-    shared : bool
-        One covariance for all labels: for features so many that one for each would make the file large.
+        What each is; each of the ``n_labels`` must occur.
+    weight, shared : float, bool
+        See `ByDistance`; one covariance for all labels: for features so many that one for each would make the file large.
     """
     from sklearn.covariance import LedoitWolf  # only training needs scikit-learn
 

@@ -44,17 +44,10 @@ def card(
         Each a section with accuracy, recall and precision.
     data : mapping
         What the data set says of itself, shown as it is.
-    command : str
-        That makes the model again.
-    n_bytes : int
-        Size of the file.
+    command, n_bytes : str, int
+        That makes the model again; size of the file.
     limits : sequence of str
         Known limits beside the general ones.
-
-    Returns
-    -------
-    str
-        Markdown.
     """
     sizes = "-".join(str(n) for n in (len(model.names), *(len(bias) for bias in model.biases)))
     lines = [

@@ -39,12 +39,7 @@ class CnnConfig:
 
 
 class CnnModel:
-    """A network read from an ONNX file.
-
-    Parameters
-    ----------
-    path : str or Path
-        File that `export` wrote.
+    """A network read from an ONNX file that `export` wrote.
 
     Attributes
     ----------
@@ -52,10 +47,8 @@ class CnnModel:
         What the outputs mean.
     shape : tuple of int, length 3
         Of the cubes: attributes, detections, frames.
-    flop : int
-        Floating point operations of one classification, counted from the graph; see `count_flop`.
-    n_bytes : int
-        Of the file.
+    flop, n_bytes : int
+        Floating point operations of one classification, counted from the graph (see `count_flop`); size of the file.
 
     Raises
     ------
@@ -73,22 +66,10 @@ class CnnModel:
         self.n_bytes = len(content)
 
     def probabilities(self, cubes: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Probability of every label.
+        """Probability of every label, in the order of ``labels``, shape (..., n_labels).
 
-        Parameters
-        ----------
-        cubes : ndarray, shape (..., 5, n_detections, n_frames)
-            As `encode` gives them.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., n_labels)
-            In the order of ``labels``.
-
-        Raises
-        ------
-        DataError
-            When the cubes have another shape or hold non-finite values.
+        ``cubes`` have the shape (..., 5, n_detections, n_frames), as `encode` gives them; `DataError` for another shape or non-finite
+        values.
         """
         x = np.asarray(cubes, np.float32)
         if x.shape[-3:] != self.shape:
@@ -154,7 +135,7 @@ class Network:
 def export(
     network: Network, path: str | Path, shape: tuple[int, int, int] = (len(ATTRIBUTES), 50, 50), *, labels: tuple[str, ...] = GESTURES
 ) -> int:
-    """Write a network as an ONNX graph, input ``cube``, output ``probabilities``.
+    """Write a network as an ONNX graph, input ``cube``, output ``probabilities``; returns the floating point operations of one cube.
 
     Parameters
     ----------
@@ -166,11 +147,6 @@ def export(
         Of the cubes: attributes, detections, frames.
     labels : tuple of str
         What the outputs mean.
-
-    Returns
-    -------
-    int
-        Floating point operations of one classification.
 
     Raises
     ------
@@ -227,23 +203,11 @@ def _nodes(network: Network) -> tuple[list[tuple[tuple[Any, ...], dict[str, Any]
 
 
 def count_flop(model: Any, shape: tuple[int, int, int]) -> int:
-    """Count the floating point operations of one cube from the graph, as `GestureModel.flop` does for the perceptron.
+    """Count the floating point operations of one cube (its shape given) from the graph, as `GestureModel.flop` does for the perceptron.
 
     A convolution counts for every output cell twice the size of its filter (multiplications, additions with that of the bias), a dense
-    layer for every neuron twice its inputs; ReLU one comparison a cell, maxima of 4 cells 3 comparisons, other arithmetic one operation
-    a cell, softmax of k labels 5 k - 2.
-
-    Parameters
-    ----------
-    model : onnx.ModelProto
-        The graph.
-    shape : tuple of int, length 3
-        Of one cube.
-
-    Raises
-    ------
-    DataError
-        When the graph has an operator that is not counted.
+    layer for every neuron twice its inputs; ReLU one comparison a cell, maxima of 4 cells 3 comparisons, other arithmetic one operation a
+    cell, softmax of k labels 5 k - 2. `DataError` is raised for an operator that is not counted.
     """
     from onnx import shape_inference
 

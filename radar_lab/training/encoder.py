@@ -54,17 +54,12 @@ def encode(
     start_ns, end_ns : int or None
         The event [ns]; clouds outside are left out. None: from the first, to the last cloud.
     body : tuple of float, length 3
-        Range [m], azimuth and elevation [rad] of the person, seen from the sensor; only used when ``relative`` is set.
+        Range [m], azimuth and elevation [rad] of the person, seen from the sensor; only used, and then finite, when ``relative`` is set.
 
     Returns
     -------
     ndarray of float32, shape (5, n_detections, n_frames)
         Axes (attribute, detection, frame), see `ATTRIBUTES`; always finite: what the sensor does not measure is 0.
-
-    Raises
-    ------
-    DataError
-        When the body's place is not finite but asked for.
     """
     if config.relative and not np.isfinite(body).all():
         raise DataError(f"encode: the body is at {body}; a cube relative to it needs finite numbers")

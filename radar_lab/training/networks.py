@@ -46,11 +46,9 @@ def train_cnn(
     cubes : ndarray of float32, shape (n, 5, n_detections, n_frames)
         As `radar_lab.training.encoder.encode` gives them.
     label : ndarray of int64, shape (n,)
-        Index into ``labels``.
+        Index into ``labels``, which says what they mean.
     config : CnnConfig or None
         None: the defaults.
-    labels : sequence of str
-        What the labels mean.
 
     Raises
     ------
@@ -175,12 +173,10 @@ def train_net(
         Index into ``labels``.
     names, labels : sequence of str
         What inputs and outputs are called.
-    steps : int
-        Of the curves.
+    steps, curves : int, mapping or None
+        Of the curves; their settings, for the file.
     config : CurveTraining or None
         None: the defaults.
-    curves : mapping or None
-        Settings of the curves, for the file.
 
     Raises
     ------

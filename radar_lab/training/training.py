@@ -77,12 +77,10 @@ def train(
     config : TrainingConfig or None
         None: the defaults.
     labels : sequence of str
-        What the model shall tell apart, of `GESTURES`; samples of others are left out.
+        What the model shall tell apart, of `GESTURES`, else `ConfigError`; samples of others are left out.
 
     Raises
     ------
-    ConfigError
-        When a label is none of ours.
     DataError
         When the folder holds no samples, those of fewer than two people, or none of a label.
     """
@@ -153,14 +151,8 @@ def config_of(model: GestureModel) -> TrainingConfig:
 def reject_limit(validation: Validation, score: NDArray[np.float64], lost: float) -> tuple[float, float]:
     """Limit of the score below which events are rejected, and the share of known gestures that are lost: rejected or called random.
 
-    Parameters
-    ----------
-    validation : Validation
-        Of samples that were not in the training.
-    score : ndarray of float64, shape (n,)
-        Of these samples, see `GestureModel.score`.
-    lost : float
-        The share that may be lost.
+    ``validation`` is of samples that were not in the training, ``score``, shape (n,), theirs (`GestureModel.score`), and ``lost`` the share
+    that may be lost.
     """
     gesture = validation.is_gesture
     if not gesture.any():

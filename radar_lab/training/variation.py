@@ -42,25 +42,16 @@ def lose_gates(events: EventMaps, variation: VariationConfig, rng: np.random.Gen
 def vary(
     events: EventMaps, values: Float64Array, config: CurveConfig, variation: VariationConfig, rng: np.random.Generator
 ) -> Float64Array:
-    """Make one changed copy of every event's curves.
+    """Make one changed copy of every event's curves, shape (n_events, n_features), as `read_curves` gives them.
 
     Parameters
     ----------
-    events : EventMaps
-        Whose frames the signals have.
+    events, config, variation : EventMaps, CurveConfig, VariationConfig
+        Whose frames the signals have, the knobs of the curves, and how much copies differ.
     values : ndarray of float64, shape (n_rows, n_signals)
         As `signals` gives them, of these events or of what `lose_gates` made of them.
-    config : CurveConfig
-        The knobs of the curves.
-    variation : VariationConfig
-        How much copies differ.
     rng : numpy.random.Generator
         Source of all randomness.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_events, n_features)
-        As `read_curves`.
     """
     n, event = len(events), events.event
     kinds = (
@@ -94,16 +85,10 @@ def copies(
 
     Parameters
     ----------
-    events : EventMaps
-        The originals.
-    config : CurveConfig
-        The knobs of the curves.
-    variation : VariationConfig
-        How much copies differ.
-    n : int
-        Copies of each event.
-    seed : int
-        Of all randomness.
+    events, config, variation : EventMaps, CurveConfig, VariationConfig
+        The originals, the knobs of the curves, and how much copies differ.
+    n, seed : int
+        Copies of each event; of all randomness.
     body : ndarray of float64, shape (n_events, 3), or None
         As in `signals`.
 

@@ -33,7 +33,7 @@ def camera_from_msg(msg: Any) -> CameraModel:
     if max(msg.binning_x, msg.binning_y) > 1 or roi.x_offset or roi.y_offset or (roi.width and roi.width != msg.width):
         raise ConfigError("camera_info has binning or a region of interest; have the driver send the whole image as it is calibrated")
     plain = not any(msg.d)
-    lens = "none" if plain else msg.distortion_model
+    lens: Any = "none" if plain else msg.distortion_model
     if lens not in COEFFICIENTS:
         known = ", ".join(name for name in COEFFICIENTS if name != "none")
         raise ConfigError(f"camera_info has the lens {lens!r}; known are {known}: rectify the images (image_proc), use their camera_info")
