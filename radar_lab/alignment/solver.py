@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from radar_core.checks import require_finite
 from radar_core.config import config, knob
 from radar_core.errors import DataError
 from radar_core.linalg import SingularError, canonical_svd, first_max, symmetrise
-from radar_core.types import Float64Array
+from radar_core.types import Float64Array, IndexArray
 
 S = TypeVar("S")
 
@@ -155,7 +154,7 @@ def loss_weight(distance: Float64Array, config: SolverConfig) -> Float64Array:
     return np.asarray(np.maximum(1.0 - (distance / cutoff) ** 2, 0.0) ** 2)
 
 
-def correlated_covariance(solution: Solution[S], group: NDArray[np.int64], longest: float, times: float) -> Float64Array:
+def correlated_covariance(solution: Solution[S], group: IndexArray, longest: float, times: float) -> Float64Array:
     """Covariance of the parameters when errors are correlated in time: a sandwich (White, Liang-Zeger) about sums over stretches of time.
 
     A few stretches tell little. So their sums are joined, as `_PRIOR` stretches more, with what follows from every error being repeated

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import BoolArray, Float64Array
 from radar_lab.figures import new_figure, save_figure
 from radar_sim.turntable import AXES
 
@@ -75,7 +74,7 @@ def ambiguity(array: AntennaArray, wavelength: float, axis: str, config: Ambigui
     return Ambiguity(axis, angle, chi, unambiguous, side_lobe, _beamwidth(angle, chi))
 
 
-def _main_lobe(chi: Float64Array) -> NDArray[np.bool_]:
+def _main_lobe(chi: Float64Array) -> BoolArray:
     """Cells between the first minima on both sides of the diagonal; rows are directions."""
     n = len(chi)
     lobe = np.eye(n, dtype=bool)

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Literal, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError, RadarInfo
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import BoolArray, Complex128Array, Float64Array
 from radar_dsp.array_file import CalibratedArray, SteeringTable
 from radar_lab.arrays.ambiguity import Ambiguity
 from radar_lab.arrays.channel_fit import ChannelFit, Channels, Residual
@@ -43,11 +42,7 @@ class Calibration:
     max_shift: float = knob(2e-3, unit="m", low=1e-5, high=0.1, doc="largest position error of an element that is believed")
     dead: float = knob(-20.0, unit="dB", low=-100.0, high=-3.0, doc="channels weaker than this against the median are taken for dead")
     max_residual: float = knob(
-        0.2,
-        unit="rad",
-        low=1e-3,
-        high=3.0,
-        doc="rms phase that the fit may leave; with more the angles are wrong, or it is noise",
+        0.2, unit="rad", low=1e-3, high=3.0, doc="rms phase that the fit may leave; with more the angles are wrong, or it is noise"
     )
     offsets: bool = knob(False, doc="also fit mounting offsets of each sweep, seen through the curvature of the cosine only")
 
@@ -89,7 +84,7 @@ class Calibrator:
             self._refuse(channels, left, self._fit(snapshots, ~dead, observed, -1.0))
         return self._result(fit, channels, left, dead, observed, snapshots)
 
-    def _fit(self, snapshots: Snapshots, live: NDArray[np.bool_], observed: tuple[bool, bool], sense: float) -> ChannelFit:
+    def _fit(self, snapshots: Snapshots, live: BoolArray, observed: tuple[bool, bool], sense: float) -> ChannelFit:
         """Set up least squares; ``sense`` of -1 negates all angles."""
         wavelength = self.info.waveform.wavelength
         near = spherical(self.nominal, sense * snapshots.cosines, snapshots.range, wavelength)
@@ -98,7 +93,7 @@ class Calibrator:
         values = (snapshots.values * near.conj())[:, live]
         return ChannelFit(2 * np.pi / wavelength, self.nominal.virtual[live], angles, sweep, values, observed)
 
-    def _dead(self, values: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    def _dead(self, values: Complex128Array) -> BoolArray:
         power = (np.abs(values) ** 2).mean(axis=0)
         dead = np.asarray(power <= np.median(power) * 10 ** (self.config.dead / 10))
         if np.sum(~dead) < 2:
@@ -139,7 +134,7 @@ class Calibrator:
         )
 
     def _result(
-        self, fit: ChannelFit, channels: Channels, left: Residual, dead: NDArray[np.bool_], seen: tuple[bool, bool], snapshots: Snapshots
+        self, fit: ChannelFit, channels: Channels, left: Residual, dead: BoolArray, seen: tuple[bool, bool], snapshots: Snapshots
     ) -> CalibratedArray:
         def spread(values: Float64Array, fill: float = np.nan) -> Float64Array:
             full = np.full((len(dead), *values.shape[1:]), fill)
@@ -174,7 +169,7 @@ class Calibrator:
         )
 
 
-def outer_product(snapshots: Snapshots, live: NDArray[np.bool_]) -> SteeringTable:
+def outer_product(snapshots: Snapshots, live: BoolArray) -> SteeringTable:
     """Make the steering matrix a_azimuth(phi) a_elevation(theta) / a_azimuth(0), channel by channel, of both sweeps by (3.1).
 
     Parameters
@@ -204,7 +199,7 @@ def outer_product(snapshots: Snapshots, live: NDArray[np.bool_]) -> SteeringTabl
     return SteeringTable(azimuth, elevation, np.where(live, vectors, 0.0))
 
 
-def _mean(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _mean(values: Complex128Array) -> Complex128Array:
     """Mean snapshot (n_channel,) of rows whose common phases differ."""
     turn = np.exp(-1j * np.angle(values @ values[0].conj()))
     return np.asarray((values * turn[:, None]).mean(axis=0))

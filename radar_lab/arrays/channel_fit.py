@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_core.types import Complex128Array, Float64Array
+from radar_core.types import Complex128Array, Float64Array, IndexArray
 
 _STEPS = 50
 _UNSEEN = 1e-4
@@ -39,7 +38,7 @@ class Residual:
         weight = self.power[:, None] * gain**2
         return float(np.sqrt((weight * self.phase**2).sum() / weight.sum()))
 
-    def structure(self, sweep: NDArray[np.int64]) -> float:
+    def structure(self, sweep: IndexArray) -> float:
         """Correlate the phases of consecutive snapshots of a sweep: near 0 for noise, near 1 for what the model lacks."""
         together = sweep[1:] == sweep[:-1]
         energy = float((self.phase**2).mean())
@@ -75,7 +74,7 @@ class ChannelFit:
         wavenumber: float,
         positions: Float64Array,
         angles: Float64Array,
-        sweep: NDArray[np.int64],
+        sweep: IndexArray,
         values: Complex128Array,
         observed: tuple[bool, bool],
     ) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import config, knob, load_file
+from radar_core.types import Complex128Array, Float64Array, IndexArray
 from radar_dsp.windows import make_window
 from radar_sim.turntable import Axis, Sweep, TurntableFrame, begins
 
@@ -45,11 +45,11 @@ class Snapshots:
     """
 
     # azimuth, elevation: where the reflector was, in the sensor frame, shape (n_snapshot,) [rad]
-    azimuth: NDArray[np.float64]
-    elevation: NDArray[np.float64]
-    sweep: NDArray[np.int64]  # sweep that each belongs to, shape (n_snapshot,)
+    azimuth: Float64Array
+    elevation: Float64Array
+    sweep: IndexArray  # sweep that each belongs to, shape (n_snapshot,)
     # Spectrum in the reflector's cell; channel v = tx * n_rx + rx. Each row has an unknown factor of its own; shape (n_snapshot, n_channel)
-    values: NDArray[np.complex128]
+    values: Complex128Array
     range: float = np.inf  # distance of the reflector [m]; infinite: plane waves
     snr: float = field(default=np.nan)  # power in the reflector's cell over that of the median cell [dB]; NaN: not measured
 
@@ -71,7 +71,7 @@ class Snapshots:
         return len(self.azimuth)
 
     @property
-    def cosines(self) -> NDArray[np.float64]:
+    def cosines(self) -> Float64Array:
         """Direction cosines along y and z, shape (n_snapshot, 2)."""
         return np.stack([np.cos(self.elevation) * np.sin(self.azimuth), np.sin(self.elevation)], axis=-1)
 
@@ -120,7 +120,7 @@ def gather(readings: Iterable[TurntableFrame], info: RadarInfo, distance: float 
     return Snapshots(azimuth, elevation, sweep, profile[:, :, cell], (cell + offset) * w.range_resolution, contrast)
 
 
-def _steady(frame: RadarFrame) -> NDArray[np.complex128]:
+def _steady(frame: RadarFrame) -> Complex128Array:
     """Mean over the chirps that were not lost, shape (tx, rx, sample)."""
     n_tx, n_chirp = frame.cube.shape[:2]
     present = np.ones((n_chirp, n_tx))
@@ -132,7 +132,7 @@ def _steady(frame: RadarFrame) -> NDArray[np.complex128]:
     return np.asarray(np.einsum("lt,tlrs->trs", present, np.where(present.T[:, :, None, None] > 0, cube, 0.0)) / count[:, None, None])
 
 
-def _find(power: NDArray[np.float64], info: RadarInfo, distance: float, nearest: float) -> tuple[int, float]:
+def _find(power: Float64Array, info: RadarInfo, distance: float, nearest: float) -> tuple[int, float]:
     """Range cell of the reflector, and how far it stands out [dB]."""
     resolution, n = info.waveform.range_resolution, len(power)
     cells = np.arange(n)
@@ -151,14 +151,14 @@ def _find(power: NDArray[np.float64], info: RadarInfo, distance: float, nearest:
     return cell, float(contrast)
 
 
-def _between(power: NDArray[np.float64]) -> float:
+def _between(power: Float64Array) -> float:
     """Maximum of a parabola through three log powers, in cells from the middle one."""
     a, b, c = np.log(np.maximum(power, np.finfo(np.float64).tiny))
     bend = a - 2 * b + c
     return float(np.clip(0.5 * (a - c) / bend, -0.5, 0.5)) if bend < 0 else 0.0
 
 
-def spherical(array: AntennaArray, cosines: NDArray[np.float64], distance: float, wavelength: float) -> NDArray[np.complex128]:
+def spherical(array: AntennaArray, cosines: Float64Array, distance: float, wavelength: float) -> Complex128Array:
     """Compute what a reflector at a finite distance adds to the phases of a plane wave.
 
     Parameters

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import BoolArray, Float64Array
 
 Lens = Literal["none", "plumb_bob", "rational_polynomial"]
 COEFFICIENTS: Mapping[str, tuple[int, ...]] = {"none": (0,), "plumb_bob": (0, 4, 5), "rational_polynomial": (0, 8)}
@@ -180,7 +180,7 @@ class CameraModel:
         derivative[known, :, 2] = ray[known]
         return derivative
 
-    def inside(self, pixel: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def inside(self, pixel: NDArray[np.floating]) -> BoolArray:
         """Which pixels, shape (..., 2), lie in the image, shape (...); NaN does not."""
         u, v = pixel[..., 0], pixel[..., 1]
         return np.asarray((u > -0.5) & (u < self.width - 0.5) & (v > -0.5) & (v < self.height - 0.5))

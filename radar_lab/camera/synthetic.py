@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import Float32Array, Float64Array
 from radar_lab.camera.pinhole import CameraModel, CameraMount
 from radar_lab.camera.pose import RgbdFrame
 from radar_sim.bodies.base import BONES, Pose
@@ -158,7 +158,7 @@ class SyntheticCamera:
         wall, floor = (np.where(d > 0, d, np.inf) for d in (wall, floor))
         return np.where((floor < wall)[..., None], np.array(_FLOOR, np.float64), _WALL), np.minimum(wall, floor)
 
-    def _measured(self, depth: Float64Array, rng: np.random.Generator) -> NDArray[np.uint16] | NDArray[np.float32]:
+    def _measured(self, depth: Float64Array, rng: np.random.Generator) -> NDArray[np.uint16] | Float32Array:
         """Tell what the camera says of true depths: with noise and holes, in its own unit."""
         c = self.config
         sigma = c.noise_floor + c.noise_growth * np.where(np.isfinite(depth), depth, 0.0) ** 2

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
+from radar_core.types import Float64Array
 from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.readings import read_stroke
 from radar_lab.datasets.samples import FORMAT, ONE, about_sample, open_folder, pack_clouds, read_sample, sample_path, write_chunk
@@ -27,7 +28,7 @@ COLUMNS: Final[tuple[str, ...]] = ("start", "end", "gesture", "person")
 """Of a file of labels: start and end in seconds of the recording, one of `GESTURES`, number of the person."""
 AROUND: Final[float] = 1.0
 """Clouds that long before and after a label are kept [s]: tracks settle, events end."""
-_NOWHERE: Final[NDArray[np.float64]] = np.full(3, np.nan)
+_NOWHERE: Final[Float64Array] = np.full(3, np.nan)
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Moment:
     cloud: PointCloud  # in the sensor frame
     one: PointCloud | None = None  # of the same frame through the first transmitter alone, where it was asked for
     # Where people truly are, shape (3,), by their numbers, in ``room`` [m]; empty: not known
-    places: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    places: Mapping[int, Float64Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

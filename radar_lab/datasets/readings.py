@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
+from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
 from radar_gestures.maps import FeatureMaps, feature_maps
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
@@ -48,7 +49,7 @@ class Reading:
     samples: tuple[MotionSample, ...]  # of these clouds: the one-dimensional signals of the thesis's figure 4.9
 
     @property
-    def features(self) -> NDArray[np.float64]:
+    def features(self) -> Float64Array:
         """The thirteen features, shape (13,); NaN when it was missed."""
         given = None if self.event is None else self.event.features
         return np.full(len(FEATURE_NAMES), np.nan) if given is None else given
@@ -71,10 +72,10 @@ class Reading:
 class Cubes:
     """Feature cubes of a data set (thesis, section 4.5.5): n of them, each as `encode` gives it; the rest as in `SampleSet`."""
 
-    cube: NDArray[np.float32]
-    label: NDArray[np.int64]
-    person: NDArray[np.int64]
-    missed: NDArray[np.int64]
+    cube: Float32Array
+    label: IndexArray
+    person: IndexArray
+    missed: IndexArray
 
 
 def read_stroke(
@@ -280,18 +281,18 @@ def _row(path: Path, config: GestureConfig, every: int, one_tx: bool, make: Call
     return make(reading), reading.label, reading.person, reading.event.walked
 
 
-def _features(reading: Reading) -> NDArray[np.float64]:
+def _features(reading: Reading) -> Float64Array:
     return reading.features
 
 
-def _cube(reading: Reading, encoder: EncoderConfig) -> NDArray[np.float32]:
+def _cube(reading: Reading, encoder: EncoderConfig) -> Float32Array:
     assert reading.event is not None
     distance, azimuth, elevation = np.median([sample.body for sample in reading.samples], axis=0).tolist()
     event = reading.event.event
     return encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
 
 
-def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], NDArray[np.int64]]:
+def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], IndexArray]:
     """Do the work on every file, several at a time: rows of what was found, in the order of the files, and how much was missed by label."""
     files = sample_files(folder)
     rows: list[_Row] = list(map(work, files)) if n_jobs == 1 else Parallel(n_jobs=n_jobs)(delayed(work)(path) for path in files)

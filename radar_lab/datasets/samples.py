@@ -25,6 +25,7 @@ from threadpoolctl import threadpool_limits
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import load, plain
 from radar_core.transmitters import one_transmitter
+from radar_core.types import Float64Array, IndexArray
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import GestureConfig
 from radar_sim import Scene
@@ -49,11 +50,11 @@ class SampleSet:
     """Labelled samples."""
 
     # One row a sample: the thirteen that `extract` gives, or those that ``names`` says, shape (n, n_features)
-    features: NDArray[np.float64]
-    label: NDArray[np.int64]  # index into `GESTURES`, shape (n,)
-    person: NDArray[np.int64]  # whose; every simulated scene has people of its own, every subject of a data set a number; shape (n,)
-    walked: NDArray[np.float64]  # ground distance moved during the event, shape (n,) [m]
-    missed: NDArray[np.int64]  # gestures performed that gave no event, by label, shape (10,)
+    features: Float64Array
+    label: IndexArray  # index into `GESTURES`, shape (n,)
+    person: IndexArray  # whose; every simulated scene has people of its own, every subject of a data set a number; shape (n,)
+    walked: Float64Array  # ground distance moved during the event, shape (n,) [m]
+    missed: IndexArray  # gestures performed that gave no event, by label, shape (10,)
     config: Mapping[str, Any]  # how the features were made
     names: tuple[str, ...] = FEATURE_NAMES  # of the features, length n_features
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, PointCloud, RadarInfo
+from radar_core.types import Float64Array
 from radar_dsp import Baseband, BasebandConfig, DoaConfig
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
@@ -149,7 +150,7 @@ def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[Tr
     arm movements, fidgeting); one in between (half a push-pull, say) is neither, and is left out.
     """
     segments = list(segments)
-    rows: list[tuple[NDArray[np.float64], int, int, float]] = []
+    rows: list[tuple[Float64Array, int, int, float]] = []
     seen: set[TruthSegment] = set()
     for person, found in events:
         own = [(s, _overlap(found, s)) for s in segments if s.person_id == person]

@@ -119,11 +119,7 @@ class Plan:
         return len(self.entries) * (self.n_subjects * self.repetitions if self.n_subjects else _PER_ENTRY)
 
 
-PLANS: Final[dict[str, Plan]] = {
-    "subjects": Plan(animations="all", n_subjects=10),
-    "thesis": Plan(),
-    "all": Plan(animations="all"),
-}
+PLANS: Final[dict[str, Plan]] = {"subjects": Plan(animations="all", n_subjects=10), "thesis": Plan(), "all": Plan(animations="all")}
 """subjects: ten people, ten gestures, 15 repetitions at three places (section 4.3); thesis: 600 samples of seven gestures (section 5.3);
 all: the same of ten gestures, every sample of another person."""
 

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, RadarInfo
+from radar_core.types import Float64Array
 from radar_sim import (
     GESTURE_DURATION,
     VARIANTS,
@@ -120,9 +120,9 @@ def _seconds(action: Action) -> float:
     return sum(value for value in (action.stand, action.sit, action.rise, action.fidget) if value is not None)
 
 
-def _anywhere(rng: Random, wanted: int) -> list[NDArray[np.float64]]:
+def _anywhere(rng: Random, wanted: int) -> list[Float64Array]:
     """Draw places that are not too near to each other."""
-    places: list[NDArray[np.float64]] = []
+    places: list[Float64Array] = []
     while len(places) < wanted:
         distance, side = rng.uniform(1.5, 3.5), math.radians(rng.uniform(-35.0, 35.0))
         place = distance * np.array([math.cos(side), math.sin(side)])
@@ -131,7 +131,7 @@ def _anywhere(rng: Random, wanted: int) -> list[NDArray[np.float64]]:
     return places
 
 
-def _row(rng: Random, wanted: int) -> list[NDArray[np.float64]]:
+def _row(rng: Random, wanted: int) -> list[Float64Array]:
     """Draw places side by side, about across the boresight, the middle 2 to 3 m away; rows that are too wide are drawn again."""
     while True:
         along = np.concatenate([[0.0], np.cumsum(rng.uniform(*_ROW, wanted - 1))])
@@ -142,7 +142,7 @@ def _row(rng: Random, wanted: int) -> list[NDArray[np.float64]]:
             return list(places)
 
 
-def _person(rng: Random, number: int, place: NDArray[np.float64], *, walks: bool, idle: bool) -> Person:
+def _person(rng: Random, number: int, place: Float64Array, *, walks: bool, idle: bool) -> Person:
     """Draw somebody who gestures, or only looks on."""
     x, y = float(place[0]), float(place[1])
     if idle:

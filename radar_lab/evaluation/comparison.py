@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import Float64Array, IndexArray
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.validation import Validation
 
@@ -38,7 +37,7 @@ class Comparison:
 
     names: tuple[str, ...]  # features
     labels: tuple[int, ...]  # gestures that both data sets have, as indices into `GESTURES`
-    counts: NDArray[np.int64]  # samples of each, of A and of B, shape (2, n_labels)
+    counts: IndexArray  # samples of each, of A and of B, shape (2, n_labels)
     shapiro: Float64Array  # p-values that a feature of A, of B, is normally distributed, shape (2, n_features)
     # kruskal, statistic: p-values that a feature of a gesture has one distribution in A and B (figure 5.15), and H of these tests: the
     # larger, the more different; shape (n_labels, n_features)
@@ -137,7 +136,7 @@ def _wilcoxon(x: Float64Array, y: Float64Array) -> float:
 
 
 def _transfer(
-    a: SampleSet, b: SampleSet, labels: tuple[int, ...], columns: NDArray[np.int64], config: ComparisonConfig, notes: list[str]
+    a: SampleSet, b: SampleSet, labels: tuple[int, ...], columns: IndexArray, config: ComparisonConfig, notes: list[str]
 ) -> Validation | None:
     """Train on the common gestures of A, test on those of B."""
     if len(labels) < 2:
@@ -150,7 +149,7 @@ def _transfer(
     return Validation("all", names, model(b.features[own][:, columns]), number, b.person[own], 1)
 
 
-def _classifier(x: Float64Array, label: NDArray[np.int64], config: ComparisonConfig) -> Callable[[Float64Array], Float64Array]:
+def _classifier(x: Float64Array, label: IndexArray, config: ComparisonConfig) -> Callable[[Float64Array], Float64Array]:
     """Fit the thesis's perceptron, L2 in place of dropout; gives probabilities, shape (n, n_labels)."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.neural_network import MLPClassifier

@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import RadarInfo
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
+from radar_core.types import BoolArray
 from radar_sim.truth import Truth
 from radar_tracking import Tracks
 from radar_tracking.metrics import (
@@ -56,7 +56,7 @@ class Visibility:
         self._settle_ns = round(self.config.settle * 1e9)
         self._since_ns: dict[int, int] = {}
 
-    def process(self, truth: Truth) -> NDArray[np.bool_]:
+    def process(self, truth: Truth) -> BoolArray:
         """Say who is visible at a moment, shape (n_people,); moments come in the order of time."""
         distance, azimuth, _ = cartesian_to_spherical(self._info.mount.from_room(truth.position))
         inside = np.abs(azimuth) <= self._info.array.fov_azimuth / 2
@@ -66,7 +66,7 @@ class Visibility:
         settled = [truth.stamp_ns - self._since_ns.get(n, math.inf) >= self._settle_ns for n in numbers]
         return np.array(settled, np.bool_) & self._shown(truth)
 
-    def _shown(self, truth: Truth) -> NDArray[np.bool_]:
+    def _shown(self, truth: Truth) -> BoolArray:
         if not len(truth.scatterer_rcs):
             return np.ones(len(truth.person_id), np.bool_)
         own = truth.scatterer_owner >= 0
@@ -117,7 +117,7 @@ class Matching:
         self.moments = self.track_frames = self.ghost_track_frames = 0
         self._span_ns: tuple[int, int] | None = None
 
-    def process(self, tracks: Tracks, truth: Truth, visible: NDArray[np.bool_]) -> Matched:
+    def process(self, tracks: Tracks, truth: Truth, visible: BoolArray) -> Matched:
         """Take in one moment; moments come in the order of time.
 
         Who counts is said by `Visibility`, shape (n_people,). Raises `DataError` when a place is not finite or an identity occurs twice;

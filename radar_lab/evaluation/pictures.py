@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
+from radar_core.types import Float32Array, IndexArray
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import maps_of, read
 from radar_lab.datasets.samples import SampleSet
@@ -58,7 +59,7 @@ def draw_sample_maps(sample: Mapping[str, NDArray[Any]], path: str | Path, confi
     save_figure(figure, path)
 
 
-def _map(axes: Axes, times: NDArray[np.floating[Any]], speed: NDArray[np.float32], values: NDArray[np.floating[Any]], title: str) -> None:
+def _map(axes: Axes, times: NDArray[np.floating[Any]], speed: Float32Array, values: NDArray[np.floating[Any]], title: str) -> None:
     """Draw one feature map: time to the right, speed upwards."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.02
     half = float(speed[1] - speed[0]) / 2 if len(speed) > 1 else 0.5
@@ -228,7 +229,7 @@ def draw_rows(rows: Mapping[str, float], path: str | Path, *, quantity: str, goa
     save_figure(figure, path)
 
 
-def _matrix(axes: Axes, counts: NDArray[np.int64], labels: Sequence[str]) -> None:
+def _matrix(axes: Axes, counts: IndexArray, labels: Sequence[str]) -> None:
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
     for row, column in np.argwhere(counts > 0):

@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, RadarInfo
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError
+from radar_core.types import Float64Array
 from radar_gestures.recognizer import Gesture
 from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, Visibility
 from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, in_order, note_gestures, score_gestures
@@ -159,7 +159,7 @@ class _NeesMean:
     def __init__(self) -> None:
         self._sum, self._samples, self._refused = 0.0, 0, 0
 
-    def add(self, error: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    def add(self, error: Float64Array, covariance: Float64Array) -> None:
         """Take in one error, shape (2,) [m], and its covariance, shape (2, 2) [m^2]; NaN: the tracker gives none."""
         if not np.isfinite(covariance).all():
             return

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, NO_GESTURE
+from radar_core.types import IndexArray
 from radar_sim.truth import Truth
 
 _RANDOM = GESTURES.index("random")
@@ -47,7 +47,7 @@ class GestureScore:
     misses: int  # gestures not recognised: no event, or one called random
     # Published gestures (not random) that overlap no gesture of that person, or one already recognised; those of tracks on nobody too
     false_alarms: int
-    confusion: NDArray[np.int64]  # true label by recognised label; the last column counts gestures without any event; shape (10, 11)
+    confusion: IndexArray  # true label by recognised label; the last column counts gestures without any event; shape (10, 11)
     outcomes: tuple[tuple[TruthSegment, RecognisedGesture | None], ...]  # what was matched with every segment, in the order given
 
     @property

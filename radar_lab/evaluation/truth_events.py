@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError, Pose
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import Float64Array, IndexArray
 from radar_sim.truth import Truth
 
 
@@ -58,7 +57,7 @@ def radial_speed(position: Float64Array, velocity: Float64Array, sensor: Float64
     return np.asarray(np.divide(along, distance, out=np.zeros_like(along), where=distance != 0))
 
 
-def fast_times(stamp_ns: NDArray[np.int64], speed: Float64Array, threshold: float) -> list[tuple[float, float]]:
+def fast_times(stamp_ns: IndexArray, speed: Float64Array, threshold: float) -> list[tuple[float, float]]:
     """Find from when to when [ns] a speed, sampled and straight in between, is above a threshold, whatever its sign.
 
     Two neighbouring samples above count as one time also where their signs differ: an event detector sees no pause there either. What

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
+from radar_core.types import IndexArray
 from radar_driver.clouds import cloud_from_ti, cloud_source_info
 from radar_lab.importers.recording import Recording, SourceOptions, Tally, check_offsets, load_npz, require_length
 
@@ -55,7 +56,7 @@ def read_crossing(path: Path, options: CrossingOptions) -> Recording:
     return Recording(info, _clouds(data, offset, stamps, options, tally), tally)
 
 
-def _regular_stamps(path: Path, number: NDArray[Any], time_ms: NDArray[Any]) -> tuple[NDArray[np.int64], float]:
+def _regular_stamps(path: Path, number: NDArray[Any], time_ms: NDArray[Any]) -> tuple[IndexArray, float]:
     """Fit stamps [ns] to frame numbers, both (n_frames,); also the standard deviation of the recorded times about the line [ms]."""
     if len(number) < 2 or (np.diff(number) <= 0).any():
         raise DataError(f"{path}: field frame_number must hold at least two frames and rise from each to the next")
@@ -70,7 +71,7 @@ def _regular_stamps(path: Path, number: NDArray[Any], time_ms: NDArray[Any]) -> 
 
 
 def _clouds(
-    data: dict[str, NDArray[Any]], offset: NDArray[np.int64], stamps: NDArray[np.int64], options: CrossingOptions, tally: Tally
+    data: dict[str, NDArray[Any]], offset: IndexArray, stamps: IndexArray, options: CrossingOptions, tally: Tally
 ) -> Iterator[PointCloud]:
     points, number = data["points"], data["frame_number"]
     for k, stamp in enumerate(stamps):

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from radar_core import NO_GESTURE, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float64Array, IndexArray
 from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info, to_our_axes
 from radar_lab.importers.recording import START_NS, Item, Recording, SourceOptions, Tally, check_offsets, load_npz, require_length
 from radar_sim.truth import Truth
 
 _FOV: Final = (np.radians(120.0), np.radians(60.0))  # of the IWR1443's antennas, roughly
 _BODY: Final = "SpineBase"
-Places = NDArray[np.float64]
+Places = Float64Array
 
 
 @config
@@ -58,9 +59,7 @@ def read_mars(path: Path, options: MarsOptions) -> Recording:
     return Recording(info, items, tally)
 
 
-def _items(
-    data: dict[str, NDArray[Any]], offset: NDArray[np.int64], body: Places, hand: Places, subject: int, interval: float
-) -> Iterator[Item]:
+def _items(data: dict[str, NDArray[Any]], offset: IndexArray, body: Places, hand: Places, subject: int, interval: float) -> Iterator[Item]:
     velocities = [np.gradient(path, interval, axis=0) if len(path) > 1 else np.zeros_like(path) for path in (body, hand)]
     for k in range(len(offset) - 1):
         stamp = START_NS + k * round(interval * 1e9)

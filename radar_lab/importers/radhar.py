@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
+from radar_core.types import Float64Array, IndexArray
 from radar_driver.clouds import cloud_source_info, make_cloud
 from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally, check_offsets, load_npz, require_length
 
@@ -60,7 +61,7 @@ def read_radhar(path: Path, options: RadharOptions) -> Recording:
     return Recording(info, _clouds(stamp - stamp[0] + START_NS, offset, table), tally)
 
 
-def _packed(path: Path, wanted: str) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def _packed(path: Path, wanted: str) -> tuple[IndexArray, IndexArray, Float64Array]:
     names = [name for name, _ in recordings(path)]
     shapes: dict[str, tuple[int | None, ...]] = dict.fromkeys(("recording", "stamp_ms", "offset", "doppler_mm_s", "intensity_cdb"), (None,))
     shapes |= {"xyz_mm": (None, 3)}
@@ -80,7 +81,7 @@ def _packed(path: Path, wanted: str) -> tuple[NDArray[np.int64], NDArray[np.int6
     return data["stamp_ms"][frames].astype(np.int64) * 1_000_000, offset[frames[0] : frames[-1] + 2] - points.start, table
 
 
-def _text(path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def _text(path: Path) -> tuple[IndexArray, IndexArray, Float64Array]:
     """Read points that ``rostopic echo`` printed; the first of each frame has ``point_id: 0``."""
     try:
         found = _NUMBER.findall(path.read_text(encoding="utf-8"))
@@ -98,7 +99,7 @@ def _text(path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.
     return stamp, np.append(first, len(table)).astype(np.int64), table[:, 3:]
 
 
-def _clouds(stamp: NDArray[np.int64], offset: NDArray[np.int64], table: NDArray[np.float64]) -> Iterator[PointCloud]:
+def _clouds(stamp: IndexArray, offset: IndexArray, table: Float64Array) -> Iterator[PointCloud]:
     for k, (start, stop) in enumerate(pairwise(offset)):
         position, values = table[start:stop, :3], table[start:stop, 3:]
         distance, azimuth, elevation = cartesian_to_spherical(position)

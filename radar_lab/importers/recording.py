@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud, Pose, RadarFrame, RadarInfo
 from radar_core.config import config, knob
+from radar_core.types import Float64Array, IndexArray
 from radar_sim.truth import Truth
 
 Item = PointCloud | RadarFrame | Truth
@@ -118,7 +119,7 @@ def load_npz(path: Path, fields: dict[str, tuple[int | None, ...]], numbers: Seq
     return arrays
 
 
-def check_offsets(path: Path, offset: NDArray[Any], n_points: int) -> NDArray[np.int64]:
+def check_offsets(path: Path, offset: NDArray[Any], n_points: int) -> IndexArray:
     """Return the field ``offset``, shape (n + 1,), as integers that rise from 0 to the number of points, or raise `DataError`."""
     if offset.dtype.kind not in "iu" or len(offset) < 2:
         raise DataError(f"{path}: field offset is {offset.dtype} of length {len(offset)}, expected whole numbers, one more than frames")
@@ -146,7 +147,7 @@ def require_numbers(path: Path, name: str, array: NDArray[Any]) -> None:
         raise DataError(f"{path}: field {name} has {len(bad)} values that are not finite, the first at {tuple(int(i) for i in bad[0])}")
 
 
-def read_rows(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64], Counter[str]]:
+def read_rows(path: Path) -> tuple[IndexArray, Float64Array, Counter[str]]:
     """Read the originals' text format, leaving out what the logger garbled; a heading is skipped.
 
     One point a row: frame, points in frame, x, y, z, Doppler, intensity.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, NO_GESTURE, ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import IndexArray
 from radar_driver.clouds import amplitude_db, cloud_from_ti, cloud_source_info
 from radar_lab.importers.recording import (
     START_NS,
@@ -61,7 +62,7 @@ class Original:
     label: str  # as the data set says
     subject: int  # who
     distance: float  # from the radar [m]; NaN: unknown
-    frame: NDArray[np.int64]  # frame number of each point, shape (n,)
+    frame: IndexArray  # frame number of each point, shape (n,)
     xyz: NDArray[Any]  # right, forward, up, shape (n, 3) [m]
     # speed, intensity: range rate [m/s] and strength, shape (n,)
     speed: NDArray[Any]
@@ -83,7 +84,7 @@ def read_segments(path: Path, options: SegmentOptions, labels: Mapping[str, str]
     return Recording(info, _items(originals, options, labels, tally), tally)
 
 
-def _spread(chosen: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
+def _spread(chosen: IndexArray, limit: int) -> IndexArray:
     """At most ``limit`` of the entries, evenly spread."""
     if limit == 0 or len(chosen) <= limit:
         return chosen
@@ -116,7 +117,7 @@ def _streams_of(path: Path, streams: Sequence[str], options: SegmentOptions) -> 
         yield Original(_DAILY, int(stream), float("nan"), frame.astype(np.int64), xyz * 1e-3, speed * 1e-3, intensity)
 
 
-def _segments_of(data: dict[str, NDArray[Any]], offset: NDArray[np.int64], options: SegmentOptions) -> Iterator[Original]:
+def _segments_of(data: dict[str, NDArray[Any]], offset: IndexArray, options: SegmentOptions) -> Iterator[Original]:
     wanted = np.ones(len(offset) - 1, bool)
     if options.label:
         wanted &= data["label"] == options.label
@@ -193,7 +194,7 @@ def _sane(original: Original, options: SegmentOptions, tally: Tally) -> Original
     return replace(original, **own)
 
 
-def frames_elapsed(frame: NDArray[np.int64]) -> NDArray[np.int64]:
+def frames_elapsed(frame: IndexArray) -> IndexArray:
     """Frames since the first row, never decreasing: where the counter goes back or jumps far, it was set anew, and the next frame follows.
 
     ``frame`` holds the frame number of each row, shape (n,), in the order of recording; the result starts at 0.

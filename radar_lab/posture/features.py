@@ -8,11 +8,10 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import Float64Array, IndexArray
 from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
 
 _QUANTILES: Final = (0.0, 0.1, 0.5, 0.9, 1.0)  # symmetric, so that mirroring turns their order round
@@ -159,7 +158,7 @@ def mirror(features: Float64Array, config: PostureFeatureConfig) -> Float64Array
     return np.asarray(features[..., index] * sign)
 
 
-def _mirror_of(config: PostureFeatureConfig) -> tuple[NDArray[np.int64], Float64Array]:
+def _mirror_of(config: PostureFeatureConfig) -> tuple[IndexArray, Float64Array]:
     """Which feature takes whose place, and with which sign; both of shape (n_features,)."""
     cells = np.arange(_CHANNELS * config.rows * config.columns).reshape(_CHANNELS, config.rows, config.columns)
     spread = cells.size + 1 + np.arange(3 * len(_QUANTILES)).reshape(3, -1)  # rows: away, left, up
@@ -193,7 +192,7 @@ def _grid(own: Float64Array, rate: Float64Array, config: PostureFeatureConfig) -
     return np.concatenate([np.bincount(cell, share * np.tile(weight, 4), minlength=n) for weight in weights])
 
 
-def _share(value: Float64Array, low: float, high: float, n: int) -> tuple[NDArray[np.int64], Float64Array]:
+def _share(value: Float64Array, low: float, high: float, n: int) -> tuple[IndexArray, Float64Array]:
     """Lower of the two cells around each value, and the share of the upper one; what is outside belongs to the cell at the edge."""
     place = np.clip((value - low) / (high - low) * n - 0.5, 0.0, n - 1.0)
     lower = np.minimum(place.astype(np.int64), n - 2)

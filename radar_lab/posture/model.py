@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError
 from radar_core.arrays import as_float32, description, load_arrays, read_description, save_arrays
 from radar_core.config import load, plain
-from radar_core.types import Float64Array
+from radar_core.types import Float32Array, Float64Array
 from radar_lab.posture.features import PostureFeatureConfig
 
 FORMAT: Final[int] = 1
@@ -41,12 +41,12 @@ class PostureModel:
     features: PostureFeatureConfig  # what the inputs are
     # Of every layer; the first has ``n_in = features.n_features``, the last ``n_out = 3``: (away, left, up) in the person's own axes, each
     # of shape (n_in, n_out) [m]
-    weights: tuple[NDArray[np.float32], ...]
-    biases: tuple[NDArray[np.float32], ...]  # of every layer, each of shape (n_out,)
-    std: NDArray[np.float32]  # error of the outputs, root mean square over parts of the training set that were left out, shape (3,) [m]
-    spread: NDArray[np.float32]  # standard deviation of the hands themselves in the training set, shape (3,) [m]
+    weights: tuple[Float32Array, ...]
+    biases: tuple[Float32Array, ...]  # of every layer, each of shape (n_out,)
+    std: Float32Array  # error of the outputs, root mean square over parts of the training set that were left out, shape (3,) [m]
+    spread: Float32Array  # standard deviation of the hands themselves in the training set, shape (3,) [m]
     # Lowest and highest place of a hand in the training set [m]. Beyond it nothing is known, and the answer stays within; shape (2, 3)
-    bounds: NDArray[np.float32]
+    bounds: Float32Array
     figures: Mapping[str, Any] = field(default_factory=dict)  # what training measured
     _layers: tuple[tuple[Float64Array, Float64Array], ...] = field(init=False, repr=False)
 

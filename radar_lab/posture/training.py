@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_shape
 from radar_core.config import config, knob
 from radar_core.linalg import canonical_eigh
-from radar_core.types import Float64Array
+from radar_core.types import Float64Array, IndexArray
 from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures, Seen, mirror
 from radar_lab.posture.model import PostureModel
 from radar_tracking.tracks import TrackedCloud
@@ -72,9 +71,9 @@ class PostureSamples:
 
     features: Float64Array  # as `PostureFeatures` makes them, shape (n, n_features)
     hand: Float64Array  # (away, left, up) in the person's axes, shape (n, 3) [m]
-    cloud: NDArray[np.int64]  # index of the cloud in its recording, shape (n,)
-    side: NDArray[np.int64]  # 0: left hand, 1: right hand, mirrored; shape (n,)
-    block: NDArray[np.int64]  # which piece of time they are from; pieces of different recordings differ; shape (n,)
+    cloud: IndexArray  # index of the cloud in its recording, shape (n,)
+    side: IndexArray  # 0: left hand, 1: right hand, mirrored; shape (n,)
+    block: IndexArray  # which piece of time they are from; pieces of different recordings differ; shape (n,)
 
     def __len__(self) -> int:
         return len(self.hand)
@@ -169,7 +168,7 @@ def _left_out(samples: PostureSamples, config: PostureTrainingConfig, tell: Call
     return wrong, plain
 
 
-def _parts(samples: PostureSamples, config: PostureTrainingConfig) -> NDArray[np.int64]:
+def _parts(samples: PostureSamples, config: PostureTrainingConfig) -> IndexArray:
     """Deal the pieces of time out in turn; which part each sample is of, shape (n,)."""
     pieces, number = np.unique(samples.block, return_inverse=True)
     if len(pieces) < 2:

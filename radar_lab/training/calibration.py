@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from radar_core import DataError
 from radar_core.checks import require_finite
+from radar_core.types import Float64Array, IndexArray
 from radar_gestures.classifiers.rejection import ByDistance
 
 _TINY: Final[float] = 1e-12  # a probability of 0 would make any temperature infinitely unlikely
 _TEMPERATURES: Final[tuple[float, float]] = (0.05, 20.0)
 
 
-def soften(probabilities: NDArray[np.floating], temperature: float) -> NDArray[np.float64]:
+def soften(probabilities: NDArray[np.floating], temperature: float) -> Float64Array:
     """Probabilities, shape (..., n_labels), at another temperature: ``p^(1/T)``, normalised: scores before the softmax, divided by ``T``.
 
     Above 1 the model becomes less sure, below 1 surer; which label is most probable never changes.
@@ -27,12 +28,12 @@ def soften(probabilities: NDArray[np.floating], temperature: float) -> NDArray[n
     return np.asarray(power / power.sum(axis=-1, keepdims=True))
 
 
-def log_loss(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
+def log_loss(probabilities: NDArray[np.floating], label: IndexArray) -> float:
     """Mean of ``-log p`` of the true labels, shape (n,), of samples with probabilities, shape (n, n_labels) [nat]."""
     return float(-np.log(np.maximum(probabilities[np.arange(len(label)), label], _TINY)).mean())
 
 
-def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64]) -> float:
+def fit_temperature(probabilities: NDArray[np.floating], label: IndexArray) -> float:
     """Find the temperature under which the true labels are most likely (temperature scaling [1]_).
 
     It lies between 0.05 and 20. Raises `DataError` when there are no samples, or a probability is not finite.
@@ -58,7 +59,7 @@ def fit_temperature(probabilities: NDArray[np.floating], label: NDArray[np.int64
     return math.exp(found.x)
 
 
-def calibration_error(probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15) -> float:
+def calibration_error(probabilities: NDArray[np.floating], label: IndexArray, bins: int = 15) -> float:
     """Average how far stated confidence and share of right answers lie apart: the expected calibration error (Guo et al., 2017).
 
     It is 0 to 1, 0 for no samples, over ``bins`` intervals of equal width.
@@ -67,9 +68,7 @@ def calibration_error(probabilities: NDArray[np.floating], label: NDArray[np.int
     return float(np.sum(share * np.abs(confidence - right)))
 
 
-def reliability(
-    probabilities: NDArray[np.floating], label: NDArray[np.int64], bins: int = 15
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def reliability(probabilities: NDArray[np.floating], label: IndexArray, bins: int = 15) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Compare stated confidence with truth, interval by interval of confidence.
 
     Gives, for each interval that holds samples, mean confidence, share of right answers, and share of all samples, shape (n_used,) each.
@@ -95,9 +94,7 @@ def choose_reject(score: NDArray[np.floating], lost: float = 0.05) -> float:
     return float(np.sort(score)[min(math.floor(lost * len(score) + 1e-9), len(score) - 1)])
 
 
-def fit_distance(
-    standard: NDArray[np.float64], label: NDArray[np.int64], n_labels: int, *, weight: float = 0.05, shared: bool = False
-) -> ByDistance:
+def fit_distance(standard: Float64Array, label: IndexArray, n_labels: int, *, weight: float = 0.05, shared: bool = False) -> ByDistance:
     """Estimate the means and covariances of a rejector from training samples.
 
     Parameters

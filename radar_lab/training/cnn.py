@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float32Array, Float64Array
 from radar_lab.training.encoder import ATTRIBUTES
 
 FORMAT: Final[int] = 1
@@ -65,7 +66,7 @@ class CnnModel:
         self.flop = int(about["flop"])
         self.n_bytes = len(content)
 
-    def probabilities(self, cubes: NDArray[np.floating]) -> NDArray[np.float64]:
+    def probabilities(self, cubes: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, in the order of ``labels``, shape (..., n_labels).
 
         ``cubes`` have the shape (..., 5, n_detections, n_frames), as `encode` gives them; `DataError` for another shape or non-finite
@@ -123,13 +124,13 @@ class Network:
     """Numbers of a trained network, independent of what trained it."""
 
     # mean, scale: standardisation of each attribute; cells without a detection stay 0; shape (5,)
-    mean: NDArray[np.float32]
-    scale: NDArray[np.float32]
+    mean: Float32Array
+    scale: Float32Array
     # Filters, shape (n_out, n_in, 3, 3), and biases, shape (n_out,), of each convolution (edges padded by 1), each followed by ReLU and
     # maxima over 2 x 2 cells
-    convolutions: tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
+    convolutions: tuple[tuple[Float32Array, Float32Array], ...]
     # Weights, shape (n_in, n_out), and biases, shape (n_out,), of each dense layer; ReLU between them, softmax after the last
-    dense: tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
+    dense: tuple[tuple[Float32Array, Float32Array], ...]
 
 
 def export(

@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
+from radar_core.types import Float32Array, IndexArray
 
 ATTRIBUTES: Final[tuple[str, ...]] = ("amplitude", "range", "radial_speed", "azimuth", "elevation")
 """First axis of the cube: SNR [dB], range [m], range rate [m/s], azimuth and elevation seen from the sensor [rad]."""
 
-_LIMITS: Final[NDArray[np.float32]] = np.array([200.0, 1e3, 1e3, 10.0, 10.0], np.float32)[:, None]
+_LIMITS: Final[Float32Array] = np.array([200.0, 1e3, 1e3, 10.0, 10.0], np.float32)[:, None]
 """Larger values are cut: no radar measures them, and one would drown a cube."""
 
 
@@ -39,7 +39,7 @@ def encode(
     start_ns: int | None = None,
     end_ns: int | None = None,
     body: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Arrange the detections of one event in a cube: strongest first, frame by frame, zeros where there is nothing.
 
     Frames are counted in time, not in clouds: at half the frame rate every other one is empty, and a lost cloud moves none of the others.
@@ -85,7 +85,7 @@ def encode(
     return cube
 
 
-def _frames(stamps: Sequence[int], config: EncoderConfig, start_ns: int | None, end_ns: int | None) -> NDArray[np.int64]:
+def _frames(stamps: Sequence[int], config: EncoderConfig, start_ns: int | None, end_ns: int | None) -> IndexArray:
     """Frame of the cube that each stamp falls into, shape (n_clouds,); -1: before the last `n_frames` of the event."""
     interval = round(config.frame_interval * 1e9)
     start = min(stamps) if start_ns is None else start_ns

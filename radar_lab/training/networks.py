@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob
+from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, half
 from radar_gestures.curves import TOTALS
 from radar_lab.training.cnn import CnnConfig, CnnModel, Network, export
@@ -36,9 +36,7 @@ class CurveTraining:
     seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order of samples and dropout")
 
 
-def train_cnn(
-    cubes: NDArray[np.float32], label: NDArray[np.int64], config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
-) -> Network:
+def train_cnn(cubes: Float32Array, label: IndexArray, config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES) -> Network:
     """Train a network on feature cubes; the same samples and seed give the same numbers on one machine.
 
     Parameters
@@ -77,9 +75,7 @@ def train_cnn(
     return Network(mean.ravel(), scale.ravel(), tuple(pairs[:n]), tuple((weights.T.copy(), bias) for weights, bias in pairs[n:]))
 
 
-def cnn_judge(
-    cubes: NDArray[np.float32], label: NDArray[np.int64], config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES
-) -> Judge:
+def cnn_judge(cubes: Float32Array, label: IndexArray, config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES) -> Judge:
     """Make the network comparable with any other classifier on the same split: see `radar_lab.training.validation.cross_validate`.
 
     What is judged is the exported graph in the ONNX runtime, as it would run.
@@ -90,7 +86,7 @@ def cnn_judge(
         See `train_cnn`; of all samples.
     """
 
-    def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+    def judge(known: Mask, test: Mask) -> Float64Array:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "network.onnx"
             shape = (cubes.shape[1], cubes.shape[2], cubes.shape[3])
@@ -100,7 +96,7 @@ def cnn_judge(
     return judge
 
 
-def _spread(cubes: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _spread(cubes: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Mean and standard deviation of each attribute over the cells with a detection, shape (5, 1, 1)."""
     used = cubes[:, 0] != 0
     if not used.any():
@@ -152,8 +148,8 @@ def _torch(what: str) -> Any:
 
 
 def train_net(
-    changed: NDArray[np.float32],
-    label: NDArray[np.int64],
+    changed: Float32Array,
+    label: IndexArray,
     *,
     names: Sequence[str],
     labels: Sequence[str],
@@ -236,7 +232,7 @@ class _Network:
         return self.dense[1](self._drop(torch.relu(self.dense[0](value))))
 
 
-def _fit_curves(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]], label: NDArray[np.int64], config: CurveTraining) -> None:
+def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label: IndexArray, config: CurveTraining) -> None:
     loss, target = torch.nn.CrossEntropyLoss(label_smoothing=config.smoothing), torch.from_numpy(label)
     batch = min(config.batch, max(len(label) // _LEAST_STEPS, _LEAST_BATCH), len(label))
     full = len(label) // batch * batch  # the rest that fills no batch waits for the next pass: batch normalisation needs many samples
@@ -250,7 +246,7 @@ def _fit_curves(torch: Any, net: _Network, copies: Sequence[NDArray[np.float32]]
     _optimise(torch, net, net.modules, loss, batches(), config.passes * (full // batch), config)
 
 
-def _folded(convolution: Any, norm: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _folded(convolution: Any, norm: Any) -> tuple[Float32Array, Float32Array]:
     """Kernel and offset of a convolution with its batch normalisation put in, which is linear once training is over."""
     factor = _array(norm.weight) / np.sqrt(_array(norm.running_var) + np.float32(norm.eps))
     kernel = np.transpose(_array(convolution.weight), (2, 1, 0)) * factor
@@ -258,5 +254,5 @@ def _folded(convolution: Any, norm: Any) -> tuple[NDArray[np.float32], NDArray[n
     return np.ascontiguousarray(kernel, np.float32), np.asarray(offset, np.float32)
 
 
-def _array(tensor: Any) -> NDArray[np.float32]:
+def _array(tensor: Any) -> Float32Array:
     return np.ascontiguousarray(tensor.detach().numpy(), np.float32)

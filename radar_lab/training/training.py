@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob, load
+from radar_core.types import Float64Array, IndexArray
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import RANDOM, ByProbability, Rejector
@@ -52,7 +52,7 @@ class TrainingReport:
     config: TrainingConfig  # how it was trained
     calibration_error: tuple[float, float]  # expected calibration error of people left out, before and after the temperature
     # How much every sample looks like a known gesture to the model trained without it, see `GestureModel.score`, shape (n,)
-    score: NDArray[np.float64]
+    score: Float64Array
     lost: float  # known gestures of people left out that are called random or rejected, as a share
 
 
@@ -111,7 +111,7 @@ def train_on(samples: SampleSet, config: TrainingConfig | None = None, *, labels
     folds = leave_subjects_out(samples.person, most=config.folds, seed=config.seed)
     judges: list[GestureModel] = []
 
-    def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+    def judge(known: Mask, test: Mask) -> Float64Array:
         judges.append(fit(samples, known, config, labels=labels))
         return judges[-1].probabilities(samples.features[test])
 
@@ -134,7 +134,7 @@ def validate(
 ) -> Validation:
     """Train a perceptron without each fold in turn and judge the samples left out; see `cross_validate` and `fit`."""
 
-    def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
+    def judge(known: Mask, test: Mask) -> Float64Array:
         return fit(samples, known, config, labels=labels).probabilities(samples.features[test])
 
     return cross_validate(samples.label, samples.person, folds, judge, labels=labels, split=split)
@@ -148,7 +148,7 @@ def config_of(model: GestureModel) -> TrainingConfig:
     return load(TrainingConfig, told | {"hidden": [len(bias) for bias in model.biases[:-1]]}, "gesture model")
 
 
-def reject_limit(validation: Validation, score: NDArray[np.float64], lost: float) -> tuple[float, float]:
+def reject_limit(validation: Validation, score: Float64Array, lost: float) -> tuple[float, float]:
     """Limit of the score below which events are rejected, and the share of known gestures that are lost: rejected or called random.
 
     ``validation`` is of samples that were not in the training, ``score``, shape (n,), theirs (`GestureModel.score`), and ``lost`` the share
@@ -203,7 +203,7 @@ def of_labels(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
     return dataclasses.replace(samples, **columns, label=number[samples.label][keep])
 
 
-def _balanced(label: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+def _balanced(label: IndexArray, rng: np.random.Generator) -> IndexArray:
     """Return indices in which every label occurs as often as the most frequent one (at most eight times each sample)."""
     most = np.bincount(label).max()
     parts = []
@@ -214,9 +214,7 @@ def _balanced(label: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.
     return np.concatenate(parts)
 
 
-def _perceptron(
-    x: NDArray[np.float64], label: NDArray[np.int64], config: TrainingConfig
-) -> tuple[tuple[NDArray[np.float64], ...], tuple[NDArray[np.float64], ...]]:
+def _perceptron(x: Float64Array, label: IndexArray, config: TrainingConfig) -> tuple[tuple[Float64Array, ...], tuple[Float64Array, ...]]:
     from sklearn.exceptions import ConvergenceWarning  # only training needs scikit-learn
     from sklearn.neural_network import MLPClassifier
 

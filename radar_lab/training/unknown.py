@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core import GESTURES, DataError
+from radar_core.types import Float64Array
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import RANDOM, ByProbability
 from radar_lab.datasets.samples import SampleSet
@@ -17,7 +17,7 @@ from radar_lab.training.calibration import fit_temperature, soften
 from radar_lab.training.training import TrainingConfig, fit, reject_limit
 from radar_lab.training.validation import Mask, Validation, leave_subjects_out
 
-Answers = NDArray[np.float64]
+Answers = Float64Array
 
 
 @dataclass(frozen=True, eq=False)

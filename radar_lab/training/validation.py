@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
+from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_gestures.classifiers.rejection import RANDOM
 
-Mask = NDArray[np.bool_]
+Mask = BoolArray
 Judge = Callable[[Mask, Mask], NDArray[np.floating]]
 """Trains on the samples that the first mask marks; returns the probabilities of those of the second, shape (n_test, n_labels)."""
 
 
-def leave_subjects_out(person: NDArray[np.int64], n: int = 2, *, most: int = 10, seed: int = 1) -> list[Mask]:
+def leave_subjects_out(person: IndexArray, n: int = 2, *, most: int = 10, seed: int = 1) -> list[Mask]:
     """Split into folds, each of which leaves ``n`` people out; everybody is left out once.
 
     Gives the test part of each fold, shape (n_samples,); they are disjoint and cover all samples. Raises `DataError` when there are not
@@ -64,10 +65,10 @@ class Validation:
 
     split: str  # how the samples were chosen: subjects, random or all (tested by a model trained elsewhere)
     labels: tuple[str, ...]  # names of the labels
-    probabilities: NDArray[np.float64]  # of every tested sample, shape (n, n_labels)
+    probabilities: Float64Array  # of every tested sample, shape (n, n_labels)
     # label, person: the true ones, and whose samples they are, shape (n,)
-    label: NDArray[np.int64]
-    person: NDArray[np.int64]
+    label: IndexArray
+    person: IndexArray
     n_folds: int = 0  # classifiers that were trained
 
     def __post_init__(self) -> None:
@@ -78,7 +79,7 @@ class Validation:
             raise DataError(f"validation: {n} labels, but probabilities {self.probabilities.shape} and person {self.person.shape}")
 
     @property
-    def confusion(self) -> NDArray[np.int64]:
+    def confusion(self) -> IndexArray:
         """True label by recognised label, shape (n_labels, n_labels)."""
         counts = np.zeros((len(self.labels), len(self.labels)), np.int64)
         np.add.at(counts, (self.label, self.probabilities.argmax(axis=-1)), 1)
@@ -96,17 +97,17 @@ class Validation:
         return float(np.mean(self.probabilities.argmax(axis=-1)[gesture] == self.label[gesture])) if gesture.any() else float("nan")
 
     @property
-    def is_gesture(self) -> NDArray[np.bool_]:
+    def is_gesture(self) -> BoolArray:
         """Samples that are a gesture, shape (n,)."""
         return np.asarray(self.label != (self.labels.index(RANDOM) if RANDOM in self.labels else -1))
 
     @property
-    def recall(self) -> NDArray[np.float64]:
+    def recall(self) -> Float64Array:
         """Of each label's samples the share that gets it, shape (n_labels,); NaN where there are none."""
         return _ratio(np.diag(self.confusion), self.confusion.sum(axis=1))
 
     @property
-    def precision(self) -> NDArray[np.float64]:
+    def precision(self) -> Float64Array:
         """Of the samples that get a label the share that has it, shape (n_labels,); NaN where none gets it."""
         return _ratio(np.diag(self.confusion), self.confusion.sum(axis=0))
 
@@ -125,7 +126,7 @@ class Validation:
 
 
 def cross_validate(
-    label: NDArray[np.int64], person: NDArray[np.int64], folds: Sequence[Mask], judge: Judge, *, labels: Sequence[str], split: str
+    label: IndexArray, person: IndexArray, folds: Sequence[Mask], judge: Judge, *, labels: Sequence[str], split: str
 ) -> Validation:
     """Train once for every fold and judge the samples it leaves out; they keep their order.
 
@@ -162,5 +163,5 @@ def as_text(validation: Validation) -> str:
     return "\n".join(lines)
 
 
-def _ratio(part: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[np.float64]:
+def _ratio(part: IndexArray, whole: IndexArray) -> Float64Array:
     return np.asarray(np.divide(part, whole, out=np.full(len(part), np.nan), where=whole > 0))

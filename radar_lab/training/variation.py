@@ -6,10 +6,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radar_core.config import config, knob
-from radar_core.types import Float64Array
+from radar_core.types import Float32Array, Float64Array
 from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, curve_names, read_curves, signals
 
 _STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
@@ -80,7 +79,7 @@ def _columns(*words: str, spreads: bool = True) -> list[int]:
 
 def copies(
     events: EventMaps, config: CurveConfig, variation: VariationConfig, *, n: int, seed: int, body: Float64Array | None = None
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Make changed copies of the curves of events; copy k is a function of the arguments and k, however many there are.
 
     Parameters
