@@ -18,8 +18,7 @@ from radar_core import PointCloud, RadarInfo
 from radar_driver.clouds import to_our_axes
 from radar_lab.importers import open_original
 from radar_lab.posture.features import PostureFeatureConfig
-from radar_lab.posture.model import PostureModel
-from radar_lab.posture.posture import PostureTracker
+from radar_lab.posture.posture import PostureModel, PostureTracker
 from radar_lab.posture.training import HandRecording, PostureSamples, PostureTrainingConfig, fit_postures, samples_of
 from radar_tracking import HandConfig, HandTracker, TrackedCloud
 

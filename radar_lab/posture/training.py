@@ -15,12 +15,11 @@ from radar_core.config import config, knob
 from radar_core.linalg import canonical_eigh
 from radar_core.types import Float64Array, IndexArray
 from radar_lab.posture.features import PostureFeatureConfig, PostureFeatures, Seen, mirror
-from radar_lab.posture.model import PostureModel
+from radar_lab.posture.posture import FLIP, PostureModel
 from radar_tracking.tracks import TrackedCloud
 
 Layers = list[tuple[Float64Array, Float64Array]]
 
-_FLIP: Final = np.array([1.0, -1.0, 1.0])  # (away, left, up) in a mirror
 _LEAST_STD: Final = 1e-3  # m
 _NEAR: Final = 1.5  # m: a track farther than this from the middle of the hands is somebody else's
 _LEAST_VARIANCE: Final = 1e-3  # of a component, features have 1: whitening less would only blow up what is new
@@ -96,7 +95,7 @@ def samples_of(recordings: Sequence[HandRecording], config: PostureFeatureConfig
                 if np.isfinite(place).all():
                     own = seen.frame.to_own(place)
                     features.append(mirror(seen.features, config) if side else seen.features)
-                    hand.append(own * _FLIP if side else own)
+                    hand.append(own * FLIP if side else own)
                     rows.append((k, side, piece))
         first = 1 + max((row[2] for row in rows), default=first)
     if len({row[::2] for row in rows}) < _LEAST:

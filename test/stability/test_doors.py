@@ -40,8 +40,7 @@ from radar_lab.camera.residual import ReferenceSample, TrackSample
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvents
 from radar_lab.posture.features import PostureFeatureConfig
-from radar_lab.posture.model import PostureModel
-from radar_lab.posture.posture import PostureTracker
+from radar_lab.posture.posture import PostureModel, PostureTracker
 from radar_lab.training.calibration import fit_temperature
 from radar_lab.training.encoder import EncoderConfig, encode
 from radar_lab.training.training import TrainingConfig, train_on

@@ -10,8 +10,7 @@ import pytest
 
 from radar_core import ConfigError, DataError, PointCloud
 from radar_lab.posture.features import BodyFrame, PostureFeatureConfig, PostureFeatures
-from radar_lab.posture.model import PostureModel, load_postures, save_postures
-from radar_lab.posture.posture import PostureConfig, PostureTracker
+from radar_lab.posture.posture import PostureConfig, PostureModel, PostureTracker, load_postures, save_postures
 from radar_lab.posture.training import PostureSamples, PostureTrainingConfig, fit_postures
 from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus
 

@@ -10,8 +10,7 @@ from postures import FRAME_NS, ORIGIN, SMALL, mirrored, recording, tracked
 from radar_core import ConfigError, DataError, Pose, RadarInfo
 from radar_driver.clouds import cloud_source_info
 from radar_lab.posture.features import BodyFrame, PostureFeatureConfig, PostureFeatures, mirror
-from radar_lab.posture.model import load_postures, save_postures
-from radar_lab.posture.posture import PostureConfig, PostureTracker
+from radar_lab.posture.posture import PostureConfig, PostureTracker, load_postures, save_postures
 from radar_lab.posture.training import HandRecording, PostureTrainingConfig, samples_of, train_postures
 from radar_tracking import TrackedCloud, Tracks, TrackStatus
 
