@@ -96,7 +96,7 @@ def _left_out(models: Sequence[GestureModel], folds: Sequence[Mask], ask: Callab
     """Ask each model about the samples of the people that it has not seen; the answers of all samples, in their order."""
     answers = [ask(model, test) for model, test in zip(models, folds, strict=True)]
     order = np.concatenate([np.flatnonzero(test) for test in folds])
-    return np.asarray(np.concatenate(answers)[np.argsort(order)])
+    return np.asarray(np.concatenate(answers)[np.argsort(order, kind="stable")])
 
 
 def as_table(reports: Sequence[UnknownReport]) -> str:
