@@ -27,8 +27,8 @@ def pytest_xdist_make_scheduler(config, log):
     class WholeFiles(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             place = nodeid.partition("::")[0].removeprefix("test/")
-            if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share
-                return nodeid
+            if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share but, some of them, a ROS domain
+                return "graphs" if nodeid.endswith(("[budget]", "[graph]")) else nodeid
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)
