@@ -41,7 +41,7 @@ CONFIG: Final = TrainingConfig()
 
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
     """Simulate what the folder does not hold yet: ten people, ten gestures, fifteen times (section 4.3); quickly four people, thrice."""
-    plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 1} if quick else {}))
+    plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {}))
     place, body = folder / ("few" if quick else "subjects"), "ellipsoids" if quick else "mesh"
     if not holds(place, plan, body):
         synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, body=body, one_tx=True)

@@ -420,10 +420,9 @@ def test_streams_without_a_gesture_have_no_recall(tmp_path):
 def test_crowds_measure(tmp_path, monkeypatch):
     """Two users for one round, through the real chain: every gesture is counted once."""
     pair = Crowd(2, (1.2, 2.0), bystander=False)
-    monkeypatch.setattr(gesture_crowds, "CROWDS", (pair,))
     monkeypatch.setattr(gesture_scenes, "LEAD", 2.5)
     monkeypatch.setattr(gesture_scenes, "ROUND", 2.2)
-    result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1), tmp_path, load_model(), progress=False)
+    result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1, crowds=(pair,)), tmp_path, load_model(), progress=False)
     row = result["crowds"][pair.name]
     assert row["performed"] == 2
     assert row["wrong"] + row["missed"] + 2 * row["accuracy"] == pytest.approx(2)
