@@ -28,7 +28,7 @@ _LARGE_CELLS, _LARGE_ANGLE = 24, 0.4
 """A triangle this wide or high, in cells or in rad, is tested against every point: there are few, and in many cells or around a pole."""
 _MOST_CELLS = 1_000_000
 _COLUMNS, _NEAR = 13, 12
-"""Of a table of triangles: N0, N1, N2, G, least range of a corner [m]; column of the range."""
+"""Of a table of triangles: N0, N1, N2, G, range that no point of it is nearer than [m]; column of the range."""
 _HALF_PI = 0.5 * math.pi
 _ERROR = 4e-6
 """Twice the error of `angle` [rad]."""
@@ -145,7 +145,7 @@ def prepare(corners: Any, origin: Any, rotation: Any) -> Any:
     Returns
     -------
     table : ndarray, shape (m, 13)
-        N0, N1, N2, G and the least range of a corner, in the axes of the place.
+        N0, N1, N2, G and a range that no point of it is nearer than, in the axes of the place.
     box : ndarray, shape (m, 4)
         Least azimuth and elevation, greatest azimuth and elevation of its outline [rad], widened by the error of `angle`. Wrong for a
         triangle around a pole or behind the place: such a one is wide.
@@ -173,7 +173,12 @@ def prepare(corners: Any, origin: Any, rotation: Any) -> Any:
         pad = _ERROR + (high_az - low_az) ** 2 * (1.0 / 16.0)
         box[i, 0], box[i, 1], box[i, 2], box[i, 3] = low_az - _ERROR, low_el - pad, high_az + _ERROR, high_el + pad
         width[i] = max(box[i, 2] - box[i, 0], box[i, 3] - box[i, 1]) if _planes(v, table[i]) else -1.0
-        table[i, 12] = 0.0 if math.isnan(near) else math.sqrt(near)
+        # its inside may be nearer than its corners, whose nearest is within longest / sqrt(3) of every point of it
+        longest = 0.0
+        for k in range(3):
+            p, q = v[k], v[(k + 1) % 3]
+            longest = max(longest, (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2)
+        table[i, 12] = math.sqrt(near - longest / 3.0) if near > longest / 3.0 else 0.0
     return table, box, width
 
 
