@@ -15,6 +15,7 @@ import numpy as np
 from radar_core import ConfigError
 from radar_core.config import config, knob
 from radar_sim.scatterers import THING, Float64Array, Motion, Scatterers
+from radar_sim.things import require_ends
 
 Places = Callable[[Float64Array], Float64Array]
 """Times (k,) [s] to places (k, n, 3) [m]."""
@@ -50,8 +51,7 @@ class Curtain:
 
     def validate(self) -> None:
         """Raise `ConfigError` when both ends are the same."""
-        if math.dist(self.start, self.end) < 1e-3:
-            raise ConfigError(f"Curtain: start and end are both {self.start}; give two places")
+        require_ends("Curtain", self.start, self.end)
 
 
 @config

@@ -14,6 +14,12 @@ _BODY = 0.2
 """A body's half depth [m]: nearer than this to a wall, a person stands in it."""
 
 
+def require_ends(kind: str, start: Place, end: Place) -> None:
+    """Raise `ConfigError` when the ends of something long are the same."""
+    if math.dist(start, end) < 1e-3:
+        raise ConfigError(f"{kind}: start and end are both {start}; give two places")
+
+
 @config
 class Point:
     """A point scatterer that moves evenly and echoes alike in all directions."""
@@ -48,8 +54,7 @@ class Wall:
 
     def validate(self) -> None:
         """Raise `ConfigError` when both ends are the same."""
-        if math.dist(self.start, self.end) < 1e-3:
-            raise ConfigError(f"Wall: start and end are both {self.start}; give two places")
+        require_ends("Wall", self.start, self.end)
 
 
 @config

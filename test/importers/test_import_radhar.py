@@ -63,7 +63,7 @@ def original(path, data):
 
 @pytest.mark.parametrize("recording", ["1", "Train/boxing/b.txt"])
 def test_points_come_out_as_they_went_in(packed, recording, tmp_path):
-    """Forward, left, up already; receding is positive; stamps relative to each other as recorded; one empty truth."""
+    """Forward, left, up already; receding is positive; stamps relative to each other as recorded."""
     path, data = packed
     import_recording("radhar", path, tmp_path / "bag", recording=recording)
     clouds, own = items(tmp_path / "bag"), slice(3 * len(STAMPS), None)

@@ -201,3 +201,15 @@ def test_occlusion_of_nobody():
     )
     assert len(occlusion.process(none, Moment(0, 0.0))) == 0
     assert len(occlusion.process(Scatterers.join([]), Moment(0, 0.0))) == 0
+
+
+def test_triangles_hide_what_is_just_behind_their_middle():
+    """A triangle that faces the radar is nearer in its middle than at its corners, by millimetres where it is decimetres wide."""
+    angle = 2 * np.pi * np.arange(3) / 3
+    corners = np.stack([np.full(3, 3.0), 0.25 * np.cos(angle), 0.25 * np.sin(angle)], axis=-1)[None]
+    small = np.stack([np.full(3, 9.0), 0.05 * np.cos(angle), 4.0 + 0.05 * np.sin(angle)], axis=-1)[None]
+    places = np.array([[3.0 + 2 * MARGIN, 0.0, 0.0], [3.0 - MARGIN, 0.0, 0.0]])
+    assert np.linalg.norm(corners[0, 0]) > np.linalg.norm(places[0])
+    seen = View(np.zeros(3), np.eye(3), 0.1).look([Triangles(np.concatenate([corners, small]))])
+    assert seen._raster is not None
+    np.testing.assert_array_equal(seen.visible(places), [False, True])
