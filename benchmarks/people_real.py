@@ -14,6 +14,7 @@ from benchmarks.people_sources import (
     Delivery,
     Float64Array,
     IndexArray,
+    Kind,
     Loaded,
     MakeTracker,
     MaskArray,
@@ -189,6 +190,31 @@ def preset(name: str) -> TrackerConfig:
 def ours(config: TrackerConfig) -> MakeTracker:
     """Make the product's tracker with a configuration."""
     return lambda info: PeopleTracker(config, info)
+
+
+def tuning(kind: Kind = "develop") -> list[Source]:
+    """Give less of a kind, to try many trackers on: four recordings of each activity, and the first 200 seconds of a stream."""
+    found = [replace(source, recordings=source.recordings[:4]) for source in sources(kind) if source.name in TARGETS]
+    return [replace(one, recordings=tuple(replace(r, limit=2000) for r in one.recordings)) if one.name == "daily" else one for one in found]
+
+
+def search(
+    candidates: Mapping[str, tuple[MakeTracker, Any]], keep: Path | None = None, finalists: int = 5
+) -> dict[str, tuple[float, float | None]]:
+    """Try trackers on `tuning`, and the best of them on all recordings to choose on; `score` of both by name, the chosen one first."""
+
+    def tried(name: str, among: Sequence[Source], part: str) -> float:
+        make, knobs = candidates[name]
+        told = digest([code(_CODE), knobs])
+        return score({one.name: judged(make, one, None if keep is None else keep / f"{part}_{one.name}_{told}.json") for one in among})
+
+    few = tuning()
+    first = {name: tried(name, few, "tuning") for name in candidates}
+    best = sorted(first, key=lambda name: -first[name])
+    whole = sources("choose")
+    second = {name: tried(name, whole, "choose") for name in best[:finalists]}
+    order = sorted(second, key=lambda name: -second[name]) + best[finalists:]
+    return {name: (first[name], second.get(name)) for name in order}
 
 
 def contenders(quick: bool) -> dict[str, tuple[MakeTracker, Any]]:
