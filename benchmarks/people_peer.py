@@ -29,7 +29,7 @@ def peer(config: StoneSoupConfig) -> MakeTracker:
     return lambda info: StoneSoupTracker(config)
 
 
-def candidates(n: int = 40, seed: int = 1, near: StoneSoupConfig | None = None) -> dict[str, tuple[MakeTracker, Any]]:
+def candidates(n: int = 30, seed: int = 1, near: StoneSoupConfig | None = None) -> dict[str, tuple[MakeTracker, Any]]:
     """Draw configurations, those chosen by hand before them; ``near``: draw about this one, within a quarter of the ranges."""
     rng = np.random.default_rng(seed)
     made = dict(BY_HAND) if near is None else {"near": near}

@@ -193,9 +193,12 @@ def ours(config: TrackerConfig) -> MakeTracker:
 
 
 def tuning(kind: Kind = "develop") -> list[Source]:
-    """Give less of a kind, to try many trackers on: four recordings of each activity, and the first 200 seconds of a stream."""
-    found = [replace(source, recordings=source.recordings[:4]) for source in sources(kind) if source.name in TARGETS]
-    return [replace(one, recordings=tuple(replace(r, limit=2000) for r in one.recordings)) if one.name == "daily" else one for one in found]
+    """Give less of a kind, to try many trackers on: every fourth recording of an activity, and the first 1000 clouds of each recording."""
+    found = [source for source in sources(kind) if source.name in TARGETS]
+    return [
+        replace(one, recordings=tuple(replace(r, limit=1000) for r in (one.recordings[::4] if one.name != "daily" else one.recordings)))
+        for one in found
+    ]
 
 
 def search(
