@@ -141,11 +141,12 @@ def outcomes_of(make: MakeTracker, source: Source) -> list[Outcome]:
 def figures(outcomes: Sequence[Outcome], piece: float = 20.0) -> dict[str, Any]:
     """Sum up what a tracker made of recordings; all but ``identities`` is of the clouds that count.
 
-    ``right_count``: share of the clouds with as many confirmed tracks (coasting ones too) as people; ``coverage``: with one at least;
-    ``too_few``, ``too_many``. ``identities``: ever confirmed, per recording and person; ``most_identities``. Per minute:
-    ``ghost_track_frames``: confirmed tracks beyond the people, summed over clouds; ``ghost_identities``: identities beyond the people.
-    ``nis_per_dof``: of the updates of confirmed tracks, 1 where the filter knows itself. ``torso_error_m``: mean distance of the nearest
-    track from the true body; ``torso_error_centred_m``: the same without each recording's mean difference; None: not known.
+    ``right_count``: share of the clouds with as many confirmed tracks (coasting ones too) as people, and ``_low``, ``_high`` of its
+    `interval`; ``coverage``: with one at least; ``too_few``, ``too_many``. ``identities``: ever confirmed, per recording and person;
+    ``most_identities``. Per minute: ``ghost_track_frames``: confirmed tracks beyond the people, summed over clouds; ``ghost_identities``:
+    identities beyond the people. ``nis_per_dof``: of the updates of confirmed tracks, 1 where the filter knows itself. ``torso_error_m``:
+    mean distance of the nearest track from the true body; ``torso_error_centred_m``: the same without each recording's mean difference;
+    None: not known.
     """
     found, people = (np.concatenate([getattr(one, name) for one in outcomes]) for name in ("found", "people"))
     times = np.concatenate([one.times_ms for one in outcomes])
@@ -153,6 +154,7 @@ def figures(outcomes: Sequence[Outcome], piece: float = 20.0) -> dict[str, Any]:
     beyond = sum(max(one.identities - int(one.people.max(initial=1)), 0) for one in outcomes)
     minutes = sum(one.counted for one in outcomes) / 60
     right, whole = int((found == people).sum()), len(found)
+    low, high = interval([pair for one in outcomes for pair in one.pieces(piece)])
     dof = sum(one.dof for one in outcomes)
     apart = [one.apart[np.isfinite(one.apart[:, 0])] for one in outcomes]
     centred = [one - one.mean(axis=0) for one in apart if len(one)]
@@ -160,7 +162,8 @@ def figures(outcomes: Sequence[Outcome], piece: float = 20.0) -> dict[str, Any]:
         "recordings": len(outcomes),
         "clouds": whole,
         "right_count": right / whole if whole else None,
-        "right_count_interval": list(interval([pair for one in outcomes for pair in one.pieces(piece)])) if whole else None,
+        "right_count_low": low if whole else None,
+        "right_count_high": high if whole else None,
         "coverage": float((found > 0).mean()) if whole else None,
         "too_few": float((found < people).mean()) if whole else None,
         "too_many": float((found > people).mean()) if whole else None,
@@ -290,8 +293,8 @@ def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure") -> dict[
     """Judge the presets and Stone Soup on every source, and the default with clouds as transports deliver them.
 
     ``quick``: the first clouds of two recordings; ``keep``: a folder for finished parts; ``kind``: which recordings, see `sources`.
-    Returns ``trackers``: figures by name and source; ``recommended``: those of `RECOMMENDED`; ``summary`` by name; ``deliveries``: figures
-    of the default by source; ``kind``, ``choices``. Raises AbsentError where the recordings are not there.
+    Returns ``trackers``: figures by name and source, ``recommended`` among them, which takes the preset of `RECOMMENDED` for each source;
+    ``summary`` by name; ``deliveries``: figures of the default by source; ``kind``, ``choices``. Raises AbsentError without recordings.
     """
 
     def one(name: str, source: Source) -> dict[str, Any]:
@@ -306,12 +309,12 @@ def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure") -> dict[
     for name in sent["recorded"]:
         choices += rows(f"{name} as delivered", {delivery: by_source[name] for delivery, by_source in sent.items()})
     trackers = {name: {source: shown(by_tracker[name]) for source, by_tracker in found.items()} for name in known}
-    best = {source: trackers[wanted][source] for source in found if (wanted := RECOMMENDED.get(source, "default")) in trackers}
+    wanted = {source: RECOMMENDED.get(source, "default") for source in found}
+    trackers["recommended"] = {source: trackers[name][source] for source, name in wanted.items() if name in trackers}
     return {
         "kind": kind,
-        "summary": {**{name: summary(by_source) for name, by_source in trackers.items()}, "recommended": summary(best)},
+        "summary": {name: summary(by_source) for name, by_source in trackers.items()},
         "trackers": trackers,
-        "recommended": best,
         "deliveries": {delivery: {name: shown(value) for name, value in by_source.items()} for delivery, by_source in sent.items()},
         "choices": choices,
     }

@@ -77,7 +77,7 @@ def test_a_new_tracker_for_each_recording():
     found = people_real.judge(lambda info: made.append(info) or Said([[(1, SURE)]] * 30), source(30, times=4))
     assert len(made) == 4
     assert found["right_count"] == 1.0
-    assert found["right_count_interval"][0] == pytest.approx(people_real.share_interval(4, 4)[0])
+    assert found["right_count_low"] == pytest.approx(people_real.share_interval(4, 4)[0])
 
 
 def test_distance_from_the_body_and_consistency():
