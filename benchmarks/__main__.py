@@ -83,11 +83,11 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep finished parts there; the same command goes on where it stopped")
     parser.add_argument("--full", action="store_true", help="with --keep: simulate again what is there (gestures)")
     parser.add_argument("--real", action="store_true", help="recordings of real people instead of simulated ones (gestures)")
-    parser.add_argument(
-        "--kind", choices=("develop", "choose", "figure", "all"), help="which recordings: default those for the figure (people_real)"
-    )
+    kinds = ("develop", "choose", "figure")
+    parser.add_argument("--kind", choices=(*kinds, "all"), help="which recordings: default those for the figure (people_real)")
+    parser.add_argument("--seeds", choices=kinds, help="which rooms: to develop or to choose on; default those for the figure (rooms)")
     options = parser.parse_args()
-    chosen = {name: value for name in ("keep", "full", "real", "kind") if (value := getattr(options, name))}
+    chosen = {name: value for name in ("keep", "full", "real", "kind", "seeds") if (value := getattr(options, name))}
     if options.all == bool(options.name) or (options.all and (chosen or options.plot)):
         parser.error("name one benchmark, or give --all and no other option than --json and --quick")
     if options.all:
