@@ -28,7 +28,7 @@ from benchmarks.stores import digest, once
 from benchmarks.stores import sources as code
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks, TrackStatus
+from radar_tracking import TrackerConfig, Tracks, TrackStatus
 
 PRESETS: Final = ("default", "dense", "sparse", "furnished", "thesis")
 RECOMMENDED: Final = {
@@ -192,7 +192,7 @@ def preset(name: str) -> TrackerConfig:
 
 def ours(config: TrackerConfig) -> MakeTracker:
     """Make the product's tracker with a configuration."""
-    return lambda info: PeopleTracker(config, info)
+    return lambda info: make_tracker(config, info)
 
 
 def tuning(kind: Kind = "develop") -> list[Source]:

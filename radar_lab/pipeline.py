@@ -11,7 +11,7 @@ from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_conte
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig
-from radar_tracking import HandConfig, HandTrack, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig, Tracks
+from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
 
 
 @config
@@ -77,7 +77,7 @@ class Pipeline:
         known = self.context.radar
         self._mount = known.mount
         self._baseband = Baseband(config.baseband, known)
-        self._tracker = PeopleTracker(config.tracking, known)
+        self._tracker = make_tracker(config.tracking, known)
         self._recognizer = GestureRecognizer(config.gestures, load_model(config.gestures.model), known.mount)
         self._hand = HandTracker(config.hand, known)
 

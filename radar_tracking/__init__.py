@@ -10,12 +10,13 @@ if TYPE_CHECKING:
     from radar_tracking.hand.config import HandConfig
     from radar_tracking.hand.tracker import HandTracker
     from radar_tracking.people.config import AssociationConfig, FilterConfig, LifeConfig, TrackerConfig
+    from radar_tracking.people.make import make_tracker
     from radar_tracking.people.tracker import PeopleTracker
     from radar_tracking.tracks import HandTrack, Track, TrackedCloud, Tracks, TrackStatus
 
 __all__ = [
     "AssociationConfig", "FilterConfig", "HandConfig", "HandTrack", "HandTracker", "LifeConfig", "PeopleTracker", "Track", "TrackStatus",
-    "TrackedCloud", "TrackerConfig", "Tracks", "dbscan", "kmeans",
+    "TrackedCloud", "TrackerConfig", "Tracks", "dbscan", "kmeans", "make_tracker",
 ]  # fmt: skip
 __getattr__ = lazily(
     __name__,
@@ -25,6 +26,7 @@ __getattr__ = lazily(
         "HandConfig": "hand.config",
         "HandTracker": "hand.tracker",
         "AssociationConfig FilterConfig LifeConfig TrackerConfig": "people.config",
+        "make_tracker": "people.make",
         "PeopleTracker": "people.tracker",
         "HandTrack Track TrackedCloud Tracks TrackStatus": "tracks",
     },

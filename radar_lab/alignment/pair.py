@@ -19,7 +19,7 @@ from radar_lab.alignment.trajectory import Trajectory, TrajectoryAlignment, Traj
 from radar_lab.alignment.trajectory_fit import align_trajectories
 from radar_lab.figures import new_figure, save_figure
 from radar_tracking.people.config import TrackerConfig
-from radar_tracking.people.tracker import PeopleTracker
+from radar_tracking.people.make import make_tracker
 from radar_tracking.tracks import TrackStatus
 
 GOOD_POSITION, GOOD_YAW = 0.02, math.radians(0.5)
@@ -66,7 +66,7 @@ class Walker:
     def __init__(self, config: PairConfig, info: RadarInfo) -> None:
         self.info, self._config = info, config
         self._level = Pose(z=info.mount.z, tilt=info.mount.tilt)
-        self._tracker = PeopleTracker(config.tracker, replace(info, mount=self._level))
+        self._tracker = make_tracker(config.tracker, replace(info, mount=self._level))
         self.clouds = self.company = 0
         self._stamps: list[int] = []
         self._places: list[Float64Array] = []

@@ -17,7 +17,8 @@ from radar_ros.messages.convert import cloud_from_msg, stride
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.params import declare_config
 from radar_ros.stage import InfoKeeper, StageNode, refusing, run
-from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking import TrackerConfig, make_tracker
+from radar_tracking.people.make import AnyTracker
 from radar_tracking.people.tally import Tally, TrackConsistencyConfig
 from radar_tracking.people.warm_up import warm_up
 
@@ -30,7 +31,7 @@ class TrackingNode(StageNode):
         self._config = declare_config(self, TrackerConfig)
         self._budget = Budget(self, self._config, self._prepare_levels)
         self._tally = Tally(self._config.zones, declare_config(self, TrackConsistencyConfig, "consistency."))
-        self._tracker: PeopleTracker | None = None
+        self._tracker: AnyTracker | None = None
         self._dropped_points = 0  # before the tracker was reset
         for level in set(self._budget.configs):
             warm_up(level)
@@ -40,7 +41,7 @@ class TrackingNode(StageNode):
         self.create_subscription(handwave.msg.PointCloud, "radar/points", self._take, qos.sensor(reliable=self.reliable))
 
     def _configure(self, info: RadarInfo) -> None:
-        self._tracker = PeopleTracker(self._budget.configs[self._budget.number], info)
+        self._tracker = make_tracker(self._budget.configs[self._budget.number], info)
         self.get_logger().info(f"clouds come from {info.frame_id}, mounted {info.mount.z:g} m above the floor")
 
     def _prepare_levels(self, configs: tuple[TrackerConfig, ...]) -> Callable[[], None]:

@@ -10,6 +10,7 @@ from radar_core.config import config, knob
 from radar_tracking.clustering.base import ClusteringConfig
 from radar_tracking.estimators.config import EstimatorConfig
 from radar_tracking.people.zones import ZonesConfig
+from radar_tracking.poisson.config import PoissonConfig
 
 _metres = partial(knob, unit="m", low=0.0, high=10.0)
 _seconds = partial(knob, unit="s", low=0.0, high=600.0)
@@ -107,11 +108,14 @@ class BackgroundConfig:
 class TrackerConfig:
     """Knobs of `PeopleTracker`."""
 
-    tracker: Literal["group_clustering", "group", "cluster_first"] = knob("group_clustering", doc="points to tracks (thesis, 6.2.2)")
+    tracker: Literal["group_clustering", "group", "cluster_first", "poisson_bernoulli"] = knob(
+        "group_clustering", doc="points to tracks: the thesis's (6.2.2), or a Poisson multi-Bernoulli filter"
+    )
     association: AssociationConfig = AssociationConfig()
     filter: FilterConfig = FilterConfig()
     life: LifeConfig = LifeConfig()
     background: BackgroundConfig = BackgroundConfig()
+    poisson: PoissonConfig = PoissonConfig()
     zones: ZonesConfig = ZonesConfig()
     min_distance: float = knob(0.3, unit="m", low=0.0, high=100.0, doc="nearer points are coupling, or fold over from the last range bin")
     min_speed: float = _speed(0.0, doc="points slower than this radially are ignored: for clouds full of furniture")

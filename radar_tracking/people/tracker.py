@@ -69,6 +69,8 @@ class PeopleTracker:
         self.reset()
 
     def _use(self, config: TrackerConfig) -> None:
+        if config.tracker == "poisson_bernoulli":
+            raise ConfigError("PeopleTracker is for the thesis's trackers; make_tracker() makes poisson_bernoulli")
         self.config = config
         self._known = None
         self._estimator = make_estimator(config.filter.estimator, 3)

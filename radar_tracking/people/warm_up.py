@@ -9,7 +9,7 @@ import numpy as np
 
 from radar_core import HandwaveError, PointCloud
 from radar_tracking.people.config import TrackerConfig
-from radar_tracking.people.tracker import PeopleTracker
+from radar_tracking.people.make import make_tracker
 
 _WARM_UP = 50  # clouds at 50 Hz: enough for two people to be found, followed and confirmed, and to come so near that their points merge
 _ALONE = 10  # of these show one person: arrays of one row are contiguous where others are not, which is another type for numba
@@ -19,7 +19,7 @@ _APART = 30  # before this one the two are 0.9 m apart
 def warm_up(config: TrackerConfig) -> None:
     """Compile what a tracker of that configuration needs, by following two made-up people, so that a node loses no cloud meanwhile."""
     everywhere = TrackerConfig(tracker=config.tracker, association=config.association, filter=config.filter)  # no zones, no bounds
-    tracker = PeopleTracker(everywhere)
+    tracker = make_tracker(everywhere)
     rng = np.random.default_rng(1)
     with contextlib.suppress(HandwaveError):  # what is wrong with the configuration is said when it is used
         for k in range(_WARM_UP):

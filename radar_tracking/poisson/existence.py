@@ -1,0 +1,194 @@
+"""Who is there: log odds of existence and of being a person, confirmation, duplicates, deletion."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radar_core.types import BoolArray, Float64Array
+from radar_tracking.people.zones import View, Zones
+from radar_tracking.poisson.config import PoissonConfig
+from radar_tracking.poisson.kernels import Shares, hidden, person_odds
+from radar_tracking.poisson.motion import Update
+from radar_tracking.poisson.points import Measured
+from radar_tracking.poisson.table import Table
+from radar_tracking.tracks import Deleted, Reason
+
+CONFIRM_ODDS: Final = 3.0  # log odds from which a track may be a person; it ends below minus this
+MOST_ODDS: Final = 6.0  # more evidence than this is not collected
+_LEAST, _MOST = -1.0, 3.0  # nat: one cloud says no more
+_LEAST_RATE: Final = 0.5  # points of a cloud: who has fewer is hard to tell from nobody
+_RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _MOVED_TIME, _ANCHOR_TIME = 1.0, 0.5, 30.0, 6.0, 1.0  # s
+_STANDS_WITHIN: Final = 0.35  # m of the anchor
+_SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
+_TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
+_HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
+_HELD: Final = 7.0  # and who has been in sight all the time
+_FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
+_COEFFICIENTS: Final = (0.4, -1.4, -2.1, 3.0, 0.5)  # of `person_odds`, by logistic regression on random rooms for development
+_PERSON_TIME: Final = 3.0  # s: the odds are averaged over this
+_NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
+_DOUBT: Final = 6.0  # nat/s: so fast
+_LEAST_HITS: Final = 0.2
+_DRIFT: Final = 0.4  # m: tracks of nothing wander so far
+_ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
+_ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
+_SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
+_APART: Final = 1.0  # m
+_AGAIN, _AGAIN_AFTER = 1.2, 0.5  # m, s: who appears so near to a person unseen for so long is that person
+_OUT_AFTER: Final = 0.3  # s unseen out of view: left
+
+
+def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: float, config: PoissonConfig, origin: Float64Array) -> None:
+    """Change log odds and rates by what a cloud says; ``origin``, shape (2,), is where the sensor stands."""
+    rows, corr = table.rows, config.correlation_time
+    supported = rows["stands"] & (shares.support > 0.5)
+    patience = _patience(table, supported, config, origin)
+    fresh = np.clip((now - rows["counted"]) / corr, min(1.0, dt / corr), 1.0)
+    span = MOST_ODDS + CONFIRM_ODDS
+    gain = np.clip(shares.evidence, 0.0, _MOST) * fresh
+    loss = np.clip(shares.evidence, _LEAST, 0.0) * span * dt / patience
+    rows["odds"] = np.minimum(rows["odds"] + gain + loss, MOST_ODDS)
+    rows["counted"] = np.where(shares.evidence > 0.5, now, rows["counted"])
+    slower = np.where((shares.count < rows["rate"]) & rows["stands"], _SLOW_RATE, 1.0)
+    rate = rows["rate"] + _share(dt, _RATE_TIME) * (shares.count - rows["rate"]) * slower
+    rows["rate"] = np.maximum(rate, _LEAST_RATE)
+    hit = np.maximum(shares.count, np.where(rows["stands"], shares.support, 0.0)) > 0.5
+    for name, time in (("hits", _HIT_TIME), ("presence", _PRESENCE_TIME)):
+        rows[name] += _share(dt, time) * (hit - rows[name])
+
+
+def _patience(table: Table, supported: BoolArray, config: PoissonConfig, origin: Float64Array) -> Float64Array:
+    """How long each track is believed without points [s]."""
+    rows = table.rows
+    stay = config.stay_time * (1.0 + _HELD * np.minimum(2.0 * rows["presence"], 1.0))
+    patience = np.where(rows["stands"], stay, config.leave_time)
+    away = table.mean[:, :2] - origin
+    covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
+    patience = np.where(covered, _HIDDEN * patience, patience)
+    patience = np.where(rows["confirmed"] | rows["stands"], patience, np.minimum(patience, _TENTATIVE))
+    return np.asarray(np.where(supported, np.maximum(patience, _FURNISHED), patience))
+
+
+def note_motion(table: Table, update: Update, measured: Measured, dt: float, now: float, config: PoissonConfig) -> None:
+    """Add up how far tracks have moved, and whether they stand."""
+    rows, own = table.rows, update.rows
+    rows["moved"] *= math.exp(-dt / _MOVED_TIME)
+    speed = np.abs(np.nan_to_num(update.speed))
+    stirs = own[speed > measured.still_speed]
+    way = (speed[speed > measured.still_speed] - 0.05) * np.minimum(now - rows["stirred"][stirs], config.correlation_time)
+    rows["moved"][stirs] += way
+    rows["stirred"][stirs] = now
+    rows["seen"][own] = now
+    rows["anchor"] += _share(dt, _ANCHOR_TIME) * (table.mean[:, :2] - rows["anchor"])
+    step = table.mean[:, :2] - rows["anchor"]
+    rows["stands"] = np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN
+
+
+class Decisions:
+    """Confirms, joins and ends tracks."""
+
+    def __init__(self, config: PoissonConfig, view: View, zones: Zones) -> None:
+        self._config, self._view, self._zones = config, view, zones
+
+    def process(self, table: Table, dt: float, now: float) -> tuple[tuple[Deleted, ...], list[int]]:
+        """Decide after a cloud; returns the tracks that ended and the rows, of those that stay, that were confirmed now."""
+        if not len(table):
+            return (), []
+        rows = table.rows
+        ends: dict[int, Reason] = {}
+        self._judge(table, dt, now)
+        place = np.column_stack([table.mean[:, :2], np.full(len(table), self._view.origin[2])])
+        inside = self._view.sees(place) & self._zones.inside(place)
+        gaps = table.gaps()
+        new = self._confirm(table, gaps, inside, now, ends)
+        self._join(table, gaps, dt, ends)
+        for row in np.flatnonzero(rows["odds"] < -CONFIRM_ODDS):
+            ends.setdefault(int(row), Reason.UNSEEN if rows["confirmed"][row] else Reason.NOT_CONFIRMED)
+        for row in np.flatnonzero(~inside & (now - rows["seen"] > _OUT_AFTER)):
+            ends.setdefault(int(row), Reason.LEFT)
+        if not ends:
+            return (), new
+        ended = [(rows[row], why) for row, why in ends.items()]
+        deleted = tuple(Deleted(int(row["id"]), why, bool(row["confirmed"])) for row, why in ended if row["id"] > 0)
+        stay = ~np.isin(np.arange(len(table)), list(ends))
+        table.keep(stay)
+        order = np.argsort(table.rows["id"], kind="stable")
+        table.rows, table.mean, table.covariance = table.rows[order], table.mean[order], table.covariance[order]
+        renamed = {int(old): int(position) for position, old in enumerate(np.flatnonzero(stay)[order])}
+        return deleted, [renamed[row] for row in new if row in renamed]
+
+    def _judge(self, table: Table, dt: float, now: float) -> None:
+        """Average the odds of being a person; who loses them ends soon."""
+        rows = table.rows
+        away = table.mean[:, :2] - self._view.origin[:2]
+        likely = rows["odds"] >= CONFIRM_ODDS
+        odds = person_odds(np.hypot(away[:, 0], away[:, 1]), rows["rate"], rows["hits"], likely, np.array(_COEFFICIENTS))
+        share = 1.0 - np.exp(-dt / np.minimum(now - rows["born"] + 0.1, _PERSON_TIME))
+        rows["person"] += share * (odds - rows["person"])
+        rows["odds"] -= np.where(rows["confirmed"] & (rows["person"] < _NO_PERSON), dt * _DOUBT, 0.0)
+
+    def _confirm(self, table: Table, gaps: Float64Array, inside: BoolArray, now: float, ends: dict[int, Reason]) -> list[int]:
+        rows, config, found = table.rows, self._config, []
+        step = table.mean[:, :2] - rows["birthplace"]
+        went = np.hypot(step[:, 0], step[:, 1])
+        ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
+        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved
+        for row in np.flatnonzero(ready).tolist():
+            if self._is_arm(table, gaps, row, float(went[row]), now):
+                continue
+            self._recover(table, gaps, row, now, ends)
+            rows["confirmed"][row] = True
+            found.append(row)
+        return found
+
+    def _is_arm(self, table: Table, gaps: Float64Array, row: int, went: float, now: float) -> bool:
+        """Whether a track that is near to a person has not yet stayed, or gone along, as somebody would."""
+        if went >= _ALONG:
+            return False
+        rows, away = table.rows, table.mean[row, :2] - self._view.origin[:2]
+        error = math.sqrt(max(table.covariance[row, 0, 0], table.covariance[row, 1, 1])) + 0.5 * self._config.angle_std * math.hypot(*away)
+        near = np.flatnonzero(rows["confirmed"] & (gaps[row] < self._config.reach + error))
+        young = now - rows["born"][row] < self._config.arm_time
+        return bool(len(near) and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][near]).any()))
+
+    @staticmethod
+    def _recover(table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:
+        """Give a new person the identity of one who stood there and was not seen since."""
+        rows = table.rows
+        lost = [k for k in np.flatnonzero(rows["confirmed"] & (now - rows["seen"] > _AGAIN_AFTER)).tolist() if k not in ends]
+        lost = [k for k in lost if gaps[row, k] < _AGAIN]
+        if not lost:
+            return
+        old = min(lost, key=lambda k: float(gaps[row, k]))
+        rows["id"][row], rows["id"][old] = rows["id"][old], -rows["id"][row]
+        for name in ("born", "presence"):
+            rows[name][row] = rows[name][old]
+        ends[old] = Reason.DUPLICATE
+
+    def _join(self, table: Table, gaps: Float64Array, dt: float, ends: dict[int, Reason]) -> None:
+        """End tracks on top of others: tentative ones at once, confirmed ones when they stay there."""
+        rows = table.rows
+        table.part(dt)
+        people = rows["confirmed"]
+        for one, other in np.argwhere(np.triu(people[:, None] & people[None, :] & (gaps > _APART) & np.isfinite(gaps))).tolist():
+            table.note_apart(one, other)
+        for one, other in np.argwhere(np.triu(gaps < self._config.body_width)).tolist():
+            if one in ends or other in ends:
+                continue
+            if people[one] and people[other]:
+                limit = _SAME_TIME_APART if table.were_apart(one, other) else _SAME_TIME
+                if table.together(one, other, dt) > limit:
+                    weight = rows["rate"] * (rows["presence"] + 0.1)
+                    ends[one if weight[one] < weight[other] else other] = Reason.DUPLICATE
+            elif people[one] or people[other]:
+                ends[other if people[one] else one] = Reason.DUPLICATE
+            else:
+                ends[one if rows["odds"][one] < rows["odds"][other] else other] = Reason.DUPLICATE
+
+
+def _share(dt: float, time: float) -> float:
+    """Weight of a new value in a mean over ``time`` [s]."""
+    return 1.0 - math.exp(-dt / time)

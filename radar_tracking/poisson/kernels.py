@@ -1,0 +1,228 @@
+"""The compiled loops over points and tracks; numpy oracles are in the tests."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numba
+import numpy as np
+
+from radar_core.types import BoolArray, Float64Array
+from radar_tracking.poisson.config import PoissonConfig
+from radar_tracking.poisson.points import Measured
+
+FASTEST: Final = 4.0  # m/s: range rates of clutter are spread evenly up to here
+_FAR: Final = 3.0  # m: nobody has points beyond
+_OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, error of direction, least distance
+_jit = numba.njit(cache=True, nogil=True)
+
+
+class Shares:
+    """Whose points are, and what they say for each track.
+
+    Attributes
+    ----------
+    torso, limb : ndarray of float64, shape (n_points, n_tracks)
+        Probability that a point is of a track's torso, of its limbs; what is left of 1 is clutter.
+    limb_density : ndarray of float64, shape (n_points,)
+        Points of limbs that are expected there [1/m^2].
+    count : ndarray of float64, shape (n_tracks,)
+        Points of a track, if it exists.
+    evidence : ndarray of float64, shape (n_tracks,)
+        Logarithm of the likelihood ratio of the cloud with and without the track [nat].
+    support : ndarray of float64, shape (n_tracks,)
+        Still points where the torso is, furniture or not.
+    """
+
+    def __init__(self, measured: Measured, clutter: Float64Array, state: TrackArrays, config: PoissonConfig) -> None:
+        spreads = np.array(
+            [config.torso_std, config.limb_std, config.limb_share, config.torso_speed, config.limb_speed, config.surface,
+             measured.still_speed]
+        )  # fmt: skip
+        sight = (measured.x, measured.y, measured.ux, measured.uy, measured.speed, measured.still)
+        errors = (measured.range_variance, measured.cross_variance)
+        torso, limb, self.support = _densities(*sight, *errors, state.mean, state.covariance, spreads)
+        self.torso, self.limb, self.limb_density, self.count, self.evidence = _share(torso, limb, clutter, state.rate, state.existence)
+
+
+class TrackArrays:
+    """Means, shape (n, 4) = (x, y, vx, vy), covariances, shape (n, 4, 4), rates [1/cloud] and probabilities of existence, shape (n,)."""
+
+    def __init__(self, mean: Float64Array, covariance: Float64Array, rate: Float64Array, existence: Float64Array) -> None:
+        self.mean, self.covariance, self.rate, self.existence = mean, covariance, rate, existence
+
+
+@_jit
+def _share_within(speed: float, std: float, half: float) -> float:
+    """Share of a normal distribution about ``speed`` within +-``half``."""
+    scale = 1.0 / (std * math.sqrt(2.0))
+    return 0.5 * (math.erf((half - speed) * scale) - math.erf((-half - speed) * scale))
+
+
+@_jit
+def _gauss(along: float, across: float, along_variance: float, across_variance: float) -> float:
+    """Density of two independent normal variables [1/m^2]."""
+    exponent = along * along / along_variance + across * across / across_variance
+    return math.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(along_variance * across_variance))
+
+
+@_jit
+def _rate_factor(speed: float, still: bool, expected: float, variance: float, half: float) -> float:
+    """How much more likely a range rate is than clutter's: a share for still points, a ratio of densities for moving ones."""
+    if still:
+        return _share_within(expected, math.sqrt(variance), half)
+    if math.isnan(speed):
+        return 1.0
+    variance += half * half / 3.0
+    step = speed - expected
+    return 2.0 * FASTEST * math.exp(-0.5 * step * step / variance) / math.sqrt(2.0 * math.pi * variance)
+
+
+@_jit
+def _densities(x: Any, y: Any, ux: Any, uy: Any, speed: Any, still: Any, along: Any, across: Any, mean: Any, P: Any, spreads: Any) -> Any:
+    """Densities of each track's torso and limb points at each point, shape (n_points, n_tracks), and the still points at its torso."""
+    n, m = len(x), len(mean)
+    torso, limb, support = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
+    torso_std, limb_std, share, torso_speed, limb_speed, surface, half = spreads
+    for j in range(n):
+        a, b = ux[j], uy[j]
+        for i in range(m):
+            dx, dy = x[j] - mean[i, 0], y[j] - mean[i, 1]
+            if dx * dx + dy * dy > _FAR * _FAR:
+                continue
+            p = P[i]
+            dr, dc = dx * a + dy * b + surface, -dx * b + dy * a
+            rr = a * a * p[0, 0] + 2.0 * a * b * p[0, 1] + b * b * p[1, 1]
+            cc = b * b * p[0, 0] - 2.0 * a * b * p[0, 1] + a * a * p[1, 1]
+            vv = a * a * p[2, 2] + 2.0 * a * b * p[2, 3] + b * b * p[3, 3]
+            expected = a * mean[i, 2] + b * mean[i, 3]
+            body = torso_std * torso_std
+            near = _gauss(dr, dc, body + along[j] + rr, body + across[j] + cc)
+            torso[j, i] = (1.0 - share) * near * _rate_factor(speed[j], still[j], expected, torso_speed * torso_speed + vv, half)
+            body = limb_std * limb_std
+            wide = _gauss(dr, dc, body + along[j] + rr, body + across[j] + cc)
+            limb[j, i] = share * wide * _rate_factor(speed[j], still[j], expected, limb_speed * limb_speed + vv, half)
+            if still[j]:
+                body = torso_std * torso_std
+                support[i] += math.exp(-0.5 * (dr * dr / (body + along[j]) + dc * dc / (body + across[j])))
+    return torso, limb, support
+
+
+@_jit
+def _share(torso: Any, limb: Any, clutter: Any, rate: Any, existence: Any) -> Any:
+    """Divide points between tracks and clutter; count points and evidence of each track, given the others."""
+    n, m = torso.shape
+    total, limbs = clutter.copy(), np.zeros(n)
+    for j in range(n):
+        for i in range(m):
+            total[j] += existence[i] * rate[i] * (torso[j, i] + limb[j, i])
+            limbs[j] += existence[i] * rate[i] * limb[j, i]
+    count, evidence = np.zeros(m), np.zeros(m)
+    torso_share, limb_share = np.empty((n, m)), np.empty((n, m))
+    for i in range(m):
+        weight = existence[i] * rate[i]
+        for j in range(n):
+            own = torso[j, i] + limb[j, i]
+            count[i] += rate[i] * own / (rate[i] * own + total[j] - weight * own)
+            torso_share[j, i], limb_share[j, i] = weight * torso[j, i] / total[j], weight * limb[j, i] / total[j]
+        # the rate of this cloud, by an exponential prior about the usual one; rates vary tenfold within seconds
+        now = (1.0 + count[i]) * rate[i] / (1.0 + rate[i])
+        for j in range(n):
+            own = torso[j, i] + limb[j, i]
+            if own > 0.0:
+                evidence[i] += math.log(1.0 + now * own / (total[j] - weight * own))
+        evidence[i] -= now + 0.5 * math.log(1.0 + rate[i])
+    return torso_share, limb_share, limbs, count, evidence
+
+
+def densest(measured: Measured, free: Float64Array, expected: Float64Array) -> tuple[float, int, BoolArray]:
+    """Find the heap of moving points that is the greatest surprise.
+
+    Parameters
+    ----------
+    measured : Measured
+        The cloud.
+    free : ndarray of float64, shape (n_points,)
+        Share of each point that is of no torso.
+    expected : ndarray of float64, shape (n_points,)
+        Density of clutter and limbs [1/m^2].
+
+    Returns
+    -------
+    score : float
+        Surprise of a Poisson process, o ln(o/e) - o + e for o points where e are expected [nat]; negative: there is no heap.
+    middle : int
+        The point about which it lies.
+    members : ndarray of bool, shape (n_points,)
+        Its points.
+    """
+    columns = (measured.x, measured.y, measured.ux, measured.uy, measured.speed, measured.still)
+    found: tuple[float, int, BoolArray] = _densest(
+        *columns, np.sqrt(measured.range_variance), np.sqrt(measured.cross_variance), free, expected
+    )
+    return found
+
+
+_HALF: Final = 0.35  # m: half of a heap's size along and across the line of sight, plus the error of one point
+_SAME_SPEED: Final = 1.0  # m/s: range rates of a heap differ by no more
+_FREE: Final = 0.3  # least free share of a heap's middle
+
+
+@_jit
+def _densest(x: Any, y: Any, ux: Any, uy: Any, speed: Any, still: Any, along: Any, across: Any, free: Any, expected: Any) -> Any:
+    n = len(x)
+    best, middle, members, inside = -1.0, -1, np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    for j in range(n):
+        if still[j] or free[j] < _FREE:
+            continue
+        deep, wide, count = _HALF + along[j], _HALF + across[j], 0.0
+        for k in range(n):
+            dx, dy = x[k] - x[j], y[k] - y[j]
+            alike = not still[k] and not abs(speed[k] - speed[j]) > _SAME_SPEED  # NaN compares False: not measured
+            inside[k] = alike and abs(dx * ux[j] + dy * uy[j]) < deep and abs(dy * ux[j] - dx * uy[j]) < wide
+            if inside[k]:
+                count += free[k]
+        usual = 4.0 * deep * wide * expected[j] * _SAME_SPEED / FASTEST
+        if count > usual:
+            score = count * math.log(count / usual) - count + usual
+            if score > best:
+                best, middle = score, j
+                members[:] = inside
+    return best, middle, members
+
+
+@_jit
+def hidden(distance: Any, azimuth: Any, confirmed: Any) -> Any:
+    """Which tracks a nearer person hides, by distances [m] and azimuths [rad] from the sensor, shape (n_tracks,) each."""
+    n = len(distance)
+    result = np.zeros(n, np.bool_)
+    for i in range(n):
+        for k in range(n):
+            if k != i and confirmed[k] and distance[k] < distance[i] - _BEHIND:
+                step = abs((azimuth[i] - azimuth[k] + math.pi) % (2.0 * math.pi) - math.pi)
+                if step < _OCCLUDER / max(distance[k], _OCCLUDER) + _BESIDE:
+                    result[i] = True
+    return result
+
+
+@_jit
+def person_odds(distance: Any, rate: Any, hits: Any, likely: Any, coefficients: Any) -> Any:
+    """Log odds that a track is a person and no reflection or flicker of another one, shape (n_tracks,).
+
+    A reflection gives few points beside its cause, lies behind it, and comes and goes. ``coefficients``: constant, of the logarithm of
+    the largest other rate (by distance) over the own one, of lying behind a stronger track, of the share of clouds with points.
+    """
+    n = len(distance)
+    result = np.empty(n)
+    constant, ratio, behind, steady, law = coefficients
+    for i in range(n):
+        most, far = 0.0, 0.0
+        for k in range(n):
+            if k == i or not likely[k]:
+                continue
+            most = max(most, rate[k] * (max(distance[k], 0.3) / max(distance[i], 0.3)) ** law)
+            if distance[i] > distance[k] + 0.3 and rate[k] > rate[i]:
+                far = 1.0
+        result[i] = constant + ratio * math.log((most + 1.0) / (rate[i] + 1.0)) + behind * far + steady * hits[i]
+    return result

@@ -1,0 +1,106 @@
+"""The tracks of the Poisson tracker: typed columns, a Gaussian state each, and which pairs of them were seen apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.types import BoolArray, Float64Array
+
+RECORD = np.dtype(
+    [
+        ("id", np.int64),
+        ("odds", np.float64),  # log odds of existence
+        ("person", np.float64),  # log odds of being a person and no reflection or flicker
+        ("rate", np.float64),  # usual points of a cloud
+        ("hits", np.float64),  # share of the clouds of the last half second with a point
+        ("presence", np.float64),  # the same of the last half minute
+        ("moved", np.float64),  # way of the last seconds, by range rates [m]
+        ("confirmed", np.bool_),
+        ("stands", np.bool_),  # has not gone anywhere within the last second
+        ("born", np.float64),  # [s] since the first cloud, as all times
+        ("seen", np.float64),  # last update
+        ("counted", np.float64),  # last evidence for it
+        ("stirred", np.float64),  # last moving torso point
+        ("birthplace", np.float64, 2),
+        ("anchor", np.float64, 2),  # mean place of the last second
+        ("height", np.float64),  # of the torso's points [m]
+        ("spread", np.float64, 3),  # recent mean square of the points about the centre [m^2]; NaN: not known
+        ("n_points", np.int64),
+        ("nis", np.float64),
+        ("dof", np.int64),
+    ]
+)
+"""One row of a `Table`."""
+
+
+class Table:
+    """Rows in the order of their ids.
+
+    Attributes
+    ----------
+    rows : ndarray of `RECORD`, shape (n_tracks,)
+        Everything but the states.
+    mean : ndarray of float64, shape (n_tracks, 4)
+        x, y, vx, vy in ``room`` [m, m/s].
+    covariance : ndarray of float64, shape (n_tracks, 4, 4)
+        Of the same.
+    """
+
+    def __init__(self) -> None:
+        self.rows: NDArray[np.void] = np.zeros(0, RECORD)
+        self.mean: Float64Array = np.zeros((0, 4))
+        self.covariance: Float64Array = np.zeros((0, 4, 4))
+        self._apart: set[tuple[int, int]] = set()
+        self._together: dict[tuple[int, int], float] = {}
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def existence(self) -> Float64Array:
+        """Probabilities of existence, shape (n_tracks,)."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self.rows["odds"])))
+
+    def add(self, row: NDArray[np.void], mean: Float64Array, covariance: Float64Array) -> None:
+        """Append one track: a row of shape (1,), a mean of shape (4,), a covariance of shape (4, 4)."""
+        self.rows = np.concatenate([self.rows, row])
+        self.mean = np.concatenate([self.mean, mean[None]])
+        self.covariance = np.concatenate([self.covariance, covariance[None]])
+
+    def keep(self, mask: BoolArray) -> None:
+        """Remove the tracks that a mask leaves out."""
+        self.rows, self.mean, self.covariance = self.rows[mask], self.mean[mask], self.covariance[mask]
+        alive = set(self.rows["id"].tolist())
+        self._apart = {pair for pair in self._apart if alive.issuperset(pair)}
+        self._together = {pair: time for pair, time in self._together.items() if alive.issuperset(pair)}
+
+    def gaps(self) -> Float64Array:
+        """Distances between tracks, shape (n_tracks, n_tracks) [m]; infinite on the diagonal."""
+        step = self.mean[:, None, :2] - self.mean[None, :, :2]
+        gap = np.hypot(step[..., 0], step[..., 1])
+        np.fill_diagonal(gap, np.inf)
+        return gap
+
+    def pair(self, one: int, other: int) -> tuple[int, int]:
+        """Name two rows by their ids, the smaller first."""
+        a, b = int(self.rows["id"][one]), int(self.rows["id"][other])
+        return (a, b) if a < b else (b, a)
+
+    def were_apart(self, one: int, other: int) -> bool:
+        """Whether two tracks are known to be two people."""
+        return self.pair(one, other) in self._apart
+
+    def note_apart(self, one: int, other: int) -> None:
+        """Remember that two tracks are two people."""
+        self._apart.add(self.pair(one, other))
+
+    def together(self, one: int, other: int, dt: float) -> float:
+        """Add ``dt`` to the time that two tracks have been at the same place, and return it [s]."""
+        pair = self.pair(one, other)
+        self._together[pair] = self._together.get(pair, 0.0) + dt
+        return self._together[pair]
+
+    def part(self, dt: float) -> None:
+        """Let the times that pairs have been together fade."""
+        self._together = {pair: time - 0.3 * dt for pair, time in self._together.items() if time > 0.3 * dt}

@@ -1,0 +1,177 @@
+"""The Poisson multi-Bernoulli people tracker: predict, divide the points, update, start tracks, decide, learn clutter."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radar_core import ConfigError, DataError, PointCloud, RadarInfo
+from radar_core.types import Float64Array
+from radar_tracking.people.config import TrackerConfig
+from radar_tracking.people.points import Admission
+from radar_tracking.people.zones import View, Zones
+from radar_tracking.poisson import motion
+from radar_tracking.poisson.birth import Birth
+from radar_tracking.poisson.clutter import ClutterMap
+from radar_tracking.poisson.existence import Decisions, note_motion, weigh
+from radar_tracking.poisson.kernels import Shares, TrackArrays
+from radar_tracking.poisson.points import Measure, Measured
+from radar_tracking.poisson.table import Table
+from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
+
+_OWNED: Final = 0.3  # least share of a point that makes it somebody's
+_UNTOUCHED: Final = (0.6, 2.0)  # m and standard deviations about people in which no clutter is learned
+_FREED: Final = 0.5  # m about somebody who is new, where what was learned is forgotten
+_SHAPE_TIME: Final = 0.5  # s: heights and extents are averaged over this
+_HEIGHT_STD, _CLIMB_STD = 0.2, 0.3  # m, m/s: of what is no state of the filter
+
+
+class PoissonTracker:
+    """Follow people through point clouds of any radar, with one configuration.
+
+    Points are a Poisson process: clutter, which a map learns, and for each track a torso and limbs at a rate of its own. Each track has
+    log odds of existence, which every cloud changes by its likelihood ratio with and without the track (a multi-Bernoulli filter with
+    marginal association), and log odds of being a person and not somebody's reflection.
+
+    Parameters
+    ----------
+    config : TrackerConfig or None
+        ``poisson``, ``zones`` and the bounds on points are used.
+    info : RadarInfo or None
+        The radar: where it stands and how far it sees. None: at the room's origin, and it sees everything.
+    """
+
+    def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
+        self.config = config or TrackerConfig(tracker="poisson_bernoulli")
+        self._view, self._zones = View(info), Zones(self.config.zones)
+        self._decisions = Decisions(self.config.poisson, self._view, self._zones)
+        self.reset()
+
+    def change(self, config: TrackerConfig) -> None:
+        """Refuse another configuration: ConfigError, unless it is the same."""
+        if config != self.config:
+            raise ConfigError("the tracker poisson_bernoulli cannot change while people are tracked; make a new one")
+
+    def reset(self) -> None:
+        """Forget everything; ids start again. For a new recording."""
+        knobs = self.config.poisson
+        self._admission = Admission(self.config, self._view.origin)
+        self._measure = Measure(knobs, self._admission)
+        self._clutter = ClutterMap(knobs)
+        self._birth = Birth(knobs, self._zones, self._view)
+        self._table = Table()
+        self._first_ns: int | None = None
+        self._last_ns = 0
+
+    @property
+    def dropped_points(self) -> int:
+        """Points without position, or absurdly far away, since the last `reset`."""
+        return self._admission.dropped
+
+    def process(self, cloud: PointCloud) -> Tracks:
+        """Take in one cloud.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+            In ``room``, not older than the one before. NaN positions are dropped and counted; NaN radial speeds are not used.
+
+        Returns
+        -------
+        Tracks
+            After this cloud.
+
+        Raises
+        ------
+        DataError
+            When the cloud is not in ``room``, is older than the one before, or holds an infinity.
+        """
+        dt = self._elapsed(cloud)
+        measured = self._measure.process(cloud)
+        self._first_ns = cloud.stamp_ns if self._first_ns is None else self._first_ns
+        self._last_ns = cloud.stamp_ns
+        now = (cloud.stamp_ns - self._first_ns) * 1e-9
+        table, knobs = self._table, self.config.poisson
+        motion.predict(table, dt, now - table.rows["seen"] > 1.5 * dt, knobs)
+        motion.separate(table, knobs.body_width)
+        clutter = self._clutter.density(measured)
+        shares = self._follow(measured, clutter, dt, now) if len(table) else None
+        owners = table.rows["id"].copy()
+        self._birth.process(table, measured, shares, clutter, now)
+        deleted, confirmed = self._decisions.process(table, dt, now)
+        for row in confirmed:
+            x, y = table.mean[row, :2]
+            self._clutter.free(float(x), float(y), _FREED, measured.points.origins)
+        self._clutter.learn(measured, dt, self._people())
+        return self._publish(cloud, measured, shares, owners, deleted, now)
+
+    def _elapsed(self, cloud: PointCloud) -> float:
+        """Check the cloud's stamp; return the seconds since the one before."""
+        if self._first_ns is None:
+            return 0.0
+        dt = (cloud.stamp_ns - self._last_ns) * 1e-9
+        if dt < 0:
+            raise DataError(f"cloud {cloud.sequence} is {-dt:g} s older than the one before; reset() the tracker before another recording")
+        return dt
+
+    def _follow(self, measured: Measured, clutter: Float64Array, dt: float, now: float) -> Shares:
+        table, knobs = self._table, self.config.poisson
+        state = TrackArrays(table.mean, table.covariance, table.rows["rate"].copy(), table.existence)
+        shares = Shares(measured, clutter, state, knobs)
+        weigh(table, measured, shares, dt, now, knobs, self._view.origin[:2])
+        update = motion.Update(table, measured, shares, dt, knobs)
+        note_motion(table, update, measured, dt, now, knobs)
+        self._shape(measured, shares, dt)
+        return shares
+
+    def _shape(self, measured: Measured, shares: Shares, dt: float) -> None:
+        """Average heights and extents."""
+        rows, share = self._table.rows, 1.0 - math.exp(-dt / _SHAPE_TIME)
+        rows["n_points"] = (shares.torso + shares.limb > _OWNED).sum(axis=0)
+        height = measured.points.position[:, 2]
+        for row in np.flatnonzero(shares.torso.sum(axis=0) > 1.0):
+            weight = np.where(np.isfinite(height), shares.torso[:, row], 0.0)
+            if weight.sum() > 0:
+                rows["height"][row] += share * (float(weight @ np.nan_to_num(height)) / float(weight.sum()) - rows["height"][row])
+            own = shares.torso[:, row] + shares.limb[:, row]
+            step = np.column_stack([measured.x, measured.y, np.nan_to_num(height, nan=rows["height"][row])])
+            step -= [*self._table.mean[row, :2], rows["height"][row]]
+            square = own @ step**2 / own.sum()
+            before = rows["spread"][row]
+            rows["spread"][row] = np.where(np.isfinite(before), before + share * (square - before), square)
+
+    def _people(self) -> Float64Array:
+        """Places of people and how far from them no clutter is learned, shape (n, 3) [m]."""
+        table = self._table
+        own = table.rows["confirmed"]
+        std = np.sqrt(np.maximum(table.covariance[own, 0, 0], table.covariance[own, 1, 1]))
+        return np.column_stack([table.mean[own, :2], _UNTOUCHED[0] + _UNTOUCHED[1] * std])
+
+    def _publish(
+        self, cloud: PointCloud, measured: Measured, shares: Shares | None, owners: np.ndarray[tuple[int], np.dtype[np.int64]],
+        deleted: tuple[Deleted, ...], now: float,
+    ) -> Tracks:  # fmt: skip
+        """Make the frozen results."""
+        point_track_id = np.full(len(cloud), -1, np.int32)
+        if shares is not None and len(measured):
+            whole = shares.torso + shares.limb
+            best = whole.argmax(axis=1)
+            sure = (whole[np.arange(len(best)), best] > _OWNED) & np.isin(owners[best], self._table.rows["id"])
+            point_track_id[measured.points.index[sure]] = owners[best[sure]]
+        tracks = tuple(self._track(row, now) for row in range(len(self._table)))
+        return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)
+
+    def _track(self, row: int, now: float) -> Track:
+        own, mean, P = self._table.rows[row], self._table.mean[row], self._table.covariance[row]
+        covariance = np.zeros((6, 6))
+        covariance[np.ix_((0, 1, 3, 4), (0, 1, 3, 4))] = P
+        covariance[2, 2], covariance[5, 5] = _HEIGHT_STD**2, _CLIMB_STD**2
+        unseen = now - float(own["seen"])
+        status = TrackStatus.TENTATIVE if not own["confirmed"] else TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED
+        place, velocity = np.array([mean[0], mean[1], own["height"]]), np.array([mean[2], mean[3], 0.0])
+        return Track(
+            int(own["id"]), status, now - float(own["born"]), unseen, int(own["n_points"]), place, velocity, np.sqrt(own["spread"]),
+            covariance, float(own["nis"]), int(own["dof"]),
+        )  # fmt: skip
