@@ -28,7 +28,7 @@ from benchmarks.stores import digest, once
 from benchmarks.stores import sources as code
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
-from radar_tracking import TrackerConfig, Tracks, TrackStatus
+from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 
 PRESETS: Final = ("default", "dense", "sparse", "furnished", "thesis")
 RECOMMENDED: Final = {
