@@ -59,11 +59,12 @@ class Birth:
         along, across = (_PLACE_STD**2 + variance[middle] for variance in (measured.range_variance, measured.cross_variance))
         covariance[:2, :2] = axes.T @ np.diag([along, across]) @ axes
         covariance[2:, 2:] = axes.T @ np.diag([_SPEED_STD**2 * (1 - gain), _CROSS_SPEED_STD**2]) @ axes
+        covariance = 0.5 * (covariance + covariance.T)
         row = np.zeros(1, RECORD)
         row["id"], row["odds"], row["rate"], row["hits"], row["stands"] = self._next, FIRST_ODDS, max(count, 1.0), _FIRST_HITS, True
         for name in ("born", "seen", "counted", "stirred"):
             row[name] = now
         row["birthplace"], row["anchor"], row["height"] = place, place, height
-        row["spread"], row["nis"], row["n_points"] = np.nan, np.nan, np.count_nonzero(weight)
+        row["spread"], row["nis"] = np.nan, np.nan
         table.add(row, np.concatenate([place, gain * speed * sight]), covariance)
         self._next += 1

@@ -70,7 +70,7 @@ class ClutterMap:
 
     def _cells(self, measured: Measured) -> tuple[Any, Any]:
         n_range, n_azimuth = self._age.shape[1:]
-        row = np.minimum((measured.distance / _RANGE_CELL).astype(np.int64), n_range - 1)
+        row = np.minimum(measured.distance / _RANGE_CELL, n_range - 1).astype(np.int64)
         column = ((measured.azimuth + math.pi) / _AZIMUTH_CELL).astype(np.int64) % n_azimuth
         return row, column
 

@@ -112,7 +112,7 @@ class Decisions:
         if not ends:
             return (), new
         ended = [(rows[row], why) for row, why in ends.items()]
-        deleted = tuple(Deleted(int(row["id"]), why, bool(row["confirmed"])) for row, why in ended if row["id"] > 0)
+        deleted = tuple(Deleted(abs(int(row["id"])), why, bool(row["confirmed"] and row["id"] > 0)) for row, why in ended)
         stay = ~np.isin(np.arange(len(table)), list(ends))
         table.keep(stay)
         order = np.argsort(table.rows["id"], kind="stable")

@@ -98,7 +98,8 @@ class Update:
         place = np.stack([measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy])
         centre = (place @ weight).T
         sight = (np.stack([measured.ux, measured.uy]) @ weight).T
-        sight /= np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-6)[:, None]
+        length = np.hypot(sight[:, 0], sight[:, 1])[:, None]  # zero: points all round the sensor
+        sight = np.where(length > 1e-6, sight / np.maximum(length, 1e-6), [1.0, 0.0])
         along, across = measured.range_variance @ weight, measured.cross_variance @ weight
         body, floor = config.torso_std**2, config.position_std**2
         axes = np.stack([sight, np.stack([-sight[:, 1], sight[:, 0]], axis=-1)], axis=1)

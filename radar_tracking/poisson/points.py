@@ -75,9 +75,9 @@ class Measure:
         still_speed = max(LEAST_STILL, 0.5 * self._cell if np.isfinite(self._cell) else 0.0)
         along = _known(cloud.range_std[points.index], self._config.range_std, _MOST_STD)
         turn = _known(cloud.azimuth_std[points.index], self._config.angle_std, 0.5 * _MOST_STD)
-        ux, uy = away[:, 0] / distance, away[:, 1] / distance
+        azimuth = np.arctan2(away[:, 1], away[:, 0])
         return Measured(
-            points, place[:, 0], place[:, 1], ux, uy, distance, np.arctan2(uy, ux), points.speed,
+            points, place[:, 0], place[:, 1], np.cos(azimuth), np.sin(azimuth), distance, azimuth, points.speed,
             np.asarray(np.abs(points.speed) < still_speed), along**2, (distance * turn) ** 2, still_speed,
         )  # fmt: skip
 
@@ -90,7 +90,7 @@ class Measure:
             return np.ones(len(points))
         drop = origin[:, 2] - self._config.body_height
         flat = np.sqrt(np.maximum(slant**2 - drop**2, (_STEEPEST * slant) ** 2))
-        return np.where(unknown, flat / np.maximum(points.distance, 1e-6), 1.0)
+        return np.where(unknown, np.minimum(flat / np.maximum(points.distance, 1e-6), 1.0), 1.0)
 
 
 def _known(std: np.ndarray[tuple[int, ...], np.dtype[np.float32]], default: float, most: float) -> Float64Array:

@@ -26,7 +26,6 @@ RECORD = np.dtype(
         ("anchor", np.float64, 2),  # mean place of the last second
         ("height", np.float64),  # of the torso's points [m]
         ("spread", np.float64, 3),  # recent mean square of the points about the centre [m^2]; NaN: not known
-        ("n_points", np.int64),
         ("nis", np.float64),
         ("dof", np.int64),
     ]

@@ -129,7 +129,6 @@ class PoissonTracker:
     def _shape(self, measured: Measured, shares: Shares, dt: float) -> None:
         """Average heights and extents."""
         rows, share = self._table.rows, 1.0 - math.exp(-dt / _SHAPE_TIME)
-        rows["n_points"] = (shares.torso + shares.limb > _OWNED).sum(axis=0)
         height = measured.points.position[:, 2]
         for row in np.flatnonzero(shares.torso.sum(axis=0) > 1.0):
             weight = np.where(np.isfinite(height), shares.torso[:, row], 0.0)
@@ -160,10 +159,10 @@ class PoissonTracker:
             best = whole.argmax(axis=1)
             sure = (whole[np.arange(len(best)), best] > _OWNED) & np.isin(owners[best], self._table.rows["id"])
             point_track_id[measured.points.index[sure]] = owners[best[sure]]
-        tracks = tuple(self._track(row, now) for row in range(len(self._table)))
+        tracks = tuple(self._track(row, now, point_track_id) for row in range(len(self._table)))
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)
 
-    def _track(self, row: int, now: float) -> Track:
+    def _track(self, row: int, now: float, owners: np.ndarray[tuple[int], np.dtype[np.int32]]) -> Track:
         own, mean, P = self._table.rows[row], self._table.mean[row], self._table.covariance[row]
         covariance = np.zeros((6, 6))
         covariance[np.ix_((0, 1, 3, 4), (0, 1, 3, 4))] = P
@@ -171,7 +170,8 @@ class PoissonTracker:
         unseen = now - float(own["seen"])
         status = TrackStatus.TENTATIVE if not own["confirmed"] else TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED
         place, velocity = np.array([mean[0], mean[1], own["height"]]), np.array([mean[2], mean[3], 0.0])
+        n_points = int(np.count_nonzero(owners == own["id"]))
         return Track(
-            int(own["id"]), status, now - float(own["born"]), unseen, int(own["n_points"]), place, velocity, np.sqrt(own["spread"]),
+            int(own["id"]), status, now - float(own["born"]), unseen, n_points, place, velocity, np.sqrt(own["spread"]),
             covariance, float(own["nis"]), int(own["dof"]),
         )  # fmt: skip
