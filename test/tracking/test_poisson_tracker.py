@@ -46,6 +46,7 @@ def run(tracker: PoissonTracker, clouds: Iterable[PointCloud]) -> list[Tracks]:
         ids = [track.id for track in tracks.tracks]
         assert ids == sorted(set(ids))
         assert set(tracks.point_track_id.tolist()) <= {-1, *ids}, "points are of live tracks"
+        assert all(track.n_points == np.count_nonzero(tracks.point_track_id == track.id) for track in tracks.tracks)
         assert not known & {track.id for track in tracks.tracks if track.age == 0}, "ids are new"
         assert not {end.id for end in tracks.deleted} & set(ids)
         if results:
@@ -148,11 +149,12 @@ def test_who_stands_unseen_is_still_there_and_not_for_ever():
     assert end.confirmed
 
 
-def test_who_appears_again_nearby_is_the_same():
-    """Unseen for three seconds, then seen again half a metre beside: the identity is the old one."""
+@pytest.mark.parametrize("beside", [0.3, 0.6, 1.0])
+def test_who_appears_again_nearby_is_the_same(beside):
+    """Unseen for three seconds, then seen again near there: the identity is the old one."""
 
     def place(t: float) -> np.ndarray:
-        return come_and_stand(t) - np.array([0.0, 0.5 + 0.4 * (t - 11) if t > 11 else 0.0, 0.0])
+        return come_and_stand(t) - np.array([0.0, beside + 0.4 * (t - 11) if t > 11 else 0.0, 0.0])
 
     blobs = scene([Person(place)], clutter=0.0)
     gap = range(8 * SECOND, 11 * SECOND)
