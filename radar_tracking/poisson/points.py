@@ -90,9 +90,9 @@ class Measure:
             return np.ones(len(points))
         drop = origin[:, 2] - self._config.body_height
         flat = np.sqrt(np.maximum(slant**2 - drop**2, (_STEEPEST * slant) ** 2))
-        return np.where(unknown, np.minimum(flat / np.maximum(points.distance, 1e-6), 1.0), 1.0)
+        return np.where(unknown, np.minimum(flat / np.maximum(points.distance, 1e-6), 1.0 / _STEEPEST), 1.0)
 
 
 def _known(std: np.ndarray[tuple[int, ...], np.dtype[np.float32]], default: float, most: float) -> Float64Array:
     value = std.astype(np.float64)
-    return np.asarray(np.where(np.isfinite(value), np.minimum(value, most), default))
+    return np.asarray(np.where(np.isfinite(value) & (value >= 0), np.minimum(value, most), default))
