@@ -149,16 +149,16 @@ def test_who_stands_unseen_is_still_there_and_not_for_ever():
     assert end.confirmed
 
 
-@pytest.mark.parametrize("beside", [0.3, 0.6, 1.0])
-def test_who_appears_again_nearby_is_the_same(beside):
-    """Unseen for three seconds, then seen again near there: the identity is the old one."""
+@pytest.mark.parametrize("step", [(0.0, -0.3), (0.0, -1.0), (0.7, -0.7), (1.0, 0.0)])
+def test_who_appears_again_nearby_is_the_same(step):
+    """Unseen for three seconds, then seen again near there: the identity is the old one, by the old track or by a new one."""
 
     def place(t: float) -> np.ndarray:
-        return come_and_stand(t) - np.array([0.0, beside + 0.4 * (t - 11) if t > 11 else 0.0, 0.0])
+        return come_and_stand(t) + (np.array([*step, 0.0]) + 0.05 * np.sin(6 * t) if t >= 11 else 0.0)
 
     blobs = scene([Person(place)], clutter=0.0)
     gap = range(8 * SECOND, 11 * SECOND)
-    clouds = (dataclasses.replace(empty(k), stamp_ns=k * FRAME_NS) if k in gap else blobs.cloud(k) for k in range(15 * SECOND))
+    clouds = (dataclasses.replace(empty(k), stamp_ns=k * FRAME_NS) if k in gap else blobs.cloud(k) for k in range(17 * SECOND))
     results = run(tracker_of(), clouds)
     (before,), (after,) = people_of(results[gap[0] - 1]), people_of(results[-1])
     assert before == after
