@@ -27,7 +27,7 @@ _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
 _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
 _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
-_COEFFICIENTS: Final = (0.4, -1.4, -2.1, 3.0, 0.5)  # of `person_odds`, by logistic regression on random rooms for development
+_COEFFICIENTS: Final = (1.03, -0.66, -1.32, -1.0, 0.54, 1.03, 0.52, 0.5)  # of `person_odds`, by logistic regression on random rooms for development
 _PERSON_TIME: Final = 3.0  # s: the odds are averaged over this
 _NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
 _DOUBT: Final = 6.0  # nat/s: so fast
@@ -125,17 +125,19 @@ class Decisions:
         rows = table.rows
         away = table.mean[:, :2] - self._view.origin[:2]
         likely = rows["odds"] >= CONFIRM_ODDS
-        odds = person_odds(np.hypot(away[:, 0], away[:, 1]), rows["rate"], rows["hits"], likely, np.array(_COEFFICIENTS))
+        odds = person_odds(
+            np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["rate"], rows["hits"], rows["presence"], _went(table),
+            likely, np.array(_COEFFICIENTS),
+        )  # fmt: skip
         share = 1.0 - np.exp(-dt / np.minimum(now - rows["born"] + 0.1, _PERSON_TIME))
         rows["person"] += share * (odds - rows["person"])
         rows["odds"] -= np.where(rows["confirmed"] & (rows["person"] < _NO_PERSON), dt * _DOUBT, 0.0)
 
     def _confirm(self, table: Table, gaps: Float64Array, inside: BoolArray, now: float, ends: dict[int, Reason]) -> list[int]:
         rows, config, found = table.rows, self._config, []
-        step = table.mean[:, :2] - rows["birthplace"]
-        went = np.hypot(step[:, 0], step[:, 1])
+        went = _went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
-        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved
+        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.25, 1.5)
         for row in np.flatnonzero(ready).tolist():
             if self._is_arm(table, gaps, row, float(went[row]), now):
                 continue
@@ -187,6 +189,12 @@ class Decisions:
                 ends[other if people[one] else one] = Reason.DUPLICATE
             else:
                 ends[one if rows["odds"][one] < rows["odds"][other] else other] = Reason.DUPLICATE
+
+
+def _went(table: Table) -> Float64Array:
+    """How far tracks are from where they began, shape (n_tracks,) [m]."""
+    step = table.mean[:, :2] - table.rows["birthplace"]
+    return np.asarray(np.hypot(step[:, 0], step[:, 1]))
 
 
 def _share(dt: float, time: float) -> float:

@@ -15,6 +15,7 @@ from radar_tracking.poisson.points import Measured
 FASTEST: Final = 4.0  # m/s: range rates of clutter are spread evenly up to here
 _FAR: Final = 3.0  # m: nobody has points beyond
 _OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, error of direction, least distance
+_SAME_DIRECTION = 0.35  # rad
 _jit = numba.njit(cache=True, nogil=True)
 
 
@@ -207,22 +208,27 @@ def hidden(distance: Any, azimuth: Any, confirmed: Any) -> Any:
 
 
 @_jit
-def person_odds(distance: Any, rate: Any, hits: Any, likely: Any, coefficients: Any) -> Any:
+def person_odds(distance: Any, azimuth: Any, rate: Any, hits: Any, presence: Any, went: Any, likely: Any, coefficients: Any) -> Any:
     """Log odds that a track is a person and no reflection or flicker of another one, shape (n_tracks,).
 
-    A reflection gives few points beside its cause, lies behind it, and comes and goes. ``coefficients``: constant, of the logarithm of
-    the largest other rate (by distance) over the own one, of lying behind a stronger track, of the share of clouds with points.
+    A reflection gives few points beside its cause, lies behind it, most often in its direction, comes and goes, and stays where it is.
+    ``coefficients``: constant; of the logarithm of the largest other rate (by distance) over the own one; of lying behind a stronger
+    track, and in its direction; of the log odds of a cloud with points; of the share of the last half minute in sight; of the logarithm
+    of the way from the birthplace; last, the power of the distance by which rates fall.
     """
     n = len(distance)
     result = np.empty(n)
-    constant, ratio, behind, steady, law = coefficients
+    constant, ratio, behind, same, steady, stays, goes, law = coefficients
     for i in range(n):
-        most, far = 0.0, 0.0
+        most, far, line = 0.0, 0.0, 0.0
         for k in range(n):
             if k == i or not likely[k]:
                 continue
             most = max(most, rate[k] * (max(distance[k], 0.3) / max(distance[i], 0.3)) ** law)
             if distance[i] > distance[k] + 0.3 and rate[k] > rate[i]:
                 far = 1.0
-        result[i] = constant + ratio * math.log((most + 1.0) / (rate[i] + 1.0)) + behind * far + steady * hits[i]
+                if abs((azimuth[i] - azimuth[k] + math.pi) % (2.0 * math.pi) - math.pi) < _SAME_DIRECTION:
+                    line = 1.0
+        odds = constant + ratio * math.log((most + 1.0) / (rate[i] + 1.0)) + behind * far + same * line + stays * presence[i]
+        result[i] = odds + steady * math.log((hits[i] + 0.05) / (1.05 - hits[i])) + goes * math.log(went[i] + 0.1)
     return result
