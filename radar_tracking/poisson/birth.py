@@ -19,7 +19,7 @@ MOST_TRACKS: Final = 50
 _AT_ONCE: Final = 3  # new tracks of one cloud
 _FIRST_HITS: Final = 0.65
 _PLACE_STD: Final = 0.15  # m: of a heap's middle, beside the error of its points
-_SPEED_STD, _CROSS_SPEED_STD, _LIMB_SPEED_STD = 0.7, 0.9, 0.5  # m/s: of people along and across the line of sight; of what moves first
+_SPEED_STD, _CROSS_SPEED_STD, _LIMB_SPEED_STD = 1.0, 0.9, 0.5  # m/s: of people along and across the line of sight; of what moves first
 
 
 class Birth:

@@ -25,14 +25,15 @@ _STANDS_WITHIN: Final = 0.35  # m of the anchor
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
 _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
+_KNOWN_AFTER: Final = 2.0  # s in sight: before, nobody is believed to stand
 _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
 _COEFFICIENTS: Final = (1.03, -0.66, -1.32, -1.0, 0.54, 1.03, 0.52, 0.5)  # of `person_odds`, by logistic regression on random rooms for development
-_PERSON_TIME: Final = 3.0  # s: the odds are averaged over this
+_PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
 _NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
 _DOUBT: Final = 6.0  # nat/s: so fast
 _LEAST_HITS: Final = 0.2
-_DRIFT: Final = 0.4  # m: tracks of nothing wander so far
+_DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
@@ -63,8 +64,9 @@ def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: floa
 def _patience(table: Table, supported: BoolArray, config: PoissonConfig, origin: Float64Array) -> Float64Array:
     """How long each track is believed without points [s]."""
     rows = table.rows
-    stay = config.stay_time * (1.0 + _HELD * np.minimum(2.0 * rows["presence"], 1.0))
-    patience = np.where(rows["stands"], stay, config.leave_time)
+    known = np.minimum(rows["presence"] * _PRESENCE_TIME / _KNOWN_AFTER, 1.0)
+    stay = config.stay_time * (1.0 + _HELD * np.minimum(2.0 * rows["presence"], 1.0)) * known
+    patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
     away = table.mean[:, :2] - origin
     covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
     patience = np.where(covered, _HIDDEN * patience, patience)

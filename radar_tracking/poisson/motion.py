@@ -17,7 +17,7 @@ from radar_tracking.poisson.table import Table
 _LONGEST: Final = 1.5  # s: later clouds are predicted no farther
 _MANOEUVRE: Final = 0.5  # s: accelerations last so long
 _CALM, _CALMEST = 0.3, 0.02  # share of the process noise of who stands, with points and without
-_STOP, _GO = 0.7, 4.0  # s: velocities of who stands or is unseen fade, and of who walks
+_STOP, _GO = 0.7, 2.0  # s: velocities of who stands or is unseen fade, and of who walks
 _REST: Final = 0.5  # s: and their variances, of who stands unseen
 _LARGEST: Final = 1.0  # m^2: variance of a place that is good for anything
 _LEAST_SHARE: Final = 0.3  # of a point, that updates a track
