@@ -28,7 +28,8 @@ _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
 _KNOWN_AFTER: Final = 2.0  # s in sight: before, nobody is believed to stand
 _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
-_COEFFICIENTS: Final = (1.03, -0.66, -1.32, -1.0, 0.54, 1.03, 0.52, 0.5)  # of `person_odds`, by logistic regression on random rooms for development
+_COEFFICIENTS: Final = (1.03, -0.66, -1.32, -1.0, 0.54, 1.03, 0.52, 0.5)
+"""Of `person_odds`, by logistic regression on random rooms for development."""
 _PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
 _NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
 _DOUBT: Final = 6.0  # nat/s: so fast
@@ -128,8 +129,8 @@ class Decisions:
         away = table.mean[:, :2] - self._view.origin[:2]
         likely = rows["odds"] >= CONFIRM_ODDS
         odds = person_odds(
-            np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["rate"], rows["hits"], rows["presence"], _went(table),
-            likely, np.array(_COEFFICIENTS),
+            np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["rate"], rows["hits"], rows["presence"],
+            _went(table), likely, np.array(_COEFFICIENTS),
         )  # fmt: skip
         share = 1.0 - np.exp(-dt / np.minimum(now - rows["born"] + 0.1, _PERSON_TIME))
         rows["person"] += share * (odds - rows["person"])
@@ -139,7 +140,7 @@ class Decisions:
         rows, config, found = table.rows, self._config, []
         went = _went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
-        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.25, 1.5)
+        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.6, 1.5)
         for row in np.flatnonzero(ready).tolist():
             if self._is_arm(table, gaps, row, float(went[row]), now):
                 continue

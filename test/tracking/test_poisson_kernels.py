@@ -176,15 +176,20 @@ def test_who_hides_whom(seed, m):
 def test_odds_of_being_a_person(seed, m):
     """By loops as the definition says; coefficients of any kind."""
     rng = np.random.default_rng(seed)
-    distance, rate, hits, likely = rng.uniform(0.1, 6, m), rng.uniform(0.5, 30, m), rng.random(m), rng.random(m) < 0.6
-    constant, ratio, behind, steady, law = coefficients = rng.normal(0, 1, 5)
+    distance, azimuth, rate = rng.uniform(0.1, 6, m), rng.uniform(-math.pi, math.pi, m), rng.uniform(0.5, 30, m)
+    hits, presence, went, likely = rng.random(m), rng.random(m), rng.uniform(0, 3, m), rng.random(m) < 0.6
+    constant, ratio, behind, same, steady, stays, goes, law = coefficients = rng.normal(0, 1, 8)
     expected = []
     for i in range(m):
         causes = [k for k in range(m) if k != i and likely[k]]
         most = max([rate[k] * (max(distance[k], 0.3) / max(distance[i], 0.3)) ** law for k in causes], default=0.0)
-        far = any(distance[i] > distance[k] + 0.3 and rate[k] > rate[i] for k in causes)
-        expected.append(constant + ratio * math.log((most + 1) / (rate[i] + 1)) + behind * far + steady * hits[i])
-    np.testing.assert_allclose(person_odds(distance, rate, hits, likely, coefficients), expected, rtol=1e-9, atol=1e-9)
+        stronger = [k for k in causes if distance[i] > distance[k] + 0.3 and rate[k] > rate[i]]
+        line = any(abs(math.remainder(azimuth[i] - azimuth[k], 2 * math.pi)) < kernels._SAME_DIRECTION for k in stronger)
+        odds = constant + ratio * math.log((most + 1) / (rate[i] + 1)) + behind * bool(stronger) + same * line
+        odds += steady * math.log((hits[i] + 0.05) / (1.05 - hits[i])) + stays * presence[i] + goes * math.log(went[i] + 0.1)
+        expected.append(odds)
+    found = person_odds(distance, azimuth, rate, hits, presence, went, likely, coefficients)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @often
