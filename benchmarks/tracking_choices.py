@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -14,13 +15,14 @@ from benchmarks.tracking_suite import TRACKERS, Done, changed
 from radar_core import PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking.poisson.config import PoissonConfig
 
 DEFAULT: Final = "default"
 N_PEOPLE, N_POINTS = 10, 30
 _FRAME_NS = 20_000_000
 
 KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
-    "tracker": {"tracker": ("group", "cluster_first")},
+    "tracker": {"tracker": ("group", "cluster_first", "poisson_bernoulli")},
     "association": {
         "association.method": ("mahalanobis",),
         "association.gate": (0.6, 1.5),
@@ -153,6 +155,10 @@ UNVARIED: Final[Mapping[str, str]] = {
     "zones.counted": "counts only",
     "zones.counted_boxes": "counts only",
     "max_distance": "says where the room is",
+    **dict.fromkeys(
+        (f"poisson.{one.name}" for one in dataclasses.fields(PoissonConfig)),
+        "of poisson_bernoulli, which is not the default; it is one row",
+    ),
 }
 """Knobs of the tracker that are not varied, and why."""
 

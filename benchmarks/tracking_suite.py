@@ -21,7 +21,8 @@ from radar_core import PointCloud, Pose, RadarInfo
 from radar_core.config import load, load_file, nest, plain
 from radar_core.paths import find_config
 from radar_dsp import BasebandConfig
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking import TrackerConfig, Tracks, make_tracker
+from radar_tracking.people.make import AnyTracker
 from radar_tracking.people.zones import Zones, ZonesConfig
 
 FLOOR: Final = (0.0, 5.1, -2.1, 2.1)  # m: where people walk in the furnished room, half a metre inside its walls
@@ -124,13 +125,13 @@ def zones_of(name: str) -> ZonesConfig:
     return ZonesConfig(boundaries=FLOOR, walls=tuple(np.ravel(WALLS).tolist())) if SCENARIOS[name].room else ZonesConfig()
 
 
-def make(name: str, config: TrackerConfig, info: RadarInfo) -> PeopleTracker:
+def make(name: str, config: TrackerConfig, info: RadarInfo) -> AnyTracker:
     """Make one of our trackers for a scene; in the furnished room it has what our preset for such rooms changes."""
     if SCENARIOS[name].room:
         preset = load_file(TrackerConfig, find_config("furnished", "tracking", ".yaml"))
         config = load(TrackerConfig, over(plain(config), plain(preset)))
     zones = zones_of(name) if config.zones == ZonesConfig() else config.zones
-    return PeopleTracker(replace(config, zones=zones), info)
+    return make_tracker(replace(config, zones=zones), info)
 
 
 def over(given: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:

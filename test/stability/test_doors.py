@@ -294,6 +294,7 @@ BEHIND = {
     "Pipeline": "Baseband, PeopleTracker",
     "Curves": "its own tests of absurd detections; EventMaps refuses times",
     **dict.fromkeys(("TrackManagement", "Pairs", "Reflections", "Background", "Admission", "Birth"), "PeopleTracker"),
+    **dict.fromkeys(("PoissonTracker", "Measure", "Decisions"), "test/stability/test_poisson.py"),
     "Gaps": "Baseband",
     **dict.fromkeys(("GroupTracking", "GroupTrackingWithClustering", "ClusterFirstTrackLater"), "PeopleTracker"),
     **dict.fromkeys(("HandMeter", "ControlValue"), "HandTracker"),
