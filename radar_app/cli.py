@@ -74,7 +74,9 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[str, typer.Argument(help="live, clouds, cloud2, demo, two_radars, replay, stages, camera (docs/graph.md)")] = "live",
+    variant: Annotated[
+        str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md)")
+    ] = "live",
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,

@@ -69,8 +69,7 @@ def _use(found: Found) -> str:
     """Give the command that starts a graph with a device."""
     from radar_driver.boards import board
 
-    variant = "clouds" if board(found.board).clouds else "live"
-    words = [f"handwave up {variant} --param driver.source={found.board}"]
+    words = [f"handwave up {board(found.board).variant} --param driver.source={found.board}"]
     return " ".join(words + [f"--param driver.{found.board}.{name}={value}" for name, value in found.options.items()])
 
 
@@ -105,13 +104,14 @@ def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: 
     from rich.text import Text
 
     if as_json:
-        rows = [{"board": b.name, "title": b.title, "clouds": b.clouds, "knobs": _knobs(b.config)} for b in known.values()]
+        rows = [
+            {"board": b.name, "title": b.title, "clouds": b.clouds, "gives": b.gives, "knobs": _knobs(b.config)} for b in known.values()
+        ]
         print(json.dumps({"boards": rows, "broken": dict(broken)}))
         return
     console = Console(highlight=False)
     for board in known.values():
-        gives = "point clouds" if board.clouds else "raw frames"
-        title = Text(f"{board.name}: {board.title}; gives {gives}", style="bold")
+        title = Text(f"{board.name}: {board.title}; gives {board.gives}", style="bold")
         table = Table("knob", "default", "unit", "meaning", title=title, title_justify="left")
         for knob in _knobs(board.config):
             table.add_row(*(Text(word) for word in (knob["name"], json.dumps(knob["default"]), knob["unit"], knob["doc"])))

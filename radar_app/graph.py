@@ -57,6 +57,11 @@ VARIANTS: Mapping[str, Variant] = {
         ("driver", *STAGES[1:], "visualisation"),
         {"driver": {"source": "ti_demo"}},
     ),
+    "targets": Variant(
+        "a board that follows people itself (handwave devices --boards): its targets as tracks; gestures and hand need points",
+        ("driver", "visualisation"),
+        {"driver": {"source": "ld2450"}},
+    ),
     "cloud2": Variant("clouds of somebody else's driver (sensor_msgs/PointCloud2) to the same", ("cloud2", *STAGES[1:], "visualisation")),
     "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
     "camera": Variant("a camera as the reference of the hand, beside a graph that runs", ("camera", "hand_evaluation")),

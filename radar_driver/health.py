@@ -17,6 +17,7 @@ from radar_core import DeviceError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_driver.sources import Source
 from radar_driver.spectra import Levels, Spectra
+from radar_driver.targets import Targets
 
 Float64Array = NDArray[np.float64]
 
@@ -125,11 +126,12 @@ class Health:
         self._spectra: Spectra | None = None
         self._chirps = self._chirps_lost = 0
         self._points: list[int] = []
+        self._what = "frames"
         self._snr: list[float] = []
         self._problem = ""
 
-    def process(self, data: RadarFrame | PointCloud, arrived_ns: int) -> None:
-        """Take in a frame or a cloud that arrived then [ns, any clock]; a `DataError` says that it contradicts the radar's description."""
+    def process(self, data: RadarFrame | PointCloud | Targets, arrived_ns: int) -> None:
+        """Take in a frame, a cloud or targets that came then [ns, any clock]; a `DataError` says that it contradicts its description."""
         if isinstance(data, RadarFrame):
             data.check(self._info)
             if self._spectra is None:
@@ -139,7 +141,8 @@ class Health:
             self._chirps_lost += len(data.missing)
         else:
             self._points.append(len(data))
-            self._snr += data.snr[np.isfinite(data.snr)].tolist()
+            self._what = "reports" if isinstance(data, Targets) else "clouds"
+            self._snr += [] if isinstance(data, Targets) else data.snr[np.isfinite(data.snr)].tolist()
         self._arrivals.add(data.sequence, arrived_ns)
 
     def trouble(self, problem: str) -> None:
@@ -167,7 +170,7 @@ class Health:
 
     def _link(self, seconds: float) -> Check:
         n = len(self._arrivals)
-        what = "frames" if self._spectra is not None or not self._points else "clouds"
+        what = self._what
         text = f"{n} {what} in {seconds:.1f} s"
         if n == 0:
             advice = self._problem or "check the cable and the power, and whether another program uses the board; then try again"
@@ -258,8 +261,10 @@ class Health:
         sizes = np.array(self._points)
         text = f"{np.median(sizes):.0f} (from {sizes.min()} to {sizes.max()})"
         empty = not sizes.any()
-        advice = "nothing was seen: walk before the radar; then look at the demo's thresholds (cfarCfg) and field of view" if empty else ""
-        return Check("points per cloud", float(np.median(sizes)), "", text, Verdict.WARN if empty else Verdict.OK, advice)
+        demo = "" if self._what == "reports" else "; then look at the demo's thresholds (cfarCfg) and field of view"
+        advice = f"nothing was seen: walk before the radar{demo}" if empty else ""
+        name = "targets per report" if self._what == "reports" else "points per cloud"
+        return Check(name, float(np.median(sizes)), "", text, Verdict.WARN if empty else Verdict.OK, advice)
 
     def _strength(self) -> Check:
         if not self._snr:

@@ -23,6 +23,9 @@ _BRIDGES: Final = {
 }
 """USB ids of the bridges on TI's boards (XDS110, CP2105): words in the descriptions of the data port and of the command port."""
 
+_ADAPTERS: Final = {(0x1A86, 0x7523), (0x1A86, 0x55D4), (0x10C4, 0xEA60), (0x0403, 0x6001), (0x0403, 0x6015), (0x067B, 0x2303)}
+"""USB ids of adapters behind which a radar module may be: CH340, CH9102, CP2102, FT232R, FT230X, PL2303."""
+
 _FORBIDDEN: Final = "{} may not be opened by you: sudo usermod -aG dialout $USER, then log in again"
 
 
@@ -67,6 +70,16 @@ def _of_board(ports: list[Any]) -> TiPorts:
     return TiPorts(ports[0].serial_number or "", data.device if data else "", command.device if command else "", about)
 
 
+def adapters() -> list[Any]:
+    """List plain USB serial adapters as `serial.tools.list_ports` gives them."""
+    return sorted((port for port in list_ports.comports() if (port.vid, port.pid) in _ADAPTERS), key=lambda port: str(port.device))
+
+
+def only_adapter() -> str:
+    """Path of the only plain USB serial adapter; a `DeviceError` says that there is none, or another one."""
+    return _only([port.device for port in adapters()], "USB serial adapter can be chosen", "port")
+
+
 def access_problem(port: str) -> str:
     """Say why this user may not open a port, and what to do; empty: the user may."""
     return "" if os.access(port, os.R_OK | os.W_OK) else _FORBIDDEN.format(port)
@@ -97,12 +110,16 @@ def _explain(port: str, error: Exception) -> str:
 def only_port(kind: Literal["data", "command"], knob: str) -> str:
     """Path of the only data or command port of TI boards that is plugged in; a `DeviceError` says that there is none, or another one."""
     ports = [path for board in ti_ports() if (path := board.data if kind == "data" else board.command)]
+    return _only(ports, f"{kind} port of a TI board can be chosen", knob)
+
+
+def _only(ports: list[str], what: str, knob: str) -> str:
     if len(ports) == 1:
         return ports[0]
     found = (
         f"there are several: {', '.join(ports)}; set {knob} to one of them" if ports else f"plug the sensor's USB cable in, or set {knob}"
     )
-    raise DeviceError(f"no {kind} port of a TI board can be chosen: {found}", gone=True)
+    raise DeviceError(f"no {what}: {found}", gone=True)
 
 
 def close_port(link: serial.Serial | None) -> None:

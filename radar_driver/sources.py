@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from radar_core import PointCloud, RadarFrame, RadarInfo
+from radar_driver.targets import Targets
 
 if TYPE_CHECKING:
     from radar_sim import Truth
@@ -16,22 +17,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One frame or cloud of a source.
+    """One frame or cloud of a source, or the targets of a board that follows people itself.
 
     Attributes
     ----------
-    data : RadarFrame or PointCloud
-        The stamp of a frame is the start of its acquisition, that of a cloud the middle [ns]. The sequence counts what the source made,
-        lost ones too: a gap is a loss.
+    data : RadarFrame, PointCloud or Targets
+        The stamp of a frame is the start of its acquisition, that of a cloud or of targets the middle [ns]. The sequence counts what the
+        source made, lost ones too: a gap is a loss.
     truth : Truth or None
         What is true in the middle of the frame's acquisition, on the same clock; None: not known.
     turn : int
         How often a recording or scene has begun again before this frame; 0: the first time.
+    own : Targets or None
+        What the board itself made of this cloud: its tracks and gestures.
     """
 
-    data: RadarFrame | PointCloud
+    data: RadarFrame | PointCloud | Targets
     truth: Truth | None = None
     turn: int = 0
+    own: Targets | None = None
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,8 @@ class Board:
         Lists what is plugged in; quick, and changes nothing. None: there is nothing to plug in.
     clouds : bool
         Whether it gives point clouds instead of raw frames.
+    targets : bool
+        Whether it follows people itself and gives `radar_driver.targets.Targets` instead of either.
     prefix : str or None
         In front of the knobs' names in the driver's parameters; None: ``NAME.``.
     paced : bool
@@ -68,6 +70,17 @@ class Board:
     clouds: bool = False
     prefix: str | None = None
     paced: bool = False
+    targets: bool = False
+
+    @property
+    def variant(self) -> str:
+        """The graph that works with what it gives."""
+        return "targets" if self.targets else "clouds" if self.clouds else "live"
+
+    @property
+    def gives(self) -> str:
+        """What it gives, in words."""
+        return "targets" if self.targets else "point clouds" if self.clouds else "raw frames"
 
     def parameter(self, knob: str = "") -> str:
         """Name of a knob among the driver's parameters; of no knob: what they begin with."""

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import serial
 
 from radar_core import ConfigError, DeviceError, PointCloud, Pose, Quality, RadarInfo
 from radar_core.config import config, knob
@@ -18,15 +17,13 @@ from radar_driver.clouds import cloud_from_ti, cloud_source_info
 from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
-from radar_driver.serial_ports import GONE, close_port, only_port, open_port
 from radar_driver.sources import Reading
 from radar_driver.ti_demo.items import NOTHING
 from radar_driver.ti_demo.tlv import Packet, Parser
+from radar_driver.uart import BITS, Uart
 
-_CHUNK: Final = 1 << 16  # bytes: as much as the longest packet
 _WAITING: Final = 64  # packets that wait to be read: several may come in one go
 _ANSWER: Final = 3.0  # s: sensorStart calibrates the front end, which takes about a second
-_BITS: Final = 10  # on the line for a byte: start, 8, stop
 
 
 @config
@@ -79,60 +76,6 @@ def send_config(port: str, path: Path) -> None:
             line.send(command, f"{path}:{number}")
     finally:
         line.close()
-
-
-class Uart(Component):
-    """A serial port of which nobody else reads; without a path, the only data port of a TI board that is plugged in."""
-
-    name = "data port"
-
-    def __init__(self, port: str, baud: int) -> None:
-        self._wanted, self.port, self.baud = port, port, baud
-        self._serial: serial.Serial | None = None
-
-    def power_up(self) -> None:
-        """Open the port for this program alone; a `DeviceError` says that it is not there or may not be opened, and what to do."""
-        self.power_down()
-        self.port = self._wanted or only_port("data", "port")
-        self._serial = open_port(self.port, self.baud, timeout=0)
-
-    def power_down(self) -> None:
-        """Close the port."""
-        held, self._serial = self._serial, None
-        close_port(held)
-
-    def read(self, timeout: float) -> bytes:
-        """Read what is there, waiting ``timeout`` seconds at most for the first byte; empty: nothing came.
-
-        A `DeviceError` says that the port has disappeared, or was never opened.
-        """
-        link = self._open()
-        try:
-            if link.timeout != timeout:
-                link.timeout = timeout
-            first: bytes = link.read(1)
-            return first + link.read(min(link.in_waiting, _CHUNK)) if first else first
-        except (*GONE, TypeError) as error:  # TypeError: pyserial, when another thread closed it
-            raise DeviceError(
-                f"{self.port} has gone ({error}): plug the board in again, or, if it is still there, close the other program that reads it",
-                gone=True,
-            ) from None
-
-    def resume(self) -> None:
-        """Throw away what has come so far."""
-        try:
-            self._open().reset_input_buffer()
-        except GONE as error:
-            raise DeviceError(f"{self.port} has gone ({error}): plug the board in again", gone=True) from None
-
-    def _open(self) -> serial.Serial:
-        if self._serial is None:
-            raise DeviceError(f"{self.port} is not open", gone=True)
-        return self._serial
-
-    def report(self) -> Report:
-        """Name the port."""
-        return {"port": self.port, "baud": self.baud}
 
 
 class TiDemo(Radar):
@@ -226,7 +169,7 @@ class TiDemo(Radar):
         self._number = packet.number
         behind = self._parser.received - packet.end + packet.length
         wait = self._config.latency if np.isnan(packet.processing) else packet.processing
-        stamp = arrived_ns - round((behind * _BITS / self._config.baud + wait) * 1e9) - self._half
+        stamp = arrived_ns - round((behind * BITS / self._config.baud + wait) * 1e9) - self._half
         self._stamp = max(stamp, self._stamp + 1)  # bytes that come in bursts must not turn time back
         points = NOTHING if packet.points is None else packet.points
         self._counts.update(points=len(points), points_refused=points.refused)

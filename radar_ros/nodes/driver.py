@@ -15,6 +15,7 @@ from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, Radar
 from radar_driver import boards
 from radar_driver.live import Reader
 from radar_driver.sources import Context, Reading, Source
+from radar_driver.targets import Targets
 from radar_ros import bag_source, qos
 from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
@@ -23,6 +24,7 @@ from radar_ros.stage import StageMixin, run
 
 if TYPE_CHECKING:
     from radar_core.mounting import MountCalibration
+    from radar_ros.board_results import BoardResults
 
 AtEnd = Literal["stop", "loop", "exit"]
 _ALWAYS = ("sim", bag_source.BOARD.name)  # their parameters are there whatever the source is
@@ -100,6 +102,11 @@ class DriverNode(StageMixin, LifecycleNode):
         self._timer: Any = None
         self._failure: HandwaveError = ConfigError("")
         self._frames = self.create_publisher(handwave.msg.RadarFrame, "radar/frame", qos.stream_out())
+        self._own: BoardResults | None = None
+        if self._board.targets or self._board.clouds:
+            from radar_ros.board_results import BoardResults
+
+            self._own = BoardResults(self, alone=self._board.targets)
         if self._board.clouds:
             self._points = self.create_publisher(handwave.msg.PointCloud, "radar/points", qos.stream_out())
         self._truths = self.create_publisher(handwave.msg.Truth, "truth", qos.RESULT)
@@ -133,6 +140,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._feed = Feed(self, self._source, self._publish)
         self._count = 0
         self._announcer.start(self._info, measured)
+        if self._own is not None:
+            self._own.start(self._info)
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -178,9 +187,12 @@ class DriverNode(StageMixin, LifecycleNode):
         self.count_gap(data.sequence, data.every if isinstance(data, PointCloud) else 1)
         self._count = data.sequence + 1
         data = replace(data, stamp_ns=max(stamp, 0), frame_id=self._info.frame_id)
+        own = data if isinstance(data, Targets) else reading.own
+        if own is not None and self._own is not None:
+            self._own.publish(own, data.stamp_ns)
         if isinstance(data, RadarFrame):
             self._frames.publish(frame_to_msg(data))
-        else:
+        elif isinstance(data, PointCloud):
             self._points.publish(cloud_to_msg(data))
         self.finish(stamp, data.sequence, started_ns)
         if reading.truth is not None:

@@ -1,0 +1,1 @@
+"""Hi-Link LD2450: three targets over a serial port."""

@@ -1,0 +1,69 @@
+"""What boards that follow people themselves make of it: targets instead of points, gestures, presence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core.checks import require_shape
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What a board itself follows at one moment, in the sensor's frame: x forward, y left, z up.
+
+    Attributes
+    ----------
+    stamp_ns, sequence : int
+        As of a cloud.
+    frame_id : str
+        Of the sensor.
+    slot : ndarray of int64, shape (n,)
+        The board's own number of each target. Boards use it again for somebody else.
+    position : ndarray of float64, shape (n, 3)
+        [m].
+    covariance : ndarray of float64, shape (n, 3, 3)
+        Of the same [m^2].
+    velocity : ndarray of float64, shape (n, 3)
+        [m/s]; NaN: the board does not follow it, so that a filter of ours does.
+    radial_speed : ndarray of float64, shape (n,)
+        Receding positive [m/s]; NaN: not measured.
+    gesture : str
+        What the board has just recognised, in its own words; empty: nothing.
+    gestures : mapping of str to float
+        Probability of every gesture that the board knows, where it gives them.
+    present : bool or None
+        Whether the board says that somebody is there; None: it does not say.
+    has_targets : bool
+        Whether the board follows targets at all: without targets nobody is there, or nobody looks.
+
+    Raises
+    ------
+    DataError
+        When the arrays do not belong together.
+    """
+
+    stamp_ns: int
+    sequence: int
+    frame_id: str
+    slot: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    position: Float64Array = field(default_factory=lambda: np.zeros((0, 3)))
+    covariance: Float64Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    velocity: Float64Array = field(default_factory=lambda: np.zeros((0, 3)))
+    radial_speed: Float64Array = field(default_factory=lambda: np.zeros(0))
+    gesture: str = ""
+    gestures: dict[str, float] = field(default_factory=dict)
+    present: bool | None = None
+    has_targets: bool = True
+
+    def __post_init__(self) -> None:
+        n = len(self.slot)
+        for name, shape in (("position", (n, 3)), ("covariance", (n, 3, 3)), ("velocity", (n, 3)), ("radial_speed", (n,))):
+            require_shape(f"Targets.{name}", getattr(self, name), shape)
+
+    def __len__(self) -> int:
+        return len(self.slot)
