@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -20,9 +21,9 @@ from radar_core.errors import ConfigError, DataError
 
 _MOST_MEMBERS: Final[int] = 64
 _COMPRESSIONS: Final[tuple[int, ...]] = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_BROKEN = (
+BROKEN = (
     OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, ValueError, TypeError, SyntaxError,
-    OverflowError, MemoryError,
+    OverflowError, MemoryError, tokenize.TokenError,
 )  # fmt: skip
 """What reading an archive that is cut off, changed or hostile ends with."""
 
@@ -67,13 +68,13 @@ def load_arrays(path: Path, what: str, advice: str, most_bytes: int = 8_000_000)
                 raise ValueError(f"it holds more than {_MOST_MEMBERS} arrays or {most_bytes // 1_000_000} MB")
             if any(member.compress_type not in _COMPRESSIONS for member in members):
                 raise ValueError("it is packed in an unusual way")
-            return {member.filename.removesuffix(".npy"): _array(archive, member, most_bytes) for member in members}
-    except _BROKEN as error:
+            return {member.filename.removesuffix(".npy"): read_array(archive, member, most_bytes) for member in members}
+    except BROKEN as error:
         raise ConfigError(f"{path}: not a {what} ({error}); {advice}") from None
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most_bytes: int) -> NDArray[Any]:
-    """Read one array; `numpy.load` would set aside whatever memory the header asks for before it looks at the data."""
+def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most_bytes: int) -> NDArray[Any]:
+    """Read one array, or raise one of `BROKEN`; `numpy.load` would set aside what the header asks for before it looks at the data."""
     with archive.open(member) as opened:
         file = io.BytesIO(opened.read(most_bytes))
     version = np.lib.format.read_magic(file)

@@ -188,10 +188,13 @@ def load_file(cls: type[T], path: str | Path) -> T:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot read it ({error.strerror or error}); check the path") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is no text ({error}); check the path") from None
     try:
-        return load(cls, yaml.safe_load(text), str(path), yaml.compose(text, Loader=yaml.SafeLoader))
-    except yaml.YAMLError as error:
+        data, lines = yaml.safe_load(text), yaml.compose(text, Loader=yaml.SafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid YAML: {error}") from None
+    return load(cls, data, str(path), lines)
 
 
 def _complete(cls: Any, data: Any) -> Any:

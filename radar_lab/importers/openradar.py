@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, RadarFrame, RadarInfo, Waveform
+from radar_core.arrays import BROKEN
 from radar_core.config import config, knob
 from radar_driver.dca1000.ti_config import board_array
 from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally, require_numbers
@@ -35,7 +36,7 @@ def read_openradar(path: Path, options: OpenRadarOptions) -> Recording:
     """
     try:
         data = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except BROKEN as error:
         raise DataError(f"{path}: cannot be read as .npy ({error}); fetch it again") from None
     if not isinstance(data, np.ndarray) or data.dtype.kind != "c" or data.ndim not in (3, 4) or data.size == 0:
         found = f"{data.dtype} of shape {data.shape}" if isinstance(data, np.ndarray) else "an archive of several arrays"

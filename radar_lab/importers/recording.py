@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, PointCloud, Pose, RadarFrame, RadarInfo
+from radar_core.arrays import BROKEN, read_array
 from radar_core.config import config, knob
 from radar_core.types import Float64Array, IndexArray
 from radar_sim.truth import Truth
 
 Item = PointCloud | RadarFrame | Truth
 
+_MOST: Final = 1 << 31  # bytes of one array
 _COLUMNS: Final = 7  # of a row of text
 _ABSURD: Final = 20.0  # m and m/s: larger coordinates and speeds are rows that the logger garbled
 
@@ -99,16 +101,15 @@ def load_npz(path: Path, fields: dict[str, tuple[int | None, ...]], numbers: Seq
         When the file is no .npz, lacks an array or has one of another shape or kind, or holds pickled objects.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise DataError(f"{path}: is one array, not an .npz archive of {', '.join(fields)}")
-            missing = [name for name in fields if name not in archive.files]
+        with zipfile.ZipFile(path) as archive:
+            members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
+            missing = [name for name in fields if name not in members]
             if missing:
-                raise DataError(f"{path}: lacks the field {', '.join(missing)} (it has {', '.join(archive.files)}); is it of this kind?")
-            arrays = {name: np.asarray(archive[name]) for name in fields}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        if isinstance(error, DataError):
-            raise
+                raise DataError(f"{path}: lacks the field {', '.join(missing)} (it has {', '.join(members)}); is it of this kind?")
+            arrays = {name: read_array(archive, members[name], _MOST) for name in fields}
+    except DataError:
+        raise
+    except BROKEN as error:
         raise DataError(f"{path}: cannot be read as .npz ({error}); fetch it again") from None
     for name, shape in fields.items():
         got = arrays[name].shape

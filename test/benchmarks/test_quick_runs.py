@@ -12,7 +12,7 @@ import pytest
 from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES_ONLY = {"gestures_shipped", "house", "machines"}  # no choices to compare
+FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines"}  # no choices to compare
 
 
 def machines(found):
@@ -28,6 +28,13 @@ def house(found):
     assert found["modules_over_400"] == found["import_circles"] == 0
     assert found["function_p99"] <= 45
     assert found["live_closure_lines"] <= 15_000
+
+
+def fuzz(found):
+    """Nothing crashes or hangs, and memory is bounded, on every parser."""
+    assert found["crashes"] == found["hangs"] == 0
+    assert found["peak_mb"] <= 200
+    assert all(row["inputs"] > 0 for row in found["parsers"].values())
 
 
 def boards(found):
@@ -62,6 +69,6 @@ def test_quick_run(name, tmp_path):
     if name not in FIGURES_ONLY:
         assert len(found["choices"]) >= 2
         assert picture.read_bytes().startswith(b"\x89PNG")
-    check = {"machines": machines, "house": house, "boards": boards}.get(name)
+    check = {"machines": machines, "house": house, "boards": boards, "fuzz": fuzz}.get(name)
     if check is not None:
         check(found)

@@ -1,0 +1,304 @@
+"""Random and hostile bytes on everything that is read from a wire or a file: crashes, hangs, memory."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import signal
+import struct
+import tempfile
+import time
+import tracemalloc
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Final
+
+import numpy as np
+
+from radar_core import HandwaveError
+from radar_core.paths import find_config
+
+_SECONDS: Final = 600.0  # for each parser; quick runs take `_QUICK`
+_QUICK: Final = 0.5
+_MODELS: Final = "radar_gestures.classifiers.model"
+_HANG: Final = 2.0  # s: whatever takes longer over one input hangs
+_LARGEST: Final = 1 << 17  # bytes of an input
+_EDGES: Final = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
+_CFG: Final = b"""sensorStop\nchannelCfg 15 5 0\nadcCfg 2 1\nprofileCfg 0 77 429 7 57.14 0 0 70 1 32 5209 0 0 30
+chirpCfg 0 0 0 0 0 0 0 1\nchirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1 4 0 100 1 0\nsensorStart\n"""
+
+Seeds = list[bytes]
+
+
+class _HangError(BaseException):
+    """Raised into a parser whose time is up; no `Exception`, so that no parser swallows it."""
+
+
+@dataclass(frozen=True)
+class Parser:
+    """Something that reads bytes: good ones to begin with, and what reads them; it may refuse with a `HandwaveError`, nothing else."""
+
+    seeds: Callable[[], Seeds]
+    read: Callable[[bytes], Any]
+
+
+def mutate(seeds: Seeds, rng: np.random.Generator) -> bytes:
+    """Make an input: noise, or a good one with bytes changed, lost, doubled, moved, numbers at their edges, or two of them joined."""
+    if rng.random() < 0.1:
+        return rng.bytes(int(rng.integers(0, 512)))
+    data = bytearray(seeds[rng.integers(len(seeds))])
+    for _ in range(int(rng.geometric(0.4))):
+        at, size = int(rng.integers(0, len(data) + 1)), int(rng.geometric(0.05))
+        way = rng.integers(7)
+        if way == 0:
+            data[at : at + 1] = rng.bytes(1)
+        elif way == 1:
+            del data[at : at + size]
+        elif way == 2:
+            data[at:at] = data[at : at + size] * int(rng.integers(1, 5))
+        elif way == 3:
+            data[at : at + size] = rng.bytes(size)
+        elif way == 4:
+            width = int(rng.choice((1, 2, 4)))
+            edge = int(rng.choice(_EDGES)) % (1 << 8 * width)
+            data[at : at + width] = edge.to_bytes(width, "little" if rng.random() < 0.8 else "big")
+        elif way == 5:
+            del data[at:]
+        else:
+            other = seeds[rng.integers(len(seeds))]
+            data[at:] = other[int(rng.integers(0, len(other) + 1)) :]
+    return bytes(data[:_LARGEST])
+
+
+def fuzz(name: str, seconds: float, first: int = 0, most: int = 1 << 62) -> dict[str, Any]:
+    """Feed one parser for so long, or with so many inputs; number k is the same at every run: `mutate` of the seeds with ``[name, k]``."""
+    parser = PARSERS[name]
+    seeds = parser.seeds()
+    for good in seeds:
+        _each(good, parser.read)  # what is slow at the first time only
+    row: dict[str, Any] = dict.fromkeys(("inputs", "refused", "crashes", "hangs"), 0) | {"peak_mb": 0.0, "worst_ms": 0.0}
+    signal.signal(signal.SIGALRM, _stop)
+    tracemalloc.start()
+    end, number = time.monotonic() + seconds, first
+    try:
+        while number < first + most and (time.monotonic() < end or number == first):
+            data = mutate(seeds, np.random.default_rng([zlib.crc32(name.encode()), number]))
+            _one(parser, data, number, row)
+            number += 1
+    finally:
+        tracemalloc.stop()
+    return row
+
+
+def _one(parser: Parser, data: bytes, number: int, row: dict[str, Any]) -> None:
+    row["inputs"] += 1
+    tracemalloc.reset_peak()
+    base, start = tracemalloc.get_traced_memory()[0], time.perf_counter()
+    try:
+        signal.setitimer(signal.ITIMER_REAL, _HANG)
+        parser.read(data)
+    except HandwaveError:
+        row["refused"] += 1
+    except _HangError:
+        row["hangs"] += 1
+        row.setdefault("hanging", number)
+    except Exception as error:  # this is what is looked for
+        row["crashes"] += 1
+        row.setdefault("crashing", {})[f"{type(error).__name__}: {error}"[:100]] = number
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    row["worst_ms"] = max(row["worst_ms"], 1e3 * (time.perf_counter() - start))
+    row["peak_mb"] = max(row["peak_mb"], (tracemalloc.get_traced_memory()[1] - base) * 1e-6)
+
+
+def _stop(*_: Any) -> None:
+    raise _HangError
+
+
+def _ti_items() -> Seeds:
+    points = np.arange(24, dtype="<f4").tobytes()
+    units = struct.pack("<5f", 0.01, 0.01, 3e-4, 3e-4, 0.04)
+    few = struct.pack("<4f2H", 0.01, 0.01, 0.5, 0.5, 2, 0) + bytes(range(20))
+    items = {1: points[:64], 7: bytes(16), 6: bytes(24), 1000: points[:64], 1020: units + bytes(range(32)), 301: few}
+    items |= {308: bytes(4) + points + bytes(12), 351: b"\5", 352: b"\1", 354: points[:28]}
+    return [_ti_packet([one], 4 * (one[0] in (1, 7))) for one in items.items()] + [_ti_packet(list(items.items()), 4)]
+
+
+def _ti_packet(items: list[tuple[int, bytes]], n_points: int = 0) -> bytes:
+    body = b"".join(struct.pack("<2I", kind, len(value)) + value for kind, value in items)
+    head = struct.pack("<8I", 0x03060200, 40 + len(body), 0xA6843, 1, 0, n_points, len(items), 0)
+    return bytes((2, 1, 4, 3, 6, 5, 8, 7)) + head + body
+
+
+def _ti_demo(data: bytes) -> None:
+    from radar_driver.ti_demo import tlv
+
+    parser = tlv.Parser()
+    parser.feed(data + _ti_packet([]) * 3)
+    assert parser.held <= tlv.LONGEST
+
+
+def _ld2450(data: bytes) -> None:
+    from radar_driver.ld2450 import wire
+
+    parser = wire.Parser()
+    for one in parser.feed(data):
+        wire.firmware(getattr(one, "value", b""))
+    assert parser.held <= wire.LONGEST + 10
+
+
+def _dca1000(data: bytes) -> None:
+    from radar_driver.dca1000.control import decode_reply
+    from radar_driver.dca1000.packets import Reassembler
+
+    stream = Reassembler(4096)
+    for at in range(0, len(data), 1466):
+        for frame in stream.process(data[at : at + 1466], 0):
+            frame.missing(8)
+        decode_reply(data[at : at + 8])
+    stream.flush()
+
+
+def _tinyrad(data: bytes) -> None:
+    from radar_driver.tinyrad import board, convert, wire
+    from radar_driver.tinyrad.config import TinyRadConfig
+
+    config = TinyRadConfig(chirps=4, samples=32, period=100e-6, frame_interval=0.02)
+    block = (data + bytes(2 * config.values))[: 2 * config.values]
+    _each(data, partial(wire.words, code=wire.Code.VERSION), lambda given: board.parse_eeprom(given[:80].ljust(80, b"\0")))
+    convert.Converter(config).process(block, 1)
+
+
+def _each(given: Any, *reads: Callable[[Any], Any]) -> None:
+    """Let several things read the same; each may refuse it."""
+    for read in reads:
+        with suppress(HandwaveError):
+            read(given)
+
+
+def _file(suffix: str, *reads: Callable[[Path], Any]) -> Callable[[bytes], None]:
+    """Make a reader of bytes out of those of a file, which has a good .cfg beside it."""
+
+    def read(data: bytes) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "profile.cfg").write_bytes(_CFG)
+            path = Path(folder) / f"profile{suffix}"
+            path.write_bytes(data)
+            _each(path, *reads)
+
+    return read
+
+
+def _items(kind: str, path: Path) -> None:
+    from radar_lab.importers import open_original
+
+    for _ in zip(range(50), open_original(kind, path).items, strict=False):
+        pass
+
+
+def _importer(kind: str, suffix: str, seeds: Callable[[], Seeds]) -> Parser:
+    return Parser(seeds, _file(suffix, partial(_items, kind)))
+
+
+def _npz(**arrays: Any) -> Seeds:
+    """Pack arrays, squeezed and not, and make one archive whose header asks for a terabyte."""
+    found = []
+    for write in (np.savez, np.savez_compressed):
+        file = io.BytesIO()
+        write(file, **arrays)
+        found.append(file.getvalue())
+    return [*found, found[0].replace(b"'shape': (4,", b"'shape': (99999999999,")]
+
+
+def _npy(array: Any) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _crossing() -> Seeds:
+    return _npz(offset=[0, 2, 4], time_ms=[0.0, 33.0], frame_number=[1, 2], points=np.ones((4, 8), np.float32))
+
+
+def _mars() -> Seeds:
+    joints = np.array(["SpineBase", "HandRight", "HandLeft"])
+    return _npz(
+        offset=[0, 2, 4], xyz=np.ones((4, 3)), doppler=np.ones(4), intensity=np.ones(4), joints=joints, joint_xyz=np.ones((2, 3, 3))
+    )
+
+
+def _radhar() -> Seeds:
+    keys = ("secs", "nsecs", "point_id", "x", "y", "z", "velocity", "intensity")
+    return [("".join(f"{key}: {number % 2 if key == 'point_id' else number}\n" for key in keys) * 2).encode() for number in range(4)]
+
+
+def _pcap() -> Seeds:
+    udp = struct.pack(">4H", 4096, 4098, 8 + 10 + 64, 0) + struct.pack("<IIH", 1, 0, 0) + bytes(range(64))
+    packet = bytes(12) + b"\x08\x00" + b"\x45" + bytes(8) + b"\x11" + bytes(10) + udp
+    record = struct.pack("<4I", 1, 0, len(packet), len(packet)) + packet
+    return [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1) + record * 3]
+
+
+def _cloud2(data: bytes) -> None:
+    from radar_ros.messages.pointcloud2 import read_fields
+
+    values = struct.unpack("<10I", data[:40].ljust(40, b"\0"))
+    kind = {"datatype": values[4] % 10, "count": values[5] % 3}
+    fields = [SimpleNamespace(name=name, offset=values[6 + k], **kind) for k, name in enumerate("xyz")]
+    steps = dict(zip(("height", "width", "point_step", "row_step"), values, strict=False))
+    message = SimpleNamespace(**steps, fields=fields, is_bigendian=bool(values[9] & 1), data=data[40:])
+    read_fields(message, {name: name for name in "xyz"}, "points")
+
+
+def _named(module: str, *names: str) -> list[Callable[[Path], Any]]:
+    """Give functions of a module that is imported once they are called."""
+    return [lambda path, name=name: getattr(importlib.import_module(module), name)(path) for name in names]
+
+
+def _ti_config(path: Path) -> None:
+    from radar_driver.dca1000.ti_config import radar_info, read_ti_config
+
+    radar_info(read_ti_config(path))
+
+
+_SEGMENT: Final = b"frame,points,x,y,z,doppler,intensity\n" + b"1,2,0.1,1.0,0.2,0.5,30\n" * 4
+_SCENE: Final = b"duration: 1.0\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], velocity: [0.5, 0, 0], rcs: 0.1}]\neffects: {noise: {}}\n"
+_BVH: Final = b"""HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.03\n0 0 0 0 0 0\n0 0 0 0 0 0\n"""
+_ANSWER: Final = b"\xfd\xfc\xfb\xfa\x04\x00\xfe\x01\x00\x00\x04\x03\x02\x01"
+_YAML: Final = (
+    *_named("radar_sim", "load_scene"),
+    *_named("radar_core.mounting", "load_mount"),
+    *_named("radar_core.ladder", "load_ladders"),
+)
+PARSERS: Final[dict[str, Parser]] = {
+    "ti_demo": Parser(_ti_items, _ti_demo),
+    "ld2450": Parser(lambda: [b"\xaa\xff\x03\x00" + bytes(24) + b"\x55\xcc", _ANSWER], _ld2450),
+    "dca1000": Parser(lambda: [b"".join(struct.pack("<IIH", k + 1, k * 1456, 0) + bytes(1456) for k in range(8))], _dca1000),
+    "tinyrad": Parser(lambda: [struct.pack("<4I", 0x0004900E, 0x30001, 1, 2), bytes(range(80)), bytes(4096)], _tinyrad),
+    "ti_cfg": Parser(lambda: [_CFG], _file(".cfg", _ti_config)),
+    "pcap": _importer("dca1000", ".pcap", _pcap),
+    "dca1000_bin": _importer("dca1000_bin", ".bin", lambda: [bytes(range(256)) * 17]),
+    "openradar": _importer("openradar", ".npy", lambda: [_npy(np.ones((2, 4, 8, 16), np.complex64)), _npy(np.ones((4, 8, 16), complex))]),
+    "crossing": _importer("crossing", ".npz", _crossing),
+    "mars": _importer("mars", ".npz", _mars),
+    "radhar": _importer("radhar", ".txt", _radhar),
+    "mhomeges": _importer("mhomeges", ".csv", lambda: [_SEGMENT]),
+    "model": Parser(lambda: [find_config("gestures", "models", ".npz").read_bytes()], _file(".npz", *_named(_MODELS, "load_model"))),
+    "motion": Parser(lambda: [_BVH], _file(".bvh", *_named("radar_sim.motions.bvh", "load_bvh"))),
+    "settings": Parser(lambda: [_SCENE, b'{"format": 1, "stages": {}}'], _file(".yaml", *_YAML)),
+    "pointcloud2": Parser(lambda: [struct.pack("<10I", 1, 4, 12, 48, 7, 1, 0, 4, 8, 0) + bytes(48)], _cloud2),
+}
+"""Everything that reads what others wrote; for bags that is the library of their maker."""
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Feed every parser, ten minutes each; quick: half a second each."""
+    rows = {name: fuzz(name, _QUICK if quick else _SECONDS) for name in PARSERS}
+    totals = {key: sum(row[key] for row in rows.values()) for key in ("inputs", "crashes", "hangs")}
+    return {**totals, "peak_mb": max(row["peak_mb"] for row in rows.values()), "parsers": rows}
