@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from radar_core.errors import ConfigError, DataError
 
+_PIECE: Final = 1 << 18  # bytes read at once
 _MOST_MEMBERS: Final[int] = 64
 _COMPRESSIONS: Final[tuple[int, ...]] = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 BROKEN = (
@@ -75,14 +75,18 @@ def load_arrays(path: Path, what: str, advice: str, most_bytes: int = 8_000_000)
 
 def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most_bytes: int) -> NDArray[Any]:
     """Read one array, or raise one of `BROKEN`; `numpy.load` would set aside what the header asks for before it looks at the data."""
-    with archive.open(member) as opened:
-        file = io.BytesIO(opened.read(most_bytes))
-    version = np.lib.format.read_magic(file)
-    if version != (1, 0):
-        raise ValueError(f"{member.filename} is an array of npy version {version}, not 1.0")
-    shape, fortran, kind = np.lib.format.read_array_header_1_0(file)
-    data = file.read()
-    if kind.hasobject or any(length < 0 for length in shape) or math.prod(shape) * kind.itemsize != len(data):
+    with archive.open(member) as file:
+        version = np.lib.format.read_magic(file)
+        if version != (1, 0):
+            raise ValueError(f"{member.filename} is an array of npy version {version}, not 1.0")
+        shape, fortran, kind = np.lib.format.read_array_header_1_0(file)
+        size = math.prod(shape) * kind.itemsize
+        if kind.hasobject or any(length < 0 for length in shape) or size > most_bytes:
+            raise ValueError(f"{member.filename} holds {kind} {shape}, which is too much, or no array of numbers")
+        data = bytearray()
+        while len(data) <= size and (piece := file.read(_PIECE)):  # never what a head claims, only what is there
+            data += piece
+    if size != len(data):
         raise ValueError(f"{member.filename} is not what its header says ({kind} {shape})")
     return np.frombuffer(data, kind).reshape(shape, order="F" if fortran else "C")
 

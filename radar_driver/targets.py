@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.checks import require_shape
+from radar_core.geometry import spherical_to_cartesian
 
 Float64Array = NDArray[np.float64]
 
@@ -67,3 +69,12 @@ class Targets:
 
     def __len__(self) -> int:
         return len(self.slot)
+
+
+def place_covariance(place: Float64Array, range_std: Any, azimuth_std: Any, height_std: Any) -> Float64Array:
+    """Covariances [m^2], shape (n, 3, 3), of places [m], shape (n, 3), by how well range [m], direction [rad] and height [m] are known."""
+    distance, azimuth = np.hypot(place[:, 0], place[:, 1]), np.arctan2(place[:, 1], place[:, 0])
+    along, across = (spherical_to_cartesian(1.0, azimuth + more, 0.0) for more in (0.0, np.pi / 2))
+    parts = ((along, range_std), (across, distance * azimuth_std), (np.broadcast_to([0.0, 0.0, 1.0], place.shape), height_std))
+    each = (np.square(np.broadcast_to(std, len(place)))[:, None, None] * axis[:, :, None] * axis[:, None, :] for axis, std in parts)
+    return np.asarray(sum(each))

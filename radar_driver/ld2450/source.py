@@ -11,14 +11,13 @@ import numpy as np
 
 from radar_core import DeviceError, Pose, RadarInfo
 from radar_core.config import config, knob
-from radar_core.geometry import spherical_to_cartesian
 from radar_driver.clouds import cloud_source_info
 from radar_driver.components import Component, Radar
 from radar_driver.components import Report as Figures
 from radar_driver.ld2450 import wire
 from radar_driver.serial_ports import only_adapter
 from radar_driver.sources import Reading
-from radar_driver.targets import Targets
+from radar_driver.targets import Targets, place_covariance
 from radar_driver.uart import BITS, Uart
 
 _ANSWER: Final = 0.3  # s: the board answers within some milliseconds
@@ -158,12 +157,3 @@ class Ld2450(Radar):
         counts = {name: self._counts[name] for name in ("targets", "targets_refused")}
         parser = {name: self._parser.counts[name] for name in ("reports", "refused", "garbage_bytes")}
         return {**super().report(), **counts, **parser}
-
-
-def place_covariance(place: np.ndarray[Any, Any], range_std: Any, azimuth_std: Any, height_std: Any) -> np.ndarray[Any, Any]:
-    """Covariances [m^2], shape (n, 3, 3), of places [m], shape (n, 3), by how well range [m], direction [rad] and height [m] are known."""
-    distance, azimuth = np.hypot(place[:, 0], place[:, 1]), np.arctan2(place[:, 1], place[:, 0])
-    along, across = (spherical_to_cartesian(1.0, azimuth + more, 0.0) for more in (0.0, np.pi / 2))
-    parts = ((along, range_std), (across, distance * azimuth_std), (np.broadcast_to([0.0, 0.0, 1.0], place.shape), height_std))
-    each = (np.square(np.broadcast_to(std, len(place)))[:, None, None] * axis[:, :, None] * axis[:, None, :] for axis, std in parts)
-    return np.asarray(sum(each))

@@ -12,15 +12,23 @@ from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]
 
-_DEMO: Final = {1: "cartesian", 6: "stats", 7: "side", 1000: "spherical", 1020: "packed"}
+_DEMO: Final = {1: "cartesian", 6: "stats", 7: "side", 1000: "spherical", 1020: "packed"} | {
+    301: "compressed", 308: "tracks", 351: "gesture", 352: "present", 354: "shares",
+}  # fmt: skip
 ITEMS: Final[Mapping[str, Mapping[int, str]]] = {
     "demo": _DEMO,
     "area scanner": {**_DEMO, 1: "spherical"},
     "people 3D": {6: "cloud"},
     "people 2D": {6: "cloud"},
 }
-"""What is used of each family, by type."""
+"""What is used of each family, by type. Of the xWRL6432's, 350 (features) and 353 (a threshold) say nothing that could be passed on."""
 _PACKED: Final = np.dtype([("elevation", "<i1"), ("azimuth", "<i1"), ("doppler", "<i2"), ("range", "<u2"), ("snr", "<u2")])
+_COMPRESSED: Final = np.dtype([("xyz", "<i2", 3), ("doppler", "<i2"), ("snr", "u1"), ("noise", "u1")])
+_TRACK: Final = np.dtype(
+    [("slot", "<u4"), ("xyz", "<f4", 3), ("velocity", "<f4", 3), ("acceleration", "<f4", 3), ("error", "<f4", (4, 4)), ("rest", "<f4", 2)]
+)
+GESTURES: Final = ("", "swipe_right", "swipe_left", "swipe_down", "swipe_up", "push", "pull")
+"""What the gesture demo of the xWRL6432 numbers from 0 (none), by our names; left and right are the user's, as its pictures show them."""
 _FAR: Final = 1e4  # m and m/s; whatever is beyond is no point but bytes that went wrong
 
 
@@ -111,6 +119,61 @@ def float_points(value: bytes, names: str) -> Points:
         return Points(np.stack([table["x"], table["y"], table["z"]], axis=-1), None, table["doppler"], snr, unknown)
     spherical = np.stack([table["range"], table["azimuth"], table.get("elevation", unknown)], axis=-1)
     return Points(None, spherical, table["doppler"], snr, unknown)
+
+
+def compressed_points(value: bytes) -> Points:
+    """Read points of 10 bytes behind the units of places, Doppler, SNR and noise (item 301); units that make no sense are refused."""
+    if len(value) < 20:
+        return NOTHING
+    place, speed, snr, noise = units = struct.unpack_from("<4f", value)
+    if not all(0 < unit < _FAR for unit in units):
+        raise ContentError(f"item 301 has the units {units}, which no demo sends")
+    raw = np.frombuffer(value, _COMPRESSED, offset=20, count=(len(value) - 20) // _COMPRESSED.itemsize)
+    return Points(raw["xyz"] * float(place), None, raw["doppler"] * float(speed), raw["snr"] * float(snr), raw["noise"] * float(noise))
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """What the demo itself found; empty or None where its packet does not say.
+
+    Attributes
+    ----------
+    slot : ndarray of int64, shape (n,), or None
+        Its numbers of tracks; None: it follows nobody at all.
+    place, velocity : ndarray, shape (n, 3)
+        Right, forward, up [m], [m/s].
+    std : ndarray, shape (n, 3)
+        Of range [m], azimuth and elevation [rad].
+    gesture, shares, present : str, dict, bool or None
+        What has just been recognised, by our names; probabilities; whether somebody is there.
+    """
+
+    slot: NDArray[np.int64] | None
+    place: Float64Array
+    velocity: Float64Array
+    std: Float64Array
+    gesture: str
+    shares: dict[str, float]
+    present: bool | None
+
+
+def own_results(used: Mapping[str, bytes]) -> Own | None:
+    """Read the demo's own tracks (308), gesture (351), presence (352) and probabilities (354); tracks that are no numbers are left out."""
+    if not {"tracks", "gesture", "present", "shares"} & used.keys():
+        return None
+    value = used.get("tracks", b"")
+    raw = np.frombuffer(value, _TRACK, count=len(value) // _TRACK.itemsize)
+    with np.errstate(invalid="ignore"):
+        place, velocity, error = (raw[name].astype(np.float64) for name in ("xyz", "velocity", "error"))
+        variance = np.diagonal(error, axis1=1, axis2=2)[:, :3]
+    good = (np.abs(place) < _FAR).all(1) & (np.abs(velocity) < _FAR).all(1) & ((variance >= 0) & (variance < _FAR)).all(1)
+    number = used.get("gesture", b"\0")[:1]
+    gesture = GESTURES[number[0]] if number and number[0] < len(GESTURES) else ""
+    shares = np.frombuffer(used.get("shares", b""), "<f4", count=len(used.get("shares", b"")) // 4)
+    named = {name: float(share) for name, share in zip(GESTURES, shares, strict=False) if name and 0 <= share <= 1}
+    slot = raw["slot"][good].astype(np.int64) if "tracks" in used else None
+    present = bool(used["present"][0]) if used.get("present") else None
+    return Own(slot, place[good], velocity[good], np.sqrt(variance[good]), gesture, named, present)
 
 
 def decibel(ratio: Float64Array) -> Float64Array:

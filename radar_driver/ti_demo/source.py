@@ -13,12 +13,13 @@ import numpy as np
 
 from radar_core import ConfigError, DeviceError, PointCloud, Pose, Quality, RadarInfo
 from radar_core.config import config, knob
-from radar_driver.clouds import cloud_from_ti, cloud_source_info
+from radar_driver.clouds import cloud_from_ti, cloud_source_info, to_our_axes
 from radar_driver.components import Component, Radar, Report
 from radar_driver.dca1000.serial_cli import SerialCli
 from radar_driver.dca1000.ti_config import cli_lines, radar_info, read_ti_config
 from radar_driver.sources import Reading
-from radar_driver.ti_demo.items import NOTHING
+from radar_driver.targets import Targets, place_covariance
+from radar_driver.ti_demo.items import NOTHING, Own
 from radar_driver.ti_demo.tlv import Packet, Parser
 from radar_driver.uart import BITS, Uart
 
@@ -104,12 +105,13 @@ class TiDemo(Radar):
         if config.config:
             self._read_config(Path(config.config))
         self._parser = Parser()
-        self._ready: deque[PointCloud] = deque(maxlen=_WAITING)
+        self._ready: deque[Reading] = deque(maxlen=_WAITING)
         self._counts: Counter[str] = Counter()
         self._about: dict[str, Any] = {}
         self._heard = 0.0
         self._stamp = self._bytes = self._refused = 0
         self._number: int | None = None
+        self._gesture = ""  # of the packet before
 
     def _read_config(self, path: Path) -> None:
         """Take waveform and antennas from a .cfg (n_sample is 0, because no frames come), and whether still points are left out."""
@@ -138,7 +140,7 @@ class TiDemo(Radar):
             for packet in self._parser.feed(data):
                 self._take(packet, arrived)
         if self._ready:
-            return Reading(self._ready.popleft())
+            return self._ready.popleft()
         if time.monotonic() - self._heard > self._config.silence:
             problem = self._silent()
             self._listen()
@@ -175,7 +177,12 @@ class TiDemo(Radar):
         self._counts.update(points=len(points), points_refused=points.refused)
         given = points.cartesian, points.radial_speed, points.snr
         cloud = cloud_from_ti(self._stamp, packet.number, *given, noise=points.noise, spherical=points.spherical)
-        self._ready.append(replace(cloud, frame_id=self.info.frame_id, quality=self._quality))
+        cloud = replace(cloud, frame_id=self.info.frame_id, quality=self._quality)
+        own = packet.own
+        if own is not None:  # the same number in several packets is one gesture
+            self._gesture, fresh = own.gesture, own.gesture if own.gesture != self._gesture else ""
+            own = replace(own, gesture=fresh)
+        self._ready.append(Reading(cloud, own=None if own is None else own_targets(own, cloud)))
 
     def report(self) -> dict[str, Any]:
         """Say which demo it is, and what was lost."""
@@ -189,3 +196,14 @@ class TiDemo(Radar):
             "garbage_bytes": parser["garbage_bytes"],
             "items_not_used": ", ".join(f"{name[5:]}: {count}" for name, count in sorted(parser.items()) if name.startswith("item_")),
         }
+
+
+def own_targets(own: Own, cloud: PointCloud) -> Targets:
+    """Turn what a demo itself found into our axes; its velocities have no covariance."""
+    place, velocity = to_our_axes(own.place), to_our_axes(own.velocity)
+    height = np.hypot(place[:, 0], place[:, 1]) * own.std[:, 2]
+    covariance = place_covariance(place, own.std[:, 0], own.std[:, 1], height)
+    slot = np.zeros(0, np.int64) if own.slot is None else own.slot
+    given = slot, place, covariance, velocity, np.full(len(slot), np.nan)
+    words = own.gesture, own.shares, own.present, own.slot is not None
+    return Targets(cloud.stamp_ns, cloud.sequence, cloud.frame_id, *given, *words)

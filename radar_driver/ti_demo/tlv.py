@@ -16,7 +16,17 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from radar_driver.ti_demo.items import ITEMS, ContentError, ItemError, Points, float_points, packed_points
+from radar_driver.ti_demo.items import (
+    ITEMS,
+    ContentError,
+    ItemError,
+    Own,
+    Points,
+    compressed_points,
+    float_points,
+    own_results,
+    packed_points,
+)
 
 MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 LONGEST: Final = 1 << 16  # bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit
@@ -117,12 +127,15 @@ class Packet(Head):
         From the end of the chirps until the packet was sent, as the demo says [s]; NaN: it does not.
     skipped : tuple of int
         Types of the items that are not used.
+    own : Own or None
+        What the demo itself found; None: it does not say.
     """
 
     end: int
     points: Points | None
     processing: float
     skipped: tuple[int, ...]
+    own: Own | None
 
 
 class Parser:
@@ -248,11 +261,13 @@ class Parser:
             points = points.with_side(used.get("side", b"")).sane()
         stats = used.get("stats", b"")
         processing = struct.unpack_from("<I", stats)[0] * 1e-6 if len(stats) >= 24 else float("nan")
-        return Packet(**asdict(head), end=end, points=points, processing=processing, skipped=tuple(skipped))
+        return Packet(**asdict(head), end=end, points=points, processing=processing, skipped=tuple(skipped), own=own_results(used))
 
     def _points(self, family: str, used: dict[str, bytes]) -> Points | None:
         if "packed" in used:
             return packed_points(used["packed"])
+        if "compressed" in used:
+            return compressed_points(used["compressed"])
         if "cartesian" in used:
             return float_points(used["cartesian"], "x y z doppler")
         if "spherical" in used:

@@ -15,8 +15,9 @@ from radar_core import DeviceError, Pose
 from radar_driver.boards import boards, ld2450
 from radar_driver.health import Verdict, probe
 from radar_driver.ld2450 import wire
-from radar_driver.ld2450.source import Ld2450, Ld2450Config, place_covariance
+from radar_driver.ld2450.source import Ld2450, Ld2450Config
 from radar_driver.live import Reader
+from radar_driver.targets import place_covariance
 
 
 def test_the_reports_that_the_maker_prints():

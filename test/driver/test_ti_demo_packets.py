@@ -237,3 +237,54 @@ def test_every_packet_within_garbage_is_found(parts, cut):
     for start in range(0, len(stream), cut):
         found += parser.feed(stream[start : start + cut])
     assert set(expected) <= {(p.number, p.end) for p in found}
+
+
+def compressed(xyz, doppler, snr, noise, units=(0.001, 0.01, 0.5, 0.25)):
+    """Item 301 of the xWRL6432: units, two counts of points, then 10 bytes a point."""
+    raw = np.zeros(len(xyz), [("xyz", "<i2", 3), ("v", "<i2"), ("s", "u1"), ("n", "u1")])
+    raw["xyz"], raw["v"] = np.rint(np.asarray(xyz) / units[0]), np.rint(np.asarray(doppler) / units[1])
+    raw["s"], raw["n"] = np.rint(np.asarray(snr) / units[2]), np.rint(np.asarray(noise) / units[3])
+    return ti.struct.pack("<4f2H", *units, len(xyz), 0) + raw.tobytes()
+
+
+def track(slot, xyz, velocity, std=(0.1, 0.02, 0.05)):
+    """One track of item 308: 112 bytes."""
+    error = np.diag([*np.square(std), 0.01]).astype("<f4")
+    return ti.struct.pack("<I9f", slot, *xyz, *velocity, 0, 0, 0) + error.tobytes() + ti.struct.pack("<2f", 1.0, 0.9)
+
+
+def test_what_the_xwrl6432_sends():
+    """Compressed points, tracks with their errors, gesture, presence, probabilities; features and threshold are passed over and counted."""
+    points = compressed([(0.5, 2.0, -0.1), (-1.0, 3.0, 0.2)], [0.3, -0.4], [15.0, 20.5], [40.0, 41.0])
+    shares = np.array([0.1, 0.0, 0.0, 0.0, 0.1, 0.8, 0.0], "<f4").tobytes()
+    items = {
+        301: points,
+        308: track(7, (0.4, 2.1, 0.1), (0.1, -0.5, 0.0)),
+        350: bytes(64),
+        351: b"\5",
+        352: b"\1",
+        353: bytes(4),
+        354: shares,
+    }
+    (packet,) = Parser().feed(ti.demo_packet(3, [ti.item(kind, value) for kind, value in items.items()], 2))
+    np.testing.assert_allclose(packet.points.cartesian, [(0.5, 2.0, -0.1), (-1.0, 3.0, 0.2)], atol=5e-4)
+    np.testing.assert_allclose(packet.points.snr, [15.0, 20.5])
+    np.testing.assert_allclose(packet.points.noise, [40.0, 41.0])
+    own = packet.own
+    assert (own.slot.tolist(), own.gesture, own.present, packet.skipped) == ([7], "push", True, (350, 353))
+    np.testing.assert_allclose(own.place, [(0.4, 2.1, 0.1)], rtol=1e-6)
+    np.testing.assert_allclose(own.velocity, [(0.1, -0.5, 0.0)], rtol=1e-6)
+    np.testing.assert_allclose(own.std, [(0.1, 0.02, 0.05)], rtol=1e-6)
+    assert own.shares["push"] == pytest.approx(0.8)
+
+
+def test_tracks_that_make_no_sense_are_left_out():
+    """A place that is no number, an error below zero; a gesture that nobody knows is none; no tracks at all is not nobody."""
+    bad = track(1, (np.nan, 2.0, 0.0), (0, 0, 0)) + track(2, (1.0, 2.0, 0.0), (0, 0, 0)) + track(3, (1.0, 1e9, 0.0), (0, 0, 0))
+    (packet,) = Parser().feed(ti.demo_packet(1, [ti.item(308, bad + b"xx"), ti.item(351, b"\x63")]))
+    assert (packet.own.slot.tolist(), packet.own.gesture, packet.own.present) == ([2], "", None)
+    (other,) = Parser().feed(ti.demo_packet(1, [ti.item(352, b"\0")]))
+    assert (other.own.slot, other.own.present) == (None, False)
+    parser = Parser()
+    assert parser.feed(ti.demo_packet(1, [ti.item(301, bytes(40))])) == []
+    assert "which no demo sends" in parser.reason

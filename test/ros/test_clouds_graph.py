@@ -128,3 +128,34 @@ def test_the_driver_goes_on_after_unplugging(ros, board, walk):
     board.plug()
     assert send_until(lambda: len(clouds) > before, 3.0)  # the accepted limit
     assert node.extra_diagnostics()[0]["reopened"] == 1
+
+
+def test_the_boards_own_results_are_topics_beside_ours(ros, board):
+    """Tracks in the room, a gesture once however often it is said, presence; while the points go to ours."""
+    from handwave.msg import Gesture as GestureMsg
+    from std_msgs.msg import Bool
+    from test_ti_demo_packets import compressed, track
+
+    tracks = ros.collect(TrackArrayMsg, "board/tracks", qos.RESULT)
+    gestures = ros.collect(GestureMsg, "board/gestures", qos.RESULT)
+    present = ros.collect(Bool, "board/presence", qos.RESULT)
+    clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(depth=100))
+    settings = {"source": "ti_demo", "ti_demo.port": str(board.link), "ti_demo.mount.z": 1.2}
+    overrides = [Parameter(name, value=value) for name, value in settings.items()]
+    node = ros.add(importlib.import_module(NODES["driver"].module).make_node(parameter_overrides=overrides))
+    assert ros.spin_until(lambda: all(node.count_subscribers(name) for name in ("board/tracks", "board/gestures", "radar/points")))
+    shares = np.array([0.1, 0.8, 0.0, 0.0, 0.1, 0.0, 0.0], "<f4").tobytes()
+    points = compressed([(0.5, 2.0, -0.1)], [0.3], [15.0], [40.0])
+    for number in range(6):
+        own = {301: points, 308: track(7, (0.5, 2.0, 0.1), (0.0, -0.5, 0.0)), 351: bytes([number in (2, 3)]), 352: b"\1", 354: shares}
+        board.send_all(ti.demo_packet(number, [ti.item(kind, value) for kind, value in own.items()], 1))
+        ros.spin_until(lambda n=number: min(len(tracks), len(clouds)) > n, 5.0)
+    (last,) = tracks[-1].tracks
+    np.testing.assert_allclose(last.position, [2.0, -0.5, 1.3], atol=1e-6)
+    np.testing.assert_allclose(last.velocity, [-0.5, 0.0, 0.0], atol=1e-6)
+    assert (last.id, last.status) == (1, TrackMsg.CONFIRMED)
+    assert 0.09 < np.sqrt(np.array(last.covariance).reshape(6, 6)[0, 0]) < 0.11
+    assert [(m.name, m.label) for m in gestures] == [("swipe_right", GestureMsg.SWIPE_RIGHT)]
+    assert gestures[0].confidence == pytest.approx(0.8)
+    assert all(m.data for m in present)
+    assert len(clouds) == len(tracks) == 6
