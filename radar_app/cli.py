@@ -74,9 +74,8 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[
-        str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md)")
-    ] = "live",
+    variant: Annotated[str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md)")] = "",
+    board: Annotated[str | None, typer.Option(help="where frames come from: a board, or a Python file with one of your own")] = None,
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
@@ -89,11 +88,19 @@ def up(
     """Start a graph: every node as its own process, logs with names, Ctrl-C stops all.
 
     Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
+    · `handwave up --board my_board.py` (docs/adding-a-board.md)
     """
     from radar_app.graph import graph
     from radar_app.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed, supervise
 
     parameters = parse_parameters(param, config)
+    if board is not None:
+        from radar_driver.boards import board as find_board
+
+        found = find_board(board)
+        parameters.setdefault("driver", {})["source"] = str(Path(board).resolve()) if board.endswith(".py") else board
+        variant = variant or found.variant
+    variant = variant or "live"
     if variant in ("live", "demo") or scene is not None:
         parameters.setdefault("driver", {}).setdefault("scene", scene or "demo")
     if variant == "demo":

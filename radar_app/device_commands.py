@@ -135,7 +135,8 @@ def _knobs(config: type) -> list[dict[str, Any]]:
 
 
 def probe(
-    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, or bag")],
+    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, or bag")] = "",
+    own: Annotated[str, typer.Option("--board", help="the same, or a Python file with a board of your own")] = "",
     knobs: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
     scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
@@ -155,6 +156,9 @@ def probe(
     from radar_driver.health import HealthConfig
     from radar_driver.health import probe as listen
 
+    board = board or own
+    if not board:
+        raise ConfigError("say what to probe: a board (handwave devices lists them), or --board my_board.py")
     limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
     if scene is not None and board != "sim":
         raise ConfigError(f"--scene is for sim; for {board} give --set knob=value (handwave devices --boards lists the knobs)")

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import importlib.util
 import pkgutil
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
 from radar_core import ConfigError
@@ -133,6 +136,25 @@ def _checked(value: Any) -> Board:
     return value
 
 
+@cache
+def _from_file(path: Path) -> Board:
+    """Load the ``BOARD`` of a Python file, whose folder may hold what it imports."""
+    spec = importlib.util.spec_from_file_location(f"handwave_board_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise ConfigError(f"there is no Python file {path}: name the .py file that has your BOARD (docs/adding-a-board.md)")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their types up there
+    sys.path.append(str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+        found = _checked(getattr(module, "BOARD", None))
+    except Exception as error:  # somebody else's code: what it raises is said, not thrown at who asked for it
+        raise ConfigError(f"{path} cannot be used as a board: {type(error).__name__}: {error}") from error
+    if found.name in _ours():
+        raise ConfigError(f"{path} calls its board {found.name!r}, as one of ours is called; give it a name of its own")
+    return found
+
+
 def boards() -> Mapping[str, Board]:
     """All kinds of source by name: ours, then those of other packages."""
     return {**{name: board(name) for name in _ours()}, **_registered, **_known()[0]}
@@ -144,7 +166,12 @@ def broken() -> Mapping[str, str]:
 
 
 def board(name: str) -> Board:
-    """Look up a kind of source, importing no other one of ours; a `ConfigError` says that there is none of that name."""
+    """Look up a kind of source, importing no other one of ours; ``name`` may be a Python file with a ``BOARD``.
+
+    A `ConfigError` says that there is none of that name, or why the file cannot be used.
+    """
+    if name.endswith(".py"):
+        return _from_file(Path(name).resolve())
     if name in _ours():
         return importlib.import_module(f"{__name__}.{name}").BOARD  # type: ignore[no-any-return]
     if name in _registered:

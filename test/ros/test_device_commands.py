@@ -168,3 +168,40 @@ def test_mistakes_are_one_line(arguments, message, monkeypatch, capsys):
         main()
     assert caught.value.code == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_board_in_one_file(tmp_path, ros):
+    """The page's board by its path: probed, and its frames published by the driver of the graph that suits it."""
+    import re
+
+    import numpy as np
+    from handwave.msg import RadarFrame
+    from rclpy.parameter import Parameter
+
+    from radar_ros import qos
+    from radar_ros.nodes.driver import make_node
+
+    page = (Path(__file__).resolve().parents[2] / "docs" / "adding-a-board.md").read_text(encoding="utf-8")
+    path, counts = tmp_path / "my_board.py", tmp_path / "frames.i16"
+    path.write_text(re.search(r"```python\n(.*?)```", page, re.S)[1])
+    np.random.default_rng(1).integers(-300, 300, (20, 32, 2, 64, 2)).astype("<i2").tofile(counts)
+    done = run("probe", "--board", path, "--set", f"path={counts}", "--duration", "0.5", "--json")
+    assert json.loads(done.stdout)["checks"][0]["verdict"] == "ok"
+    frames = ros.collect(RadarFrame, "radar/frame", qos.sensor(depth=5))
+    settings = {"source": str(path), "file_board.path": str(counts)}
+    ros.add(make_node(parameter_overrides=[Parameter(name, value=value) for name, value in settings.items()]))
+    assert ros.spin_until(lambda: len(frames) > 2)
+
+
+def test_up_takes_the_graph_that_suits_a_board(monkeypatch, tmp_path):
+    """live for frames, targets for targets; a file that is none is refused with status 2."""
+    started = []
+    monkeypatch.setattr("radar_app.supervisor.refuse_busy_domain", lambda *_: None)
+    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, domain: started.append(specs) or 0)
+    for board, nodes in (("tinyrad", "baseband"), ("ti_demo", "tracking"), ("ld2450", "driver")):
+        assert run("up", "--board", board, "--composed").exit_code == 0
+        driver = next(spec for spec in started[-1] if spec.name == "driver")
+        assert driver.parameters["source"] == board
+        assert nodes in {spec.name for spec in started[-1]}
+    assert len(started[-1]) == 2
+    assert "there is no Python file" in str(run("up", "--board", tmp_path / "gone.py").exception)
