@@ -270,6 +270,9 @@ _SEGMENT: Final = b"frame,points,x,y,z,doppler,intensity\n" + b"1,2,0.1,1.0,0.2,
 _SCENE: Final = b"duration: 1.0\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], velocity: [0.5, 0, 0], rcs: 0.1}]\neffects: {noise: {}}\n"
 _BVH: Final = b"""HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
 End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.03\n0 0 0 0 0 0\n0 0 0 0 0 0\n"""
+_BGT60: Final = b"""{"device_config": {"fmcw_single_shape": {"rx_antennas": [1, 2, 3], "lower_frequency_Hz": 60e9, "sample_rate_Hz": 2e6,
+"upper_frequency_Hz": 61e9, "num_chirps_per_frame": 4, "num_samples_per_chirp": 8,
+"chirp_repetition_time_s": 5e-4, "frame_repetition_time_s": 0.1}}}"""
 _ANSWER: Final = b"\xfd\xfc\xfb\xfa\x04\x00\xfe\x01\x00\x00\x04\x03\x02\x01"
 _YAML: Final = (
     *_named("radar_sim", "load_scene"),
@@ -285,6 +288,7 @@ PARSERS: Final[dict[str, Parser]] = {
     "pcap": _importer("dca1000", ".pcap", _pcap),
     "dca1000_bin": _importer("dca1000_bin", ".bin", lambda: [bytes(range(256)) * 17]),
     "openradar": _importer("openradar", ".npy", lambda: [_npy(np.ones((2, 4, 8, 16), np.complex64)), _npy(np.ones((4, 8, 16), complex))]),
+    "bgt60": _importer("bgt60", ".json", lambda: [_BGT60]),
     "crossing": _importer("crossing", ".npz", _crossing),
     "mars": _importer("mars", ".npz", _mars),
     "radhar": _importer("radhar", ".txt", _radhar),

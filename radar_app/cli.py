@@ -227,20 +227,24 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
 
 @app.command("import")
 def import_(
-    kind: Annotated[str, typer.Argument(help="crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")],
+    kind: Annotated[str, typer.Argument(help="npy, bgt60, crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
     option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
+    waveform: Annotated[str, typer.Option(help="of npy: YAML file with the Waveform")] = "",
+    array: Annotated[str, typer.Option(help="of npy: YAML file with the AntennaArray")] = "",
 ) -> None:
-    """Turn a public recording into a bag that `handwave replay` understands.
+    """Turn a recording of your own or a public one into a bag that `handwave replay` understands.
 
     Examples: `handwave import crossing two_people.npz --out walkers` · `handwave import dca1000 x.pcap --out raw -o config=x.cfg`
+    · `handwave import npy cube.npy --waveform w.yaml --array a.yaml --out raw -o axes='frame chirp channel sample'`
     """
     import yaml
 
     from radar_ros.importing import import_recording
 
     options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in option or [])}
+    options |= {name: value for name, value in (("waveform", waveform), ("array", array)) if value}
     print(import_recording(kind, source, out, **options))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,14 @@ class AntennaArray:
     channel_shift: tuple[tuple[float, float], ...] = knob(
         (), unit="m", low=-1.0, high=1.0, doc="calibration: (y, z) of each virtual element against tx + rx; empty: 0"
     )
+
+    @classmethod
+    def from_half_wavelengths(
+        cls, tx: Sequence[tuple[float, float]], rx: Sequence[tuple[float, float]], carrier: float, **others: Any
+    ) -> AntennaArray:
+        """Make an array of (y, z) places in half wavelengths of the ``carrier`` [Hz], y to the left and z up as the sensor looks."""
+        half = SPEED_OF_LIGHT / carrier / 2
+        return cls(tx=tuple((half * y, half * z) for y, z in tx), rx=tuple((half * y, half * z) for y, z in rx), **others)
 
     def validate(self) -> None:
         """Raise `ConfigError` when there is no transmitter or no receiver, or a calibration does not have one entry per channel."""

@@ -13,6 +13,7 @@ from radar_core.config import describe, load
 from radar_lab.importers.crossing import CrossingOptions, read_crossing
 from radar_lab.importers.dca1000 import Dca1000BinOptions, Dca1000Options, read_dca1000, read_dca1000_bin
 from radar_lab.importers.mars import MarsOptions, read_mars
+from radar_lab.importers.npy import Bgt60Options, NpyOptions, read_bgt60, read_npy
 from radar_lab.importers.openradar import OpenRadarOptions, read_openradar
 from radar_lab.importers.radhar import RadharOptions, read_radhar
 from radar_lab.importers.recording import Recording
@@ -43,6 +44,8 @@ KINDS: Mapping[str, Kind] = {
     "dca1000_bin": Kind(
         "samples that a DCA1000's tools recorded (.bin file, or folder of one recording) with the .cfg", Dca1000BinOptions, read_dca1000_bin
     ),
+    "npy": Kind("raw frames of any radar (.npy) with its waveform and array", NpyOptions, read_npy),
+    "bgt60": Kind("folder of Infineon's recorder for the BGT60TR13C", Bgt60Options, read_bgt60),
     "openradar": Kind("raw frames of OpenRadar (.npy)", OpenRadarOptions, read_openradar),
 }
 """What can be imported."""
