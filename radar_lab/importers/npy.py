@@ -39,7 +39,7 @@ def to_frames(data: NDArray[Any], axes: str, info: RadarInfo, *, conjugate: bool
 
     Parameters
     ----------
-    data : ndarray
+    data : ndarray, shape as ``axes`` say
         Real or complex samples, or both parts along an axis ``iq``.
     axes : str
         Names of its axes, see `NpyOptions`.
