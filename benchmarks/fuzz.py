@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 import signal
 import struct
@@ -12,66 +11,68 @@ import tracemalloc
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from radar_core import HandwaveError
+from radar_core.ladder import load_ladders
+from radar_core.mounting import load_mount
 from radar_core.paths import find_config
+from radar_driver.dca1000.control import decode_reply
+from radar_driver.dca1000.packets import Reassembler
+from radar_driver.ld2450 import wire
+from radar_driver.ti_demo import tlv
+from radar_driver.tinyrad import board, convert
+from radar_driver.tinyrad import wire as tinyrad
+from radar_driver.tinyrad.config import TinyRadConfig
+from radar_gestures.classifiers.model import load_model
+from radar_lab.importers import open_original
+from radar_ros.messages.pointcloud2 import read_fields
+from radar_sim import load_scene
+from radar_sim.motions.bvh import load_bvh
 
 _SECONDS: Final = 600.0  # for each parser; quick runs take `_QUICK`
 _QUICK: Final = 0.5
-_MODELS: Final = "radar_gestures.classifiers.model"
 _HANG: Final = 2.0  # s: whatever takes longer over one input hangs
 _LARGEST: Final = 1 << 17  # bytes of an input
 _EDGES: Final = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 _CFG: Final = b"""sensorStop\nchannelCfg 15 5 0\nadcCfg 2 1\nprofileCfg 0 77 429 7 57.14 0 0 70 1 32 5209 0 0 30
 chirpCfg 0 0 0 0 0 0 0 1\nchirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1 4 0 100 1 0\nsensorStart\n"""
 
-Seeds = list[bytes]
-
 
 class _HangError(BaseException):
     """Raised into a parser whose time is up; no `Exception`, so that no parser swallows it."""
 
 
-@dataclass(frozen=True)
-class Parser:
+class Parser(NamedTuple):
     """Something that reads bytes: good ones to begin with, and what reads them; it may refuse with a `HandwaveError`, nothing else."""
 
-    seeds: Callable[[], Seeds]
+    seeds: Callable[[], list[bytes]]
     read: Callable[[bytes], Any]
 
 
-def mutate(seeds: Seeds, rng: np.random.Generator) -> bytes:
+def mutate(seeds: list[bytes], rng: np.random.Generator) -> bytes:
     """Make an input: noise, or a good one with bytes changed, lost, doubled, moved, numbers at their edges, or two of them joined."""
     if rng.random() < 0.1:
         return rng.bytes(int(rng.integers(0, 512)))
     data = bytearray(seeds[rng.integers(len(seeds))])
     for _ in range(int(rng.geometric(0.4))):
         at, size = int(rng.integers(0, len(data) + 1)), int(rng.geometric(0.05))
-        way = rng.integers(7)
+        way, width, other = rng.integers(6), int(rng.choice((1, 2, 4))), seeds[rng.integers(len(seeds))]
         if way == 0:
-            data[at : at + 1] = rng.bytes(1)
+            data[at : at + width] = rng.bytes(width)
         elif way == 1:
             del data[at : at + size]
         elif way == 2:
-            data[at:at] = data[at : at + size] * int(rng.integers(1, 5))
+            data[at:at] = data[at : at + size] * width
         elif way == 3:
-            data[at : at + size] = rng.bytes(size)
-        elif way == 4:
-            width = int(rng.choice((1, 2, 4)))
-            edge = int(rng.choice(_EDGES)) % (1 << 8 * width)
-            data[at : at + width] = edge.to_bytes(width, "little" if rng.random() < 0.8 else "big")
-        elif way == 5:
-            del data[at:]
+            data[at : at + width] = (int(rng.choice(_EDGES)) % (1 << 8 * width)).to_bytes(width, "big" if size % 4 == 0 else "little")
         else:
-            other = seeds[rng.integers(len(seeds))]
-            data[at:] = other[int(rng.integers(0, len(other) + 1)) :]
+            data[at:] = other[int(rng.integers(0, len(other) + 1)) :] if way == 4 else b""
     return bytes(data[:_LARGEST])
 
 
@@ -81,17 +82,14 @@ def fuzz(name: str, seconds: float, first: int = 0, most: int = 1 << 62) -> dict
     seeds = parser.seeds()
     for good in seeds:
         _each(good, parser.read)  # what is slow at the first time only
-    row: dict[str, Any] = dict.fromkeys(("inputs", "refused", "crashes", "hangs"), 0) | {"peak_mb": 0.0, "worst_ms": 0.0}
+    row: dict[str, Any] = {"inputs": 0, "refused": 0, "crashes": 0, "hangs": 0, "peak_mb": 0.0, "worst_ms": 0.0}
     signal.signal(signal.SIGALRM, _stop)
     tracemalloc.start()
-    end, number = time.monotonic() + seconds, first
-    try:
-        while number < first + most and (time.monotonic() < end or number == first):
-            data = mutate(seeds, np.random.default_rng([zlib.crc32(name.encode()), number]))
-            _one(parser, data, number, row)
-            number += 1
-    finally:
-        tracemalloc.stop()
+    end = time.monotonic() + seconds
+    while row["inputs"] < most and (time.monotonic() < end or not row["inputs"]):
+        number = first + row["inputs"]
+        _one(parser, mutate(seeds, np.random.default_rng([zlib.crc32(name.encode()), number])), number, row)
+    tracemalloc.stop()
     return row
 
 
@@ -120,7 +118,7 @@ def _stop(*_: Any) -> None:
     raise _HangError
 
 
-def _ti_items() -> Seeds:
+def _ti_items() -> list[bytes]:
     points = np.arange(24, dtype="<f4").tobytes()
     units = struct.pack("<5f", 0.01, 0.01, 3e-4, 3e-4, 0.04)
     few = struct.pack("<4f2H", 0.01, 0.01, 0.5, 0.5, 2, 0) + bytes(range(20))
@@ -135,27 +133,14 @@ def _ti_packet(items: list[tuple[int, bytes]], n_points: int = 0) -> bytes:
     return bytes((2, 1, 4, 3, 6, 5, 8, 7)) + head + body
 
 
-def _ti_demo(data: bytes) -> None:
-    from radar_driver.ti_demo import tlv
-
-    parser = tlv.Parser()
-    parser.feed(data + _ti_packet([]) * 3)
-    assert parser.held <= tlv.LONGEST
-
-
-def _ld2450(data: bytes) -> None:
-    from radar_driver.ld2450 import wire
-
-    parser = wire.Parser()
-    for one in parser.feed(data):
+def _stream(make: Callable[[], Any], most: int, data: bytes) -> None:
+    parser = make()
+    for one in parser.feed(data + _ti_packet([]) * 3):
         wire.firmware(getattr(one, "value", b""))
-    assert parser.held <= wire.LONGEST + 10
+    assert parser.held <= most
 
 
 def _dca1000(data: bytes) -> None:
-    from radar_driver.dca1000.control import decode_reply
-    from radar_driver.dca1000.packets import Reassembler
-
     stream = Reassembler(4096)
     for at in range(0, len(data), 1466):
         for frame in stream.process(data[at : at + 1466], 0):
@@ -165,12 +150,9 @@ def _dca1000(data: bytes) -> None:
 
 
 def _tinyrad(data: bytes) -> None:
-    from radar_driver.tinyrad import board, convert, wire
-    from radar_driver.tinyrad.config import TinyRadConfig
-
     config = TinyRadConfig(chirps=4, samples=32, period=100e-6, frame_interval=0.02)
     block = (data + bytes(2 * config.values))[: 2 * config.values]
-    _each(data, partial(wire.words, code=wire.Code.VERSION), lambda given: board.parse_eeprom(given[:80].ljust(80, b"\0")))
+    _each(data, partial(tinyrad.words, code=tinyrad.Code.VERSION), lambda given: board.parse_eeprom(given[:80].ljust(80, b"\0")))
     convert.Converter(config).process(block, 1)
 
 
@@ -187,6 +169,7 @@ def _file(suffix: str, *reads: Callable[[Path], Any]) -> Callable[[bytes], None]
     def read(data: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "profile.cfg").write_bytes(_CFG)
+            (Path(folder) / "zeros.bin").write_bytes(bytes(1 << 14))
             path = Path(folder) / f"profile{suffix}"
             path.write_bytes(data)
             _each(path, *reads)
@@ -195,49 +178,27 @@ def _file(suffix: str, *reads: Callable[[Path], Any]) -> Callable[[bytes], None]
 
 
 def _items(kind: str, path: Path) -> None:
-    from radar_lab.importers import open_original
-
     for _ in zip(range(50), open_original(kind, path).items, strict=False):
         pass
 
 
-def _importer(kind: str, suffix: str, seeds: Callable[[], Seeds]) -> Parser:
+def _importer(kind: str, suffix: str, seeds: Callable[[], list[bytes]]) -> Parser:
     return Parser(seeds, _file(suffix, partial(_items, kind)))
 
 
-def _npz(**arrays: Any) -> Seeds:
-    """Pack arrays, squeezed and not, and make one archive whose header asks for a terabyte."""
-    found = []
-    for write in (np.savez, np.savez_compressed):
-        file = io.BytesIO()
-        write(file, **arrays)
-        found.append(file.getvalue())
-    return [*found, found[0].replace(b"'shape': (4,", b"'shape': (99999999999,")]
-
-
-def _npy(array: Any) -> bytes:
+def _saved(write: Callable[..., None], *array: Any, **arrays: Any) -> bytes:
     file = io.BytesIO()
-    np.save(file, array)
+    write(file, *array, **arrays)
     return file.getvalue()
 
 
-def _crossing() -> Seeds:
-    return _npz(offset=[0, 2, 4], time_ms=[0.0, 33.0], frame_number=[1, 2], points=np.ones((4, 8), np.float32))
+def _npz(**arrays: Any) -> list[bytes]:
+    """Pack arrays, squeezed and not, and make one archive whose header asks for a terabyte."""
+    found = [_saved(write, **arrays) for write in (np.savez, np.savez_compressed)]
+    return [*found, found[0].replace(b"'shape': (4,", b"'shape': (99999999999,")]
 
 
-def _mars() -> Seeds:
-    joints = np.array(["SpineBase", "HandRight", "HandLeft"])
-    return _npz(
-        offset=[0, 2, 4], xyz=np.ones((4, 3)), doppler=np.ones(4), intensity=np.ones(4), joints=joints, joint_xyz=np.ones((2, 3, 3))
-    )
-
-
-def _radhar() -> Seeds:
-    keys = ("secs", "nsecs", "point_id", "x", "y", "z", "velocity", "intensity")
-    return [("".join(f"{key}: {number % 2 if key == 'point_id' else number}\n" for key in keys) * 2).encode() for number in range(4)]
-
-
-def _pcap() -> Seeds:
+def _pcap() -> list[bytes]:
     udp = struct.pack(">4H", 4096, 4098, 8 + 10 + 64, 0) + struct.pack("<IIH", 1, 0, 0) + bytes(range(64))
     packet = bytes(12) + b"\x08\x00" + b"\x45" + bytes(8) + b"\x11" + bytes(10) + udp
     record = struct.pack("<4I", 1, 0, len(packet), len(packet)) + packet
@@ -245,8 +206,6 @@ def _pcap() -> Seeds:
 
 
 def _cloud2(data: bytes) -> None:
-    from radar_ros.messages.pointcloud2 import read_fields
-
     values = struct.unpack("<10I", data[:40].ljust(40, b"\0"))
     kind = {"datatype": values[4] % 10, "count": values[5] % 3}
     fields = [SimpleNamespace(name=name, offset=values[6 + k], **kind) for k, name in enumerate("xyz")]
@@ -255,17 +214,7 @@ def _cloud2(data: bytes) -> None:
     read_fields(message, {name: name for name in "xyz"}, "points")
 
 
-def _named(module: str, *names: str) -> list[Callable[[Path], Any]]:
-    """Give functions of a module that is imported once they are called."""
-    return [lambda path, name=name: getattr(importlib.import_module(module), name)(path) for name in names]
-
-
-def _ti_config(path: Path) -> None:
-    from radar_driver.dca1000.ti_config import radar_info, read_ti_config
-
-    radar_info(read_ti_config(path))
-
-
+_RADHAR: Final = b"secs: 1\nnsecs: 2\npoint_id: 0\nx: 1.0\ny: 0.5\nz: 0.1\nvelocity: 0.2\nintensity: 20\n" * 4
 _SEGMENT: Final = b"frame,points,x,y,z,doppler,intensity\n" + b"1,2,0.1,1.0,0.2,0.5,30\n" * 4
 _SCENE: Final = b"duration: 1.0\nseed: 3\npoints: [{position: [2.0, 0.5, 1.4], velocity: [0.5, 0, 0], rcs: 0.1}]\neffects: {noise: {}}\n"
 _BVH: Final = b"""HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
@@ -273,29 +222,28 @@ End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.03\n0 0 0 0 0 
 _BGT60: Final = b"""{"device_config": {"fmcw_single_shape": {"rx_antennas": [1, 2, 3], "lower_frequency_Hz": 60e9, "sample_rate_Hz": 2e6,
 "upper_frequency_Hz": 61e9, "num_chirps_per_frame": 4, "num_samples_per_chirp": 8,
 "chirp_repetition_time_s": 5e-4, "frame_repetition_time_s": 0.1}}}"""
+_CROSSING: Final = {"offset": [0, 2, 4], "time_ms": [0.0, 33.0], "frame_number": [1, 2], "points": np.ones((4, 8))}
+_MARS: Final = {"offset": [0, 2, 4], "xyz": np.ones((4, 3)), "joints": ["SpineBase", "HandRight", "HandLeft"]} | {
+    "doppler": np.ones(4), "intensity": np.ones(4), "joint_xyz": np.ones((2, 3, 3)),
+}  # fmt: skip
 _ANSWER: Final = b"\xfd\xfc\xfb\xfa\x04\x00\xfe\x01\x00\x00\x04\x03\x02\x01"
-_YAML: Final = (
-    *_named("radar_sim", "load_scene"),
-    *_named("radar_core.mounting", "load_mount"),
-    *_named("radar_core.ladder", "load_ladders"),
-)
 PARSERS: Final[dict[str, Parser]] = {
-    "ti_demo": Parser(_ti_items, _ti_demo),
-    "ld2450": Parser(lambda: [b"\xaa\xff\x03\x00" + bytes(24) + b"\x55\xcc", _ANSWER], _ld2450),
+    "ti_demo": Parser(_ti_items, partial(_stream, tlv.Parser, tlv.LONGEST)),
+    "ld2450": Parser(lambda: [b"\xaa\xff\x03\x00" + bytes(24) + b"\x55\xcc", _ANSWER], partial(_stream, wire.Parser, wire.LONGEST + 10)),
     "dca1000": Parser(lambda: [b"".join(struct.pack("<IIH", k + 1, k * 1456, 0) + bytes(1456) for k in range(8))], _dca1000),
     "tinyrad": Parser(lambda: [struct.pack("<4I", 0x0004900E, 0x30001, 1, 2), bytes(range(80)), bytes(4096)], _tinyrad),
-    "ti_cfg": Parser(lambda: [_CFG], _file(".cfg", _ti_config)),
+    "ti_cfg": Parser(lambda: [_CFG], _file(".cfg", lambda path: _items("dca1000_bin", path.with_name("zeros.bin")))),
     "pcap": _importer("dca1000", ".pcap", _pcap),
     "dca1000_bin": _importer("dca1000_bin", ".bin", lambda: [bytes(range(256)) * 17]),
-    "openradar": _importer("openradar", ".npy", lambda: [_npy(np.ones((2, 4, 8, 16), np.complex64)), _npy(np.ones((4, 8, 16), complex))]),
+    "openradar": _importer("openradar", ".npy", lambda: [_saved(np.save, np.ones((2, 4, 8, 16), complex))]),
     "bgt60": _importer("bgt60", ".json", lambda: [_BGT60]),
-    "crossing": _importer("crossing", ".npz", _crossing),
-    "mars": _importer("mars", ".npz", _mars),
-    "radhar": _importer("radhar", ".txt", _radhar),
+    "crossing": _importer("crossing", ".npz", partial(_npz, **_CROSSING)),
+    "mars": _importer("mars", ".npz", partial(_npz, **_MARS)),
+    "radhar": _importer("radhar", ".txt", lambda: [_RADHAR]),
     "mhomeges": _importer("mhomeges", ".csv", lambda: [_SEGMENT]),
-    "model": Parser(lambda: [find_config("gestures", "models", ".npz").read_bytes()], _file(".npz", *_named(_MODELS, "load_model"))),
-    "motion": Parser(lambda: [_BVH], _file(".bvh", *_named("radar_sim.motions.bvh", "load_bvh"))),
-    "settings": Parser(lambda: [_SCENE, b'{"format": 1, "stages": {}}'], _file(".yaml", *_YAML)),
+    "model": Parser(lambda: [find_config("gestures", "models", ".npz").read_bytes()], _file(".npz", load_model)),
+    "motion": Parser(lambda: [_BVH], _file(".bvh", load_bvh)),
+    "settings": Parser(lambda: [_SCENE, b'{"format": 1, "stages": {}}'], _file(".yaml", load_scene, load_mount, load_ladders)),
     "pointcloud2": Parser(lambda: [struct.pack("<10I", 1, 4, 12, 48, 7, 1, 0, 4, 8, 0) + bytes(48)], _cloud2),
 }
 """Everything that reads what others wrote; for bags that is the library of their maker."""

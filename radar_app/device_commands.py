@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from radar_app.parameters import Json, progress_bar
-from radar_core import ConfigError
+from radar_core import ConfigError, DataError, RadarFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -103,15 +105,16 @@ def _list_known(known: Mapping[str, Board], broken: Mapping[str, str], as_json: 
     from rich.table import Table
     from rich.text import Text
 
+    from radar_driver.boards import GIVES
+
     if as_json:
-        rows = [
-            {"board": b.name, "title": b.title, "clouds": b.clouds, "gives": b.gives, "knobs": _knobs(b.config)} for b in known.values()
-        ]
+        told = [("board", "name"), ("title", "title"), ("clouds", "clouds"), ("graph", "variant")]
+        rows = [{key: getattr(b, name) for key, name in told} | {"knobs": _knobs(b.config)} for b in known.values()]
         print(json.dumps({"boards": rows, "broken": dict(broken)}))
         return
     console = Console(highlight=False)
     for board in known.values():
-        title = Text(f"{board.name}: {board.title}; gives {board.gives}", style="bold")
+        title = Text(f"{board.name}: {board.title}; gives {GIVES[board.variant]}", style="bold")
         table = Table("knob", "default", "unit", "meaning", title=title, title_justify="left")
         for knob in _knobs(board.config):
             table.add_row(*(Text(word) for word in (knob["name"], json.dumps(knob["default"]), knob["unit"], knob["doc"])))
@@ -135,11 +138,14 @@ def _knobs(config: type) -> list[dict[str, Any]]:
 
 
 def probe(
-    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, or bag")] = "",
+    board: Annotated[str, typer.Argument(help="a board (see: handwave devices), sim, bag; or raw frames: a .npy, a recording")] = "",
     own: Annotated[str, typer.Option("--board", help="the same, or a Python file with a board of your own")] = "",
     knobs: Annotated[list[str] | None, typer.Option("--set", "-s", help="knob=value of the board; may be repeated")] = None,
     scene: Annotated[str | None, typer.Option(help="of sim: scene file, or one of ours by name")] = None,
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
+    waveform: Annotated[str, typer.Option(help="of a .npy: YAML file with the Waveform")] = "",
+    array: Annotated[str, typer.Option(help="of a .npy: YAML file with the AntennaArray")] = "",
+    axes: Annotated[str, typer.Option(help="of a .npy, in its order (docs/recordings.md)")] = "frame tx chirp rx sample",
     limit: Annotated[list[str] | None, typer.Option(help="limit=value (radar_driver.health.HealthConfig); may be repeated")] = None,
     as_json: Json = False,
 ) -> None:
@@ -148,9 +154,13 @@ def probe(
     Nobody else may use the board meanwhile: stop the graph first. For a board that gives point clouds: points per cloud and SNR instead of
     noise floor, coupling and saturation. Point the radar at a still room for figures that can be compared.
 
+    Of raw frames in a file: what is probably wrong with them (order of axes, transmitters or chirps, I and Q, format, frames stitched
+    together), named from the data alone; somebody should walk towards the radar or away from it, with furniture in view.
+
     The exit status is 0 when all is well, 1 when something deserves a look, 2 when something failed, or the command makes no sense.
 
     Examples: `handwave probe sim` · `handwave probe sim --scene five_people` · `handwave probe ti_demo --set port=/dev/ttyACM1`
+    · `handwave probe cube.npy --waveform w.yaml --array a.yaml`
     """
     from radar_core.config import load, nest
     from radar_driver.health import HealthConfig
@@ -159,6 +169,8 @@ def probe(
     board = board or own
     if not board:
         raise ConfigError("say what to probe: a board (handwave devices lists them), or --board my_board.py")
+    if board.endswith(".npy") or (Path(board) / "metadata.yaml").is_file():
+        raise typer.Exit(_probe_frames(Path(board), waveform, array, axes, as_json))
     limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
     if scene is not None and board != "sim":
         raise ConfigError(f"--scene is for sim; for {board} give --set knob=value (handwave devices --boards lists the knobs)")
@@ -174,6 +186,35 @@ def probe(
     else:
         _show(board, found)
     raise typer.Exit(_STATUS[found.verdict.value])
+
+
+def _probe_frames(path: Path, waveform: str, array: str, axes: str, as_json: bool) -> int:
+    """Say what is probably wrong with raw frames in a file; 1: something is."""
+    import numpy as np
+
+    from radar_lab.cube_faults import name_fault
+    from radar_lab.importers.npy import NpyOptions, open_described, to_frames
+    from radar_ros.offline import open_recording
+
+    if path.suffix == ".npy":
+        data, info = open_described(path, NpyOptions(waveform=waveform, array=array, axes=axes))
+        frames: Any = (frame.cube for frame in to_frames(data, axes, info))
+        if axes == NpyOptions().axes and data.ndim == 5 and np.iscomplexobj(data):
+            frames = data  # also where the order of the axes is what is wrong
+    else:
+        recording = open_recording(path)
+        info, frames = recording.info, (item.cube for _, item in recording.messages() if isinstance(item, RadarFrame))
+    first = list(islice(frames, 64))
+    if not first:
+        raise DataError(f"{path} holds no raw frames")
+    cubes = np.stack(first).astype(np.complex64)
+    fault = name_fault(cubes, info)
+    if as_json:
+        print(json.dumps({"frames": len(cubes), "fault": fault and fault._asdict()}))
+    else:
+        said = "nothing speaks against these frames" if fault is None else f"{fault.name}: {fault.reason}\n  what to do: {fault.remedy}"
+        print(f"{path}, {len(cubes)} frames: {said}")
+    return int(fault is not None)
 
 
 def _parse(given: list[str] | None, option: str) -> dict[str, Any]:

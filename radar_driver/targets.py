@@ -26,22 +26,16 @@ class Targets:
         Of the sensor.
     slot : ndarray of int64, shape (n,)
         The board's own number of each target. Boards use it again for somebody else.
-    position : ndarray of float64, shape (n, 3)
-        [m].
-    covariance : ndarray of float64, shape (n, 3, 3)
-        Of the same [m^2].
+    position, covariance : ndarray of float64, shape (n, 3), (n, 3, 3)
+        [m], [m^2].
     velocity : ndarray of float64, shape (n, 3)
         [m/s]; NaN: the board does not follow it, so that a filter of ours does.
     radial_speed : ndarray of float64, shape (n,)
         Receding positive [m/s]; NaN: not measured.
-    gesture : str
-        What the board has just recognised, in its own words; empty: nothing.
-    gestures : mapping of str to float
-        Probability of every gesture that the board knows, where it gives them.
-    present : bool or None
-        Whether the board says that somebody is there; None: it does not say.
-    has_targets : bool
-        Whether the board follows targets at all: without targets nobody is there, or nobody looks.
+    gesture, gestures : str, dict of str to float
+        What the board has just recognised, empty: nothing; probability of every gesture, where it gives them.
+    present, has_targets : bool or None, bool
+        Whether somebody is there, None: it does not say; whether it follows targets at all, so that none means nobody.
 
     Raises
     ------

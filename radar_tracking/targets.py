@@ -92,9 +92,9 @@ class TargetTracker:
         full[:, :3, :3] = covariance
         tracks = []
         for k, life in enumerate(self._lives):
-            life.seen_ns, age = targets.stamp_ns, (targets.stamp_ns - life.born_ns) * 1e-9
-            unknown = np.full(3, np.nan)
-            tracks.append(Track(life.id, TrackStatus.CONFIRMED, age, 0.0, 0, place[k], velocity[k], unknown, full[k]))
+            place_velocity_extent = place[k], velocity[k], np.full(3, np.nan)
+            age = (targets.stamp_ns - life.born_ns) * 1e-9
+            tracks.append(Track(life.id, TrackStatus.CONFIRMED, age, 0.0, 0, *place_velocity_extent, full[k]))
         tracks.sort(key=lambda track: track.id)
         return Tracks(targets.stamp_ns, targets.sequence, "room", tuple(tracks), np.zeros(0, np.int32), gone)
 
@@ -105,9 +105,8 @@ class TargetTracker:
     def _follow(self, targets: Targets, place: Float64Array, covariance: Float64Array, dt: float) -> None:
         """Predict, pair, update, and begin new tracks."""
         n = len(targets)
-        rate = targets.radial_speed
-        origin = np.broadcast_to(self._mount.origin, (n, 3))
-        measured = Measurement(place, covariance, rate, np.full(n, self._config.rate_std**2), origin)
+        rate = targets.radial_speed, np.full(n, self._config.rate_std**2)
+        measured = Measurement(place, covariance, *rate, np.broadcast_to(self._mount.origin, (n, 3)))
         for life in self._lives:
             life.nis, life.dof = math.nan, 0
         free = np.ones(n, bool)
@@ -135,15 +134,11 @@ class TargetTracker:
         for life in self._lives:
             life.confirmed = life.confirmed or (life.seen_ns - life.born_ns) * 1e-9 >= self._config.confirm
         kept = [(stamp_ns - life.seen_ns) * 1e-9 <= (self._config.keep if life.confirmed else 0.0) for life in self._lives]
-        gone = [
-            Deleted(life.id, Reason.UNSEEN if life.confirmed else Reason.NOT_CONFIRMED, life.confirmed)
-            for life, stays in zip(self._lives, kept, strict=True)
-            if not stays
-        ]
-        if gone and self._belief is not None:
+        ended = [life for life, stays in zip(self._lives, kept, strict=True) if not stays]
+        if ended and self._belief is not None:
             self._belief = self._belief.select(np.array(kept))
             self._lives = [life for life, stays in zip(self._lives, kept, strict=True) if stays]
-        return tuple(gone)
+        return tuple(Deleted(one.id, Reason.UNSEEN if one.confirmed else Reason.NOT_CONFIRMED, one.confirmed) for one in ended)
 
     def _publish(self, targets: Targets, deleted: tuple[Deleted, ...]) -> Tracks:
         tracks = []

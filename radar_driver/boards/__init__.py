@@ -77,13 +77,8 @@ class Board:
 
     @property
     def variant(self) -> str:
-        """The graph that works with what it gives."""
+        """The graph that works with what it gives, see `GIVES`."""
         return "targets" if self.targets else "clouds" if self.clouds else "live"
-
-    @property
-    def gives(self) -> str:
-        """What it gives, in words."""
-        return "targets" if self.targets else "point clouds" if self.clouds else "raw frames"
 
     def parameter(self, knob: str = "") -> str:
         """Name of a knob among the driver's parameters; of no knob: what they begin with."""
@@ -94,6 +89,7 @@ class Board:
         return self.open(config, context or Context()) if self.paced else self.open(config)
 
 
+GIVES: Final = {"targets": "targets", "clouds": "point clouds", "live": "raw frames"}  # what boards give, by graph
 GROUP: Final = "handwave.boards"  # entry points of this group are boards of other packages: each names a `Board`
 
 _registered: dict[str, Board] = {}

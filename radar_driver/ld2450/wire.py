@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 REPORT: Final = b"\xaa\xff\x03\x00"
 END: Final = b"\x55\xcc"
@@ -20,8 +19,7 @@ ENABLE, DISABLE, ONE, SEVERAL, FIRMWARE = 0xFF, 0xFE, 0x80, 0x90, 0xA0
 """Words of commands: begin and end of the configuration, follow one target or three, tell the firmware. An answer adds 0x100."""
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """One target as the board has it: `slot` 0 to 2; `x` and `y` [m], `speed` [m/s], size of a range cell [m]."""
 
     slot: int
@@ -31,16 +29,14 @@ class Target:
     cell: float
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(NamedTuple):
     """A report: its targets, and how many bytes of the stream came up to its end."""
 
     targets: tuple[Target, ...]
     end: int
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """The answer to a command: its word, whether it was done, and what it says."""
 
     word: int

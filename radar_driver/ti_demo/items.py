@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,28 +132,19 @@ def compressed_points(value: bytes) -> Points:
     return Points(raw["xyz"] * float(place), None, raw["doppler"] * float(speed), raw["snr"] * float(snr), raw["noise"] * float(noise))
 
 
-@dataclass(frozen=True, eq=False)
-class Own:
-    """What the demo itself found; empty or None where its packet does not say.
+class Own(NamedTuple):
+    """What the demo itself found: tracks of n people, a gesture, presence.
 
-    Attributes
-    ----------
-    slot : ndarray of int64, shape (n,), or None
-        Its numbers of tracks; None: it follows nobody at all.
-    place, velocity : ndarray, shape (n, 3)
-        Right, forward, up [m], [m/s].
-    std : ndarray, shape (n, 3)
-        Of range [m], azimuth and elevation [rad].
-    gesture, shares, present : str, dict, bool or None
-        What has just been recognised, by our names; probabilities; whether somebody is there.
+    Places and velocities are right, forward, up [m], [m/s], shape (n, 3); deviations those of range [m], azimuth and elevation [rad]. No
+    `slot` (its numbers of tracks) means that it follows nobody at all, no `present` that it does not say.
     """
 
     slot: NDArray[np.int64] | None
     place: Float64Array
     velocity: Float64Array
     std: Float64Array
-    gesture: str
-    shares: dict[str, float]
+    gesture: str  # by our names; empty: none
+    shares: dict[str, float]  # probabilities
     present: bool | None
 
 
@@ -167,6 +158,7 @@ def own_results(used: Mapping[str, bytes]) -> Own | None:
         place, velocity, error = (raw[name].astype(np.float64) for name in ("xyz", "velocity", "error"))
         variance = np.diagonal(error, axis1=1, axis2=2)[:, :3]
     good = (np.abs(place) < _FAR).all(1) & (np.abs(velocity) < _FAR).all(1) & ((variance >= 0) & (variance < _FAR)).all(1)
+    good = good & np.isin(np.arange(len(raw)), np.unique(raw["slot"], return_index=True)[1])  # one number, one track
     number = used.get("gesture", b"\0")[:1]
     gesture = GESTURES[number[0]] if number and number[0] < len(GESTURES) else ""
     shares = np.frombuffer(used.get("shares", b""), "<f4", count=len(used.get("shares", b"")) // 4)

@@ -181,7 +181,7 @@ class TiDemo(Radar):
         own = packet.own
         if own is not None:  # the same number in several packets is one gesture
             self._gesture, fresh = own.gesture, own.gesture if own.gesture != self._gesture else ""
-            own = replace(own, gesture=fresh)
+            own = own._replace(gesture=fresh)
         self._ready.append(Reading(cloud, own=None if own is None else own_targets(own, cloud)))
 
     def report(self) -> dict[str, Any]:

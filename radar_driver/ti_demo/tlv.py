@@ -16,17 +16,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from radar_driver.ti_demo.items import (
-    ITEMS,
-    ContentError,
-    ItemError,
-    Own,
-    Points,
-    compressed_points,
-    float_points,
-    own_results,
-    packed_points,
-)
+from radar_driver.ti_demo import items
 
 MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 LONGEST: Final = 1 << 16  # bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit
@@ -82,7 +72,7 @@ def read_heads(held: bytearray, limit: int) -> list[Head] | None:
     if limit < SHORTEST:
         if more:
             return None
-        raise ItemError("a header is cut off by the next packet: bytes were lost on the line")
+        raise items.ItemError("a header is cut off by the next packet: bytes were lost on the line")
     # One header of "demo" in 30,000 has a right checksum by chance, hence all that fit and not the first.
     heads = [
         _people(family, size, held)
@@ -96,7 +86,7 @@ def read_heads(held: bytearray, limit: int) -> list[Head] | None:
     if more and limit < 52 and not (heads and heads[0].length < 52):
         return None  # wait for the bytes that tell the families apart
     if not heads:
-        raise ItemError(
+        raise items.ItemError(
             f"a header says {length} bytes, {n_items} items and {n_points} points, which no demo known here sends "
             f"(version {version:#x}, platform {platform:#x})"
         )
@@ -132,10 +122,10 @@ class Packet(Head):
     """
 
     end: int
-    points: Points | None
+    points: items.Points | None
     processing: float
     skipped: tuple[int, ...]
-    own: Own | None
+    own: items.Own | None
 
 
 class Parser:
@@ -196,7 +186,7 @@ class Parser:
                 return None
             try:
                 packet = self._read()
-            except ItemError as error:
+            except items.ItemError as error:
                 self.counts["refused"] += 1
                 self.reason = str(error)
                 self._discard(len(MAGIC))
@@ -214,20 +204,20 @@ class Parser:
         heads = read_heads(self._held, second if second > 0 else len(self._held))
         if heads is None:
             return None
-        problem: ItemError | None = None  # of the likeliest reading
+        problem: items.ItemError | None = None  # of the likeliest reading
         for head in heads:
             if 0 < second < head.length:
-                problem = problem or ItemError(f"a packet of {head.length} bytes has the next one in it: bytes were lost on the line")
+                problem = problem or items.ItemError(f"a packet of {head.length} bytes has the next one in it: bytes were lost on the line")
                 continue
             if len(self._held) < head.length:
                 return None
             try:
                 return self._decode(head, bytes(self._held[: head.length]), self.received - len(self._held) + head.length)
-            except ContentError:
+            except items.ContentError:
                 raise
-            except ItemError as error:
+            except items.ItemError as error:
                 problem = problem or error
-        raise problem or ItemError("no header")
+        raise problem or items.ItemError("no header")
 
     def _discard(self, count: int) -> None:
         """Let go of garbage at the front."""
@@ -245,14 +235,14 @@ class Parser:
         used: dict[str, Any] = {}
         skipped = []
         for kind, value in _items(head, data):
-            name = ITEMS[head.family].get(kind)
+            name = items.ITEMS[head.family].get(kind)
             if name is None or name in used:
                 skipped.append(kind)
             else:
                 used[name] = value
-        detected = used.get(ITEMS[head.family].get(1, ""))
+        detected = used.get(items.ITEMS[head.family].get(1, ""))
         if detected is not None and len(detected) != 16 * head.n_points:
-            raise ContentError(
+            raise items.ContentError(
                 f"item 1 has {len(detected)} bytes for {head.n_points} points, expected 16 each: a demo of an SDK older than 3, "
                 "or of another kind (medium range radar); flash the out-of-the-box demo of SDK 3"
             )
@@ -261,28 +251,28 @@ class Parser:
             points = points.with_side(used.get("side", b"")).sane()
         stats = used.get("stats", b"")
         processing = struct.unpack_from("<I", stats)[0] * 1e-6 if len(stats) >= 24 else float("nan")
-        return Packet(**asdict(head), end=end, points=points, processing=processing, skipped=tuple(skipped), own=own_results(used))
+        return Packet(**asdict(head), end=end, points=points, processing=processing, skipped=tuple(skipped), own=items.own_results(used))
 
-    def _points(self, family: str, used: dict[str, bytes]) -> Points | None:
+    def _points(self, family: str, used: dict[str, bytes]) -> items.Points | None:
         if "packed" in used:
-            return packed_points(used["packed"])
+            return items.packed_points(used["packed"])
         if "compressed" in used:
-            return compressed_points(used["compressed"])
+            return items.compressed_points(used["compressed"])
         if "cartesian" in used:
-            return float_points(used["cartesian"], "x y z doppler")
+            return items.float_points(used["cartesian"], "x y z doppler")
         if "spherical" in used:
-            return float_points(used["spherical"], "range azimuth elevation doppler")
+            return items.float_points(used["spherical"], "range azimuth elevation doppler")
         if "cloud" not in used:
             return None
-        return packed_points(used["cloud"]) if family == "people 3D" else self._old_points(used["cloud"])
+        return items.packed_points(used["cloud"]) if family == "people 3D" else self._old_points(used["cloud"])
 
-    def _old_points(self, value: bytes) -> Points:
+    def _old_points(self, value: bytes) -> items.Points:
         """Read points of 16 bytes (flat) or 20 (with elevation): what the length allows, else as it was before."""
         possible = [columns for columns in (4, 5) if len(value) % (4 * columns) == 0]
         if len(possible) == 1:
             self._columns = possible[0]
         columns = self._columns or 4
-        return float_points(value, "range azimuth doppler snr" if columns == 4 else "range azimuth elevation doppler snr")
+        return items.float_points(value, "range azimuth doppler snr" if columns == 4 else "range azimuth elevation doppler snr")
 
 
 def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -290,7 +280,7 @@ def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
     at = head.size
     for _ in range(head.n_items):
         if at + 8 > len(data):
-            raise ItemError(f"a packet of {len(data)} bytes has no room for its {head.n_items} items")
+            raise items.ItemError(f"a packet of {len(data)} bytes has no room for its {head.n_items} items")
         kind, length = struct.unpack_from("<2I", data, at)
         if head.family.startswith("people"):
             if length == 0:  # an item without points, whose length the old demos set to 0
@@ -298,6 +288,6 @@ def _items(head: Head, data: bytes) -> Iterator[tuple[int, bytes]]:
                 continue
             length -= 8
         if not 0 <= length <= len(data) - at - 8:
-            raise ItemError(f"item {kind} of a packet of {len(data)} bytes says it has {length}")
+            raise items.ItemError(f"item {kind} of a packet of {len(data)} bytes says it has {length}")
         yield kind, data[at + 8 : at + 8 + length]
         at += 8 + length

@@ -15,7 +15,7 @@ from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarIn
 from radar_core.arrays import BROKEN
 from radar_core.config import config, knob, load_file
 from radar_driver.tinyrad.convert import analytic
-from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally, require_numbers
+from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally
 
 _AXES: Final = ("frame", "tx", "chirp", "rx", "sample")
 _JOINED: Final = {"pulse": ("chirp", "tx"), "channel": ("tx", "rx")}  # axes of which one counts two things, the first one slower
@@ -101,16 +101,20 @@ def open_array(path: Path) -> NDArray[Any]:
     return data
 
 
-def read_npy(path: Path, options: NpyOptions) -> Recording:
-    """Open a .npy with raw frames; raises as `to_frames`, and `ConfigError` where the radar is not described."""
+def open_described(path: Path, options: NpyOptions) -> tuple[NDArray[Any], RadarInfo]:
+    """Map a .npy, and describe its radar; a `ConfigError` says that nobody has said what it is."""
     if not (options.waveform and options.array):
         raise ConfigError("say what the radar is: --waveform w.yaml --array a.yaml (docs/recordings.md)")
     waveform, array = load_file(Waveform, options.waveform), load_file(AntennaArray, options.array)
     data = open_array(path)
-    info = described(data, options.axes, waveform, array, options)
-    tally = Tally()
+    return data, described(data, options.axes, waveform, array, options)
+
+
+def read_npy(path: Path, options: NpyOptions) -> Recording:
+    """Open a .npy with raw frames; raises as `to_frames`, and `ConfigError` where the radar is not described."""
+    data, info = open_described(path, options)
     frames = to_frames(data, options.axes, info, conjugate=options.conjugate, q_first=options.quadrature == "q_first")
-    return Recording(info, _checked(path, frames), tally)
+    return Recording(info, _checked(path, frames), Tally())
 
 
 def _checked(path: Path, frames: Iterator[RadarFrame]) -> Iterator[RadarFrame]:
@@ -139,10 +143,8 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
     try:
         said: Any = json.loads((path if path.is_file() else folder / "config.json").read_text(encoding="utf-8"))
         shape = said["device_config"]["fmcw_single_shape"]
-        low, high, rate, pulse, frame = (
-            float(shape[f"{name}"])
-            for name in ("lower_frequency_Hz", "upper_frequency_Hz", "sample_rate_Hz", "chirp_repetition_time_s", "frame_repetition_time_s")
-        )
+        low, high = float(shape["lower_frequency_Hz"]), float(shape["upper_frequency_Hz"])
+        rate, pulse, frame = (float(shape[name]) for name in ("sample_rate_Hz", "chirp_repetition_time_s", "frame_repetition_time_s"))
         rx = [int(number) for number in shape["rx_antennas"]]
         n_chirp, n_sample = int(shape["num_chirps_per_frame"]), int(shape["num_samples_per_chirp"])
         sampled = n_sample / rate
@@ -151,19 +153,10 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
     if not rx or not set(rx) <= {1, 2, 3}:
         raise DataError(f"{folder}/config.json: receivers {rx}; a BGT60TR13C has 1, 2 and 3")
     places = {3: (0.0, 0.0), 1: (1.0 if options.mirrored else -1.0, 0.0), 2: (0.0, -1.0 if options.upside_down else 1.0)}
-    waveform = Waveform(
-        carrier=(low + high) / 2,
-        bandwidth=high - low,
-        chirp_duration=sampled,
-        chirp_pause=max(pulse - sampled, 0.0),
-        frame_interval=frame,
-        n_tx=1,
-        n_chirp=n_chirp,
-        n_sample=n_sample,
-    )
+    sweep: dict[str, Any] = {"carrier": (low + high) / 2, "bandwidth": high - low, "chirp_duration": sampled, "frame_interval": frame}
+    waveform = Waveform(**sweep, chirp_pause=max(pulse - sampled, 0.0), n_tx=1, n_chirp=n_chirp, n_sample=n_sample)
     array = AntennaArray.from_half_wavelengths([(0.0, 0.0)], [places[number] for number in rx], waveform.carrier)
     data, axes = open_array(folder / "radar.npy"), "frame rx chirp sample"
     info, tally = described(data, axes, waveform, array, options), Tally()
     tally.warnings.append("which way receivers 1 and 2 lie from 3 was not tried on a board: walk to the left, else set mirrored")
-    require_numbers(folder / "radar.npy", "samples", np.asarray(data[:1]))
     return Recording(info, _checked(folder / "radar.npy", to_frames(data, axes, info)), tally)

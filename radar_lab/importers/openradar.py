@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError, RadarFrame, RadarInfo, Waveform
-from radar_core.arrays import BROKEN
 from radar_core.config import config, knob
 from radar_driver.dca1000.ti_config import board_array
+from radar_lab.importers.npy import open_array
 from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally, require_numbers
 
 
@@ -34,12 +34,9 @@ def read_openradar(path: Path, options: OpenRadarOptions) -> Recording:
     Whole numbers of 16 bits that were stored as unsigned (above 32767) are turned back into signed ones. Raises `DataError` when the array
     is not complex, has other axes, or its channels cannot be shared out among the transmitters.
     """
-    try:
-        data = np.load(path, mmap_mode="r", allow_pickle=False)
-    except BROKEN as error:
-        raise DataError(f"{path}: cannot be read as .npy ({error}); fetch it again") from None
-    if not isinstance(data, np.ndarray) or data.dtype.kind != "c" or data.ndim not in (3, 4) or data.size == 0:
-        found = f"{data.dtype} of shape {data.shape}" if isinstance(data, np.ndarray) else "an archive of several arrays"
+    data = open_array(path)
+    if data.dtype.kind != "c" or data.ndim not in (3, 4):
+        found = f"{data.dtype} of shape {data.shape}"
         raise DataError(f"{path}: is {found}, expected complex samples with axes (chirp, virtual channel, sample), with or without frames")
     frames = data[None] if data.ndim == 3 else data
     _, n_chirp, n_virtual, n_sample = frames.shape

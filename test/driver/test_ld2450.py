@@ -201,7 +201,7 @@ def test_adapters_are_listed(monkeypatch):
     monkeypatch.setattr("radar_driver.boards.ld2450.access_problem", lambda port: "")
     (found,) = ld2450.find()
     assert found.options == {"port": "/dev/ttyUSB0"}
-    assert (boards()["ld2450"].variant, boards()["ld2450"].gives) == ("targets", "targets")
+    assert boards()["ld2450"].variant == "targets"
     ports.append(SimpleNamespace(device="/dev/ttyUSB1", vid=0x10C4, pid=0xEA60))
     with pytest.raises(DeviceError, match="there are several: /dev/ttyUSB0, /dev/ttyUSB1; set port to one of them"):
         Ld2450(Ld2450Config()).power_up()
