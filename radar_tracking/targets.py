@@ -70,8 +70,8 @@ class TargetTracker:
         dt = 0.0 if self._stamp_ns is None else (stamp - self._stamp_ns) * 1e-9
         if dt < 0:
             raise DataError(f"report {targets.sequence} is {-dt:g} s older than the one before; reset() the tracker first")
-        if not (np.isfinite(targets.position).all() and np.isfinite(targets.covariance).all()):
-            raise DataError(f"Targets.position of report {targets.sequence} is not finite")
+        if not np.isfinite(targets.position).all() or not np.isfinite(targets.covariance).all() or np.isinf(targets.radial_speed).any():
+            raise DataError(f"Targets.position (covariance, radial_speed) of report {targets.sequence} is not finite")
         self._stamp_ns = stamp
         turn = self._mount.rotation
         place, covariance = self._mount.to_room(targets.position), turn @ targets.covariance @ turn.T

@@ -96,17 +96,17 @@ def open_array(path: Path) -> NDArray[Any]:
         data = np.load(path, mmap_mode="r", allow_pickle=False)
     except BROKEN as error:
         raise DataError(f"{path}: cannot be read as .npy ({error}); save it with numpy.save") from None
-    if not isinstance(data, np.ndarray) or data.dtype.kind not in "iufc" or data.size == 0:
+    if not isinstance(data, np.ndarray) or data.dtype.kind not in "iufc":
         raise DataError(f"{path}: is no array of numbers")
     return data
 
 
 def open_described(path: Path, options: NpyOptions) -> tuple[NDArray[Any], RadarInfo]:
     """Map a .npy, and describe its radar; a `ConfigError` says that nobody has said what it is."""
+    data = open_array(path)
     if not (options.waveform and options.array):
         raise ConfigError("say what the radar is: --waveform w.yaml --array a.yaml (docs/recordings.md)")
     waveform, array = load_file(Waveform, options.waveform), load_file(AntennaArray, options.array)
-    data = open_array(path)
     return data, described(data, options.axes, waveform, array, options)
 
 
@@ -140,8 +140,9 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
     """
     inner = path / "RadarIfxAvian_00"
     folder = path.parent if path.is_file() else inner if inner.is_dir() else path
+    file = path if path.is_file() else folder / "config.json"
     try:
-        said: Any = json.loads((path if path.is_file() else folder / "config.json").read_text(encoding="utf-8"))
+        said: Any = json.loads(file.read_text(encoding="utf-8"))
         shape = said["device_config"]["fmcw_single_shape"]
         low, high = float(shape["lower_frequency_Hz"]), float(shape["upper_frequency_Hz"])
         rate, pulse, frame = (float(shape[name]) for name in ("sample_rate_Hz", "chirp_repetition_time_s", "frame_repetition_time_s"))
@@ -149,9 +150,9 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
         n_chirp, n_sample = int(shape["num_chirps_per_frame"]), int(shape["num_samples_per_chirp"])
         sampled = n_sample / rate
     except (OSError, ValueError, KeyError, TypeError, IndexError, ZeroDivisionError, OverflowError, RecursionError) as error:
-        raise DataError(f"{folder}/config.json: does not describe a recording of a BGT60TR13C ({type(error).__name__}: {error})") from None
+        raise DataError(f"{file}: does not describe a recording of a BGT60TR13C ({type(error).__name__}: {error})") from None
     if not rx or not set(rx) <= {1, 2, 3}:
-        raise DataError(f"{folder}/config.json: receivers {rx}; a BGT60TR13C has 1, 2 and 3")
+        raise DataError(f"{file}: receivers {rx}; a BGT60TR13C has 1, 2 and 3")
     places = {3: (0.0, 0.0), 1: (1.0 if options.mirrored else -1.0, 0.0), 2: (0.0, -1.0 if options.upside_down else 1.0)}
     sweep: dict[str, Any] = {"carrier": (low + high) / 2, "bandwidth": high - low, "chirp_duration": sampled, "frame_interval": frame}
     waveform = Waveform(**sweep, chirp_pause=max(pulse - sampled, 0.0), n_tx=1, n_chirp=n_chirp, n_sample=n_sample)

@@ -35,7 +35,7 @@ def read_openradar(path: Path, options: OpenRadarOptions) -> Recording:
     is not complex, has other axes, or its channels cannot be shared out among the transmitters.
     """
     data = open_array(path)
-    if data.dtype.kind != "c" or data.ndim not in (3, 4):
+    if data.dtype.kind != "c" or data.ndim not in (3, 4) or data.size == 0:
         found = f"{data.dtype} of shape {data.shape}"
         raise DataError(f"{path}: is {found}, expected complex samples with axes (chirp, virtual channel, sample), with or without frames")
     frames = data[None] if data.ndim == 3 else data

@@ -23,6 +23,7 @@ from radar_core.cloud import ARRAY_FIELDS
 from radar_core.governor import Governor
 from radar_core.ladder import Level
 from radar_core.linalg import solve_spd
+from radar_driver.targets import Targets
 from radar_dsp import Baseband, BasebandConfig, DoaConfig, SpectrumConfig
 from radar_dsp.bounds import Bound
 from radar_dsp.doa import DirectionFinder
@@ -50,6 +51,7 @@ from radar_tracking.clustering import optics, split
 from radar_tracking.estimators import EstimatorConfig, Measurement, Snapshot, from_polar, make_estimator
 from radar_tracking.estimators.config import ESTIMATORS
 from radar_tracking.metrics import ConsistencyMonitor, ObjectSet, nees
+from radar_tracking.targets import TargetTracker
 
 ROOT = Path(__file__).resolve().parents[2]
 INFO = RadarInfo()
@@ -137,6 +139,13 @@ def truth(bad: float) -> SimpleNamespace:
     )
 
 
+def targets(**fields: float) -> Targets:
+    """Two targets of a board; one number of the named fields is spoilt."""
+    arrays = {"position": np.ones((2, 3)), "covariance": np.tile(0.01 * np.eye(3), (2, 1, 1)), "radial_speed": np.full(2, 0.1)}
+    arrays |= {name: spoilt(arrays[name], bad) for name, bad in fields.items()}
+    return Targets(0, 0, "radar", np.arange(2), velocity=np.full((2, 3), np.nan), **arrays)
+
+
 UNIT = np.eye(3)[:2]
 # What refuses NaN and infinities alike.
 REFUSED: dict[str, Callable[[float], object]] = {
@@ -158,6 +167,8 @@ REFUSED: dict[str, Callable[[float], object]] = {
         for method in ("dml", "dml2", "capon")
         for backend in ("numba", "numpy")
     },
+    "TargetTracker position": lambda bad: TargetTracker().process(targets(position=bad)),
+    "TargetTracker covariance": lambda bad: TargetTracker().process(targets(covariance=bad)),
     "from_polar range_": lambda bad: from_polar(bad, 0.1, range_std=0.1, azimuth_std=0.1),
     "from_polar azimuth": lambda bad: from_polar(1.0, bad, range_std=0.1, azimuth_std=0.1),
     "from_polar range_std": lambda bad: from_polar(1.0, 0.1, range_std=bad, azimuth_std=0.1),
