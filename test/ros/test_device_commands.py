@@ -205,3 +205,29 @@ def test_up_takes_the_graph_that_suits_a_board(monkeypatch, tmp_path):
         assert nodes in {spec.name for spec in started[-1]}
     assert len(started[-1]) == 2
     assert "there is no Python file" in str(run("up", "--board", tmp_path / "gone.py").exception)
+
+
+def test_probe_of_a_board_of_targets(tmp_path):
+    """Through a pseudo terminal: reports, targets, rate and firmware, and no figures that such a board does not have."""
+    import ld2450_emulator as ld
+
+    board, end = ld.Board(tmp_path / "ttyUSB0"), threading.Event()
+
+    def send():
+        while not end.wait(0.1):
+            board.send(ld.report((0.5, 2.0, 0.1)))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        done = run("probe", "ld2450", "--set", f"port={board.link}", "--duration", "1", "--json", "--limit", "rate_fail=1")
+    finally:
+        end.set()
+        sender.join()
+        board.close()
+    found = json.loads(done.stdout)
+    checks = {check["check"]: check for check in found["checks"]}
+    assert checks["link"]["verdict"] == "ok"
+    assert checks["targets per report"]["value"] == 1
+    assert "noise floor" not in checks
+    assert found["report"]["module.firmware"] == "V1.02.22062416"
