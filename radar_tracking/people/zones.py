@@ -113,12 +113,12 @@ def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> BoolArray:
 class View:
     """The part of the room that a radar sees; None: one at the room's origin that sees everything.
 
-    ``origin``, shape (3,), is where it stands in ``room`` [m].
+    ``origin``, shape (3,), is where it stands in ``room`` [m]; ``range_cell``, ``doppler_cell``: its resolution [m, m/s], 0 where unknown.
     """
 
     def __init__(self, info: RadarInfo | None = None) -> None:
         self._mount = Pose(z=0.0) if info is None else info.mount
-        self._half, self._reach = (math.inf, math.inf) if info is None else _bounds(info)
+        self._half, self._reach, self.range_cell, self.doppler_cell = (math.inf, math.inf, 0.0, 0.0) if info is None else _bounds(info)
         self.origin = self._mount.origin
 
     def sees(self, position: Float64Array) -> BoolArray:
@@ -130,8 +130,9 @@ class View:
         return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
 
 
-def _bounds(info: RadarInfo) -> tuple[float, float]:
-    """Half the field of view in azimuth [rad] and how far a radar sees [m]; infinite where its waveform does not tell."""
-    waveform = info.waveform
-    ranges = waveform.modulation == "fmcw" and waveform.n_sample > 0
-    return info.array.fov_azimuth / 2, waveform.max_range if ranges else math.inf
+def _bounds(info: RadarInfo) -> tuple[float, float, float, float]:
+    """Half the field of view in azimuth [rad], reach and range cell [m], Doppler cell [m/s]; infinite, and zero, where it does not tell."""
+    waveform, half = info.waveform, info.array.fov_azimuth / 2
+    if waveform.modulation != "fmcw" or waveform.n_sample == 0:
+        return half, math.inf, 0.0, 0.0
+    return half, waveform.max_range, waveform.range_resolution, waveform.speed_resolution

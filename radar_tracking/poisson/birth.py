@@ -10,8 +10,9 @@ from radar_core.types import Float64Array
 from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares, densest
+from radar_tracking.poisson.motion import swing_variance
 from radar_tracking.poisson.points import Measured
-from radar_tracking.poisson.table import RECORD, Table
+from radar_tracking.poisson.table import N_STATES, RECORD, Table
 
 LEAST_SCORE: Final = 3.0  # nat: a heap that is less of a surprise is chance
 FIRST_ODDS: Final = -2.0  # log odds of a new track
@@ -55,16 +56,19 @@ class Birth:
         noise = config.torso_speed**2 + _LIMB_SPEED_STD**2 + measured.still_speed**2 / 3.0
         gain = _SPEED_STD**2 / (_SPEED_STD**2 + noise)
         axes = np.array([sight, [-sight[1], sight[0]]])
-        covariance = np.zeros((4, 4))
+        covariance = np.zeros((N_STATES, N_STATES))
         along, across = (_PLACE_STD**2 + variance[middle] for variance in (measured.range_variance, measured.cross_variance))
         covariance[:2, :2] = axes.T @ np.diag([along, across]) @ axes
-        covariance[2:, 2:] = axes.T @ np.diag([_SPEED_STD**2 * (1 - gain), _CROSS_SPEED_STD**2]) @ axes
+        covariance[2:4, 2:4] = axes.T @ np.diag([_SPEED_STD**2 * (1 - gain), _CROSS_SPEED_STD**2]) @ axes
+        offset = np.array([config.position_std**2 + self._view.range_cell**2 / 12.0, config.position_std**2])
+        covariance[4:6, 4:6] = axes.T @ np.diag(offset) @ axes
+        covariance[6, 6] = swing_variance(self._view.range_cell, config)
         covariance = 0.5 * (covariance + covariance.T)
         row = np.zeros(1, RECORD)
         row["id"], row["odds"], row["rate"], row["hits"], row["stands"] = self._next, FIRST_ODDS, max(count, 1.0), _FIRST_HITS, True
         for name in ("born", "seen", "counted", "stirred"):
             row[name] = now
-        row["birthplace"], row["anchor"], row["height"] = place, place, height
-        row["spread"], row["nis"] = np.nan, np.nan
-        table.add(row, np.concatenate([place, gain * speed * sight]), covariance)
+        row["birthplace"], row["anchor"], row["haunt"], row["height"] = place, place, place, height
+        row["spread"], row["nis"], row["sight"], row["offset"] = np.nan, np.nan, sight, offset
+        table.add(row, np.concatenate([place, gain * speed * sight, np.zeros(3)]), covariance)
         self._next += 1

@@ -10,8 +10,9 @@ import numpy as np
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson.config import PoissonConfig
-from radar_tracking.poisson.kernels import Shares, hidden, person_odds
+from radar_tracking.poisson.kernels import Shares, hidden
 from radar_tracking.poisson.motion import Update
+from radar_tracking.poisson.person import person_odds, went
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
 from radar_tracking.tracks import Deleted, Reason
@@ -28,15 +29,15 @@ _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
 _KNOWN_AFTER: Final = 2.0  # s in sight: before, nobody is believed to stand
 _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
-_COEFFICIENTS: Final = (1.03, -0.66, -1.32, -1.0, 0.54, 1.03, 0.52, 0.5)
-"""Of `person_odds`, by logistic regression on random rooms for development."""
 _PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
+_JUST: Final = 0.2  # s: who is unseen for longer gives no look to judge
 _NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
 _DOUBT: Final = 6.0  # nat/s: so fast
 _LEAST_HITS: Final = 0.2
 _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
+_BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
 _APART: Final = 1.0  # m
 _AGAIN, _AGAIN_AFTER = 1.2, 0.5  # m, s: who appears so near to a person unseen for so long is that person
@@ -85,9 +86,17 @@ def note_motion(table: Table, update: Update, measured: Measured, dt: float, now
     rows["moved"][stirs] += way
     rows["stirred"][stirs] = now
     rows["seen"][own] = now
-    rows["anchor"] += _share(dt, _ANCHOR_TIME) * (table.mean[:, :2] - rows["anchor"])
+    for name, time in (("anchor", _ANCHOR_TIME), ("haunt", _MOVED_TIME)):
+        rows[name] += _share(dt, time) * (table.mean[:, :2] - rows[name])
     step = table.mean[:, :2] - rows["anchor"]
     rows["stands"] = np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN
+
+
+def bodies(table: Table) -> BoolArray:
+    """People, and likely tracks with enough points for a body, shape (n_tracks,)."""
+    rows = table.rows
+    least = _BODY_RATE * float(rows["rate"][rows["confirmed"]].max(initial=0.0))
+    return np.asarray(rows["confirmed"] | ((rows["odds"] > CONFIRM_ODDS) & (rows["rate"] > least)))
 
 
 class Decisions:
@@ -124,34 +133,29 @@ class Decisions:
         return deleted, [renamed[row] for row in new if row in renamed]
 
     def _judge(self, table: Table, dt: float, now: float) -> None:
-        """Average the odds of being a person; who loses them ends soon."""
+        """Average the odds of being a person while a track is seen; who loses them ends soon."""
         rows = table.rows
-        away = table.mean[:, :2] - self._view.origin[:2]
-        likely = rows["odds"] >= CONFIRM_ODDS
-        odds = person_odds(
-            np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["rate"], rows["hits"], rows["presence"],
-            _went(table), likely, np.array(_COEFFICIENTS),
-        )  # fmt: skip
+        odds = person_odds(table)
         share = 1.0 - np.exp(-dt / np.minimum(now - rows["born"] + 0.1, _PERSON_TIME))
-        rows["person"] += share * (odds - rows["person"])
+        rows["person"] += np.where(now - rows["seen"] < _JUST, share, 0.0) * (odds - rows["person"])
         rows["odds"] -= np.where(rows["confirmed"] & (rows["person"] < _NO_PERSON), dt * _DOUBT, 0.0)
 
     def _confirm(self, table: Table, gaps: Float64Array, inside: BoolArray, now: float, ends: dict[int, Reason]) -> list[int]:
         rows, config, found = table.rows, self._config, []
-        went = _went(table)
+        way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
-        ready &= np.maximum(rows["moved"], went - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.6, 1.5)
+        ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.6, 1.5)
         for row in np.flatnonzero(ready).tolist():
-            if self._is_arm(table, gaps, row, float(went[row]), now):
+            if self._is_arm(table, gaps, row, float(way[row]), now):
                 continue
             self._recover(table, gaps, row, now, ends)
             rows["confirmed"][row] = True
             found.append(row)
         return found
 
-    def _is_arm(self, table: Table, gaps: Float64Array, row: int, went: float, now: float) -> bool:
+    def _is_arm(self, table: Table, gaps: Float64Array, row: int, way: float, now: float) -> bool:
         """Whether a track that is near to a person has not yet stayed, or gone along, as somebody would."""
-        if went >= _ALONG:
+        if way >= _ALONG:
             return False
         rows, away = table.rows, table.mean[row, :2] - self._view.origin[:2]
         error = math.sqrt(max(table.covariance[row, 0, 0], table.covariance[row, 1, 1])) + 0.5 * self._config.angle_std * math.hypot(*away)
@@ -192,12 +196,6 @@ class Decisions:
                 ends[other if people[one] else one] = Reason.DUPLICATE
             else:
                 ends[one if rows["odds"][one] < rows["odds"][other] else other] = Reason.DUPLICATE
-
-
-def _went(table: Table) -> Float64Array:
-    """How far tracks are from where they began, shape (n_tracks,) [m]."""
-    step = table.mean[:, :2] - table.rows["birthplace"]
-    return np.asarray(np.hypot(step[:, 0], step[:, 1]))
 
 
 def _share(dt: float, time: float) -> float:

@@ -15,7 +15,8 @@ from radar_tracking.poisson.points import Measured
 FASTEST: Final = 4.0  # m/s: range rates of clutter are spread evenly up to here
 _FAR: Final = 3.0  # m: nobody has points beyond
 _OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, error of direction, least distance
-_SAME_DIRECTION = 0.35  # rad
+_SHARPER = 4.0
+_SAME_DIRECTION, _APART = 0.35, 0.3  # rad, m: of a reflection and its cause
 _jit = numba.njit(cache=True, nogil=True)
 
 
@@ -44,14 +45,19 @@ class Shares:
         sight = (measured.x, measured.y, measured.ux, measured.uy, measured.speed, measured.still)
         errors = (measured.range_variance, measured.cross_variance)
         torso, limb, self.support = _densities(*sight, *errors, state.mean, state.covariance, spreads)
-        self.torso, self.limb, self.limb_density, self.count, self.evidence = _share(torso, limb, clutter, state.rate, state.existence)
+        self.torso, self.limb, self.limb_density, self.count, self.evidence = _share(
+            torso, limb, clutter, state.rate, state.existence, state.confirmed
+        )
 
 
 class TrackArrays:
-    """Means, shape (n, 4) = (x, y, vx, vy), covariances, shape (n, 4, 4), rates [1/cloud] and probabilities of existence, shape (n,)."""
+    """Means, shape (n, 4) = (x, y, vx, vy), covariances, shape (n, 4, 4), rates [1/cloud], probabilities of existence, who is confirmed."""
 
-    def __init__(self, mean: Float64Array, covariance: Float64Array, rate: Float64Array, existence: Float64Array) -> None:
+    def __init__(
+        self, mean: Float64Array, covariance: Float64Array, rate: Float64Array, existence: Float64Array, confirmed: BoolArray | None = None
+    ) -> None:
         self.mean, self.covariance, self.rate, self.existence = mean, covariance, rate, existence
+        self.confirmed = np.zeros(len(mean), np.bool_) if confirmed is None else confirmed
 
 
 @_jit
@@ -111,7 +117,7 @@ def _densities(x: Any, y: Any, ux: Any, uy: Any, speed: Any, still: Any, along: 
 
 
 @_jit
-def _share(torso: Any, limb: Any, clutter: Any, rate: Any, existence: Any) -> Any:
+def _share(torso: Any, limb: Any, clutter: Any, rate: Any, existence: Any, confirmed: Any) -> Any:
     """Divide points between tracks and clutter; count points and evidence of each track, given the others."""
     n, m = torso.shape
     total, limbs = clutter.copy(), np.zeros(n)
@@ -134,7 +140,33 @@ def _share(torso: Any, limb: Any, clutter: Any, rate: Any, existence: Any) -> An
             if own > 0.0:
                 evidence[i] += math.log(1.0 + now * own / (total[j] - weight * own))
         evidence[i] -= now + 0.5 * math.log(1.0 + rate[i])
+    if confirmed.sum() > 1:
+        _sharpen(torso_share, limb_share, confirmed)
     return torso_share, limb_share, limbs, count, evidence
+
+
+@_jit
+def _sharpen(torso: Any, limb: Any, confirmed: Any) -> None:
+    """Give points of people more to the one who has most of them: equal shares of the same points would draw two together.
+
+    Tentative tracks keep their shares, and so an arm that was taken for somebody is drawn back to its body.
+    """
+    n, m = torso.shape
+    for j in range(n):
+        total, power = 0.0, 0.0
+        for i in range(m):
+            if confirmed[i]:
+                own = torso[j, i] + limb[j, i]
+                total += own
+                power += own**_SHARPER
+        if power <= 0.0:
+            continue
+        for i in range(m):
+            own = torso[j, i] + limb[j, i]
+            if confirmed[i] and own > 0.0:
+                factor = own ** (_SHARPER - 1.0) * total / power
+                torso[j, i] *= factor
+                limb[j, i] *= factor
 
 
 def densest(measured: Measured, free: Float64Array, expected: Float64Array) -> tuple[float, int, BoolArray]:
@@ -208,27 +240,15 @@ def hidden(distance: Any, azimuth: Any, confirmed: Any) -> Any:
 
 
 @_jit
-def person_odds(distance: Any, azimuth: Any, rate: Any, hits: Any, presence: Any, went: Any, likely: Any, coefficients: Any) -> Any:
-    """Log odds that a track is a person and no reflection or flicker of another one, shape (n_tracks,).
-
-    A reflection gives few points beside its cause, lies behind it, most often in its direction, comes and goes, and stays where it is.
-    ``coefficients``: constant; of the logarithm of the largest other rate (by distance) over the own one; of lying behind a stronger
-    track, and in its direction; of the log odds of a cloud with points; of the share of the last half minute in sight; of the logarithm
-    of the way from the birthplace; last, the power of the distance by which rates fall.
-    """
+def behind(distance: Any, azimuth: Any, strength: Any, likely: Any, moves: Any) -> Any:
+    """Which tracks lie behind a likely, stronger one, in its direction, and while it moves; shape (n_tracks,) each."""
     n = len(distance)
-    result = np.empty(n)
-    constant, ratio, behind, same, steady, stays, goes, law = coefficients
+    far, same, copies = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
-        most, far, line = 0.0, 0.0, 0.0
         for k in range(n):
-            if k == i or not likely[k]:
-                continue
-            most = max(most, rate[k] * (max(distance[k], 0.3) / max(distance[i], 0.3)) ** law)
-            if distance[i] > distance[k] + 0.3 and rate[k] > rate[i]:
-                far = 1.0
+            if k != i and likely[k] and distance[i] > distance[k] + _APART and strength[k] > strength[i]:
+                far[i] = True
+                copies[i] = copies[i] or moves[k]
                 if abs((azimuth[i] - azimuth[k] + math.pi) % (2.0 * math.pi) - math.pi) < _SAME_DIRECTION:
-                    line = 1.0
-        odds = constant + ratio * math.log((most + 1.0) / (rate[i] + 1.0)) + behind * far + same * line + stays * presence[i]
-        result[i] = odds + steady * math.log((hits[i] + 0.05) / (1.05 - hits[i])) + goes * math.log(went[i] + 0.1)
-    return result
+                    same[i] = True
+    return far, same, copies

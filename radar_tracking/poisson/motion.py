@@ -12,7 +12,7 @@ from radar_tracking.estimators.kernels import correct
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares
 from radar_tracking.poisson.points import Measured
-from radar_tracking.poisson.table import Table
+from radar_tracking.poisson.table import N_STATES, Table
 
 _LONGEST: Final = 1.5  # s: later clouds are predicted no farther
 _MANOEUVRE: Final = 0.5  # s: accelerations last so long
@@ -21,29 +21,49 @@ _STOP, _GO = 0.7, 2.0  # s: velocities of who stands or is unseen fade, and of w
 _REST: Final = 0.5  # s: and their variances, of who stands unseen
 _LARGEST: Final = 1.0  # m^2: variance of a place that is good for anything
 _LEAST_SHARE: Final = 0.3  # of a point, that updates a track
-_MOST_POINTS: Final = 10.0  # that count for a range rate: they err together
-_RATE_STD: Final = 0.05  # m/s: error of the mean range rate that no number of points takes away
+_OFFSET_TIME, _SWING_TIME = 0.7, 0.15  # s: offsets of place change within the first, of range rate within the other
+_BLURRED: Final = 0.4  # of the errors of single points that all points have in common
+_SCATTER, _SPEED_SCATTER = 0.2, 0.06  # of the variances of points about their means: those far off count little
+_BODY: Final = 1.0  # m: a body with its limbs
+_ANGLE_OFFSET: Final = 0.03  # rad: of the middle of many points
+_LEAST_PLACE_STD, _LEAST_SPEED_STD = 0.02, 0.02  # m, m/s: errors of means that no number of points takes away, beside offsets
 
 
-def predict(table: Table, dt: float, unseen: BoolArray, config: PoissonConfig) -> None:
-    """Predict all states ``dt`` [s] ahead by nearly constant velocity, which fades for who stands."""
+def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, config: PoissonConfig) -> None:
+    """Predict all states ``dt`` [s] ahead by nearly constant velocity, which fades for who stands; ``range_cell`` is the radar's [m]."""
     h = min(dt, _LONGEST)
     if not len(table) or h <= 0:
         return
     stands = table.rows["stands"]
-    F = np.eye(4)
-    F[0, 2] = F[1, 3] = h
+    F = np.tile(np.eye(N_STATES), (len(table), 1, 1))
+    F[:, 0, 2] = F[:, 1, 3] = h
+    F[:, range(4, N_STATES), range(4, N_STATES)] = np.exp(-h / np.array([_OFFSET_TIME, _OFFSET_TIME, _SWING_TIME]))
     q = config.acceleration**2 * _MANOEUVRE
-    Q = q * np.kron(np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]]), np.eye(2))
+    Q = np.zeros_like(F)
     scale = np.where(unseen & stands, _CALMEST, np.where(stands, _CALM, 1.0))
-    table.mean = table.mean @ F.T
-    P = F @ table.covariance @ F.T + Q * scale[:, None, None]
-    rest = np.ones((len(table), 4))
-    rest[:, 2:] = np.exp(-h / np.where(unseen & stands, _REST, np.inf))[:, None]
+    Q[:, :4, :4] = q * np.kron(np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]]), np.eye(2)) * scale[:, None, None]
+    lasting = F[0, 4, 4], F[0, 6, 6]
+    Q[:, 4:6, 4:6] = (1.0 - lasting[0] ** 2) * offset_covariance(table.rows["sight"], table.rows["offset"])
+    Q[:, 6, 6] = (1.0 - lasting[1] ** 2) * swing_variance(range_cell, config)
+    table.mean = np.einsum("nij,nj->ni", F, table.mean)
+    P = F @ table.covariance @ F.transpose(0, 2, 1) + Q
+    rest = np.ones((len(table), N_STATES))
+    rest[:, 2:4] = np.exp(-h / np.where(unseen & stands, _REST, np.inf))[:, None]
     P = P * rest[:, :, None] * rest[:, None, :]
     P *= np.minimum(1.0, _LARGEST / np.maximum(P[:, 0, 0], P[:, 1, 1]))[:, None, None]
     table.covariance = 0.5 * (P + P.transpose(0, 2, 1))
-    table.mean[:, 2:] *= np.exp(-h / np.where(unseen | stands, _STOP, _GO))[:, None]
+    table.mean[:, 2:4] *= np.exp(-h / np.where(unseen | stands, _STOP, _GO))[:, None]
+
+
+def swing_variance(range_cell: float, config: PoissonConfig) -> float:
+    """Variance of the range rate about the body's [m^2/s^2]: a range cell that holds all of a body mixes torso and limbs."""
+    return config.swing_std**2 + (config.limb_speed * min(range_cell / _BODY, 1.0) ** 2) ** 2
+
+
+def offset_covariance(sight: Float64Array, variance: Float64Array) -> Float64Array:
+    """Covariances on the floor, shape (n, 2, 2), of offsets with variances along and across lines of sight, shapes (n, 2)."""
+    axes = np.stack([sight, np.stack([-sight[:, 1], sight[:, 0]], axis=-1)], axis=1)
+    return np.asarray(axes.transpose(0, 2, 1) @ (variance[:, :, None] * axes))
 
 
 def separate(table: Table, width: float) -> None:
@@ -60,9 +80,9 @@ def separate(table: Table, width: float) -> None:
             part = share[0] / (share[0] + share[1])
             table.mean[one, :2] += u * (width - gap) * part
             table.mean[other, :2] -= u * (width - gap) * (1 - part)
-            closing = min(float((table.mean[one, 2:] - table.mean[other, 2:]) @ u), 0.0)
-            table.mean[one, 2:] -= u * closing * part
-            table.mean[other, 2:] += u * closing * (1 - part)
+            closing = min(float((table.mean[one, 2:4] - table.mean[other, 2:4]) @ u), 0.0)
+            table.mean[one, 2:4] -= u * closing * part
+            table.mean[other, 2:4] += u * closing * (1 - part)
 
 
 class Update:
@@ -76,7 +96,7 @@ class Update:
         Mean range rate of the torso's points [m/s]; NaN: not measured.
     """
 
-    def __init__(self, table: Table, measured: Measured, shares: Shares, dt: float, config: PoissonConfig) -> None:
+    def __init__(self, table: Table, measured: Measured, shares: Shares, config: PoissonConfig) -> None:
         total = shares.torso.sum(axis=0)
         self.rows: IndexArray = np.flatnonzero(total > _LEAST_SHARE)
         table.rows["nis"], table.rows["dof"] = np.nan, 0
@@ -87,30 +107,34 @@ class Update:
         with np.errstate(invalid="ignore", divide="ignore"):
             self.speed: Float64Array = (told.T @ measured.speed[known]) / np.where(amount > 0, amount, np.nan)
         if len(self.rows):
-            self._correct(table, measured, weight, total[self.rows], amount, max(1.0, config.correlation_time / max(dt, 1e-3)), config)
+            self._correct(table, measured, weight, total[self.rows], amount, config)
+
+    def _offset(self, measured: Measured, weight: Float64Array, errors: Float64Array, config: PoissonConfig) -> Float64Array:
+        """Variances of place along and across the line of sight that no number of points takes away, shape (n_rows, 2) [m^2]."""
+        least = np.full((len(self.rows), 2), config.position_std**2)
+        least[:, 0] += measured.range_cell**2 / 12.0
+        least[:, 1] += (_ANGLE_OFFSET * (measured.distance @ weight)) ** 2
+        return np.asarray(least + _BLURRED**2 * errors)
 
     def _correct(
-        self, table: Table, measured: Measured, weight: Float64Array, total: Float64Array, amount: Float64Array, alike: float,
-        config: PoissonConfig,
+        self, table: Table, measured: Measured, weight: Float64Array, total: Float64Array, amount: Float64Array, config: PoissonConfig,
     ) -> None:  # fmt: skip
-        """Kalman update; ``alike``: how many neighbouring clouds err together."""
+        """Kalman update."""
         rows, n = self.rows, len(self.rows)
         place = np.stack([measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy])
         centre = (place @ weight).T
         sight = (np.stack([measured.ux, measured.uy]) @ weight).T
         length = np.hypot(sight[:, 0], sight[:, 1])[:, None]  # zero: points all round the sensor
         sight = np.where(length > 1e-6, sight / np.maximum(length, 1e-6), [1.0, 0.0])
-        along, across = measured.range_variance @ weight, measured.cross_variance @ weight
-        body, floor = config.torso_std**2, config.position_std**2
-        axes = np.stack([sight, np.stack([-sight[:, 1], sight[:, 0]], axis=-1)], axis=1)
-        noise = np.stack([(body + along) / total * alike + floor, (body + across) / total * alike + floor + 0.1 * across], axis=-1)
+        errors = np.stack([measured.range_variance @ weight, measured.cross_variance @ weight], axis=-1)
+        table.rows["sight"][rows], table.rows["offset"][rows] = sight, self._offset(measured, weight, errors, config)
         R = np.zeros((n, 3, 3))
-        R[:, :2, :2] = axes.transpose(0, 2, 1) @ (noise[:, :, None] * axes)
-        spread = config.torso_speed**2 + measured.still_speed**2 / 3.0
-        R[:, 2, 2] = spread / np.clip(amount, _LEAST_SHARE, _MOST_POINTS) * alike + _RATE_STD**2
-        H = np.zeros((n, 3, 4))
-        H[:, 0, 0] = H[:, 1, 1] = 1.0
-        H[:, 2, 2:] = sight
+        R[:, :2, :2] = offset_covariance(sight, _SCATTER * (config.torso_std**2 + errors) / total[:, None] + _LEAST_PLACE_STD**2)
+        spread = _SPEED_SCATTER * config.torso_speed**2 + measured.still_speed**2 / 3.0
+        R[:, 2, 2] = spread / np.maximum(amount, _LEAST_SHARE) + _LEAST_SPEED_STD**2
+        H = np.zeros((n, 3, N_STATES))
+        H[:, 0, 0] = H[:, 1, 1] = H[:, 0, 4] = H[:, 1, 5] = H[:, 2, 6] = 1.0
+        H[:, 2, 2:4] = sight
         used = np.ones((n, 3), np.bool_)
         used[:, 2] = np.isfinite(self.speed)
         measurement = np.column_stack([centre, np.where(used[:, 2], self.speed, 0.0)])

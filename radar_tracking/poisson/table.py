@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from radar_core.types import BoolArray, Float64Array
 
+N_STATES = 7
 RECORD = np.dtype(
     [
         ("id", np.int64),
@@ -24,7 +25,15 @@ RECORD = np.dtype(
         ("stirred", np.float64),  # last moving torso point
         ("birthplace", np.float64, 2),
         ("anchor", np.float64, 2),  # mean place of the last second
+        ("haunt", np.float64, 2),  # mean place of the time over which `moved` adds up
         ("height", np.float64),  # of the torso's points [m]
+        ("look", np.float64, 6),  # means of points, of sums of their strengths [dB], fast ones, with heights, of heights, of squares
+        ("pace", np.float64),  # largest speed of the torso just now [m/s]
+        ("behind", np.bool_),  # a stronger track, and in its direction
+        ("same", np.bool_),
+        ("alone", np.float64),  # way, by range rates, while no such track moved [m]
+        ("sight", np.float64, 2),  # unit vector from the sensor
+        ("offset", np.float64, 2),  # variances along and across it that no number of points takes away [m^2]
         ("spread", np.float64, 3),  # recent mean square of the points about the centre [m^2]; NaN: not known
         ("nis", np.float64),
         ("dof", np.int64),
@@ -40,16 +49,17 @@ class Table:
     ----------
     rows : ndarray of `RECORD`, shape (n_tracks,)
         Everything but the states.
-    mean : ndarray of float64, shape (n_tracks, 4)
-        x, y, vx, vy in ``room`` [m, m/s].
-    covariance : ndarray of float64, shape (n_tracks, 4, 4)
+    mean : ndarray of float64, shape (n_tracks, 7)
+        x, y, vx, vy of the body's centre in ``room``, and how the torso's echoes differ from it for a while: in place (x, y), because
+        what of a body echoes best changes slowly, and in range rate, because it swings with each step [m, m/s].
+    covariance : ndarray of float64, shape (n_tracks, 7, 7)
         Of the same.
     """
 
     def __init__(self) -> None:
         self.rows: NDArray[np.void] = np.zeros(0, RECORD)
-        self.mean: Float64Array = np.zeros((0, 4))
-        self.covariance: Float64Array = np.zeros((0, 4, 4))
+        self.mean: Float64Array = np.zeros((0, N_STATES))
+        self.covariance: Float64Array = np.zeros((0, N_STATES, N_STATES))
         self._apart: set[tuple[int, int]] = set()
         self._together: dict[tuple[int, int], float] = {}
 
@@ -62,10 +72,17 @@ class Table:
         return np.asarray(1.0 / (1.0 + np.exp(-self.rows["odds"])))
 
     def add(self, row: NDArray[np.void], mean: Float64Array, covariance: Float64Array) -> None:
-        """Append one track: a row of shape (1,), a mean of shape (4,), a covariance of shape (4, 4)."""
+        """Append one track: a row of shape (1,), a mean of shape (7,), a covariance of shape (7, 7)."""
         self.rows = np.concatenate([self.rows, row])
         self.mean = np.concatenate([self.mean, mean[None]])
         self.covariance = np.concatenate([self.covariance, covariance[None]])
+
+    def apparent(self) -> tuple[Float64Array, Float64Array]:
+        """Where the torsos' echoes are, means (x, y, vx, vy), shape (n_tracks, 4), and covariances."""
+        A = np.zeros((len(self), 4, N_STATES))
+        A[:, range(4), range(4)] = A[:, 0, 4] = A[:, 1, 5] = 1.0
+        A[:, 2:, 6] = self.rows["sight"]
+        return np.einsum("nij,nj->ni", A, self.mean), A @ self.covariance @ A.transpose(0, 2, 1)
 
     def keep(self, mask: BoolArray) -> None:
         """Remove the tracks that a mask leaves out."""

@@ -15,8 +15,9 @@ from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson import motion
 from radar_tracking.poisson.birth import Birth
 from radar_tracking.poisson.clutter import ClutterMap
-from radar_tracking.poisson.existence import Decisions, note_motion, weigh
+from radar_tracking.poisson.existence import CONFIRM_ODDS, Decisions, bodies, note_motion, weigh
 from radar_tracking.poisson.kernels import Shares, TrackArrays
+from radar_tracking.poisson.person import note_look
 from radar_tracking.poisson.points import Measure, Measured
 from radar_tracking.poisson.table import Table
 from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
@@ -58,7 +59,7 @@ class PoissonTracker:
         """Forget everything; ids start again. For a new recording."""
         knobs = self.config.poisson
         self._admission = Admission(self.config, self._view.origin)
-        self._measure = Measure(knobs, self._admission)
+        self._measure = Measure(self.config, self._admission, self._view)
         self._clutter = ClutterMap(knobs)
         self._birth = Birth(knobs, self._zones, self._view)
         self._table = Table()
@@ -69,6 +70,11 @@ class PoissonTracker:
     def dropped_points(self) -> int:
         """Points without position, or absurdly far away, since the last `reset`."""
         return self._admission.dropped
+
+    @property
+    def table(self) -> Table:
+        """The tracks with all that is known of them, for studies."""
+        return self._table
 
     def process(self, cloud: PointCloud) -> Tracks:
         """Take in one cloud.
@@ -94,7 +100,7 @@ class PoissonTracker:
         self._last_ns = cloud.stamp_ns
         now = (cloud.stamp_ns - self._first_ns) * 1e-9
         table, knobs = self._table, self.config.poisson
-        motion.predict(table, dt, now - table.rows["seen"] > 1.5 * dt, knobs)
+        motion.predict(table, dt, now - table.rows["seen"] > 1.5 * dt, self._view.range_cell, knobs)
         motion.separate(table, knobs.body_width)
         clutter = self._clutter.density(measured)
         shares = self._follow(measured, clutter, dt, now) if len(table) else None
@@ -118,11 +124,12 @@ class PoissonTracker:
 
     def _follow(self, measured: Measured, clutter: Float64Array, dt: float, now: float) -> Shares:
         table, knobs = self._table, self.config.poisson
-        state = TrackArrays(table.mean, table.covariance, table.rows["rate"].copy(), table.existence)
+        state = TrackArrays(*table.apparent(), table.rows["rate"].copy(), table.existence, bodies(table))
         shares = Shares(measured, clutter, state, knobs)
         weigh(table, measured, shares, dt, now, knobs, self._view.origin[:2])
-        update = motion.Update(table, measured, shares, dt, knobs)
+        update = motion.Update(table, measured, shares, knobs)
         note_motion(table, update, measured, dt, now, knobs)
+        note_look(table, measured, shares, dt, self._view.origin[:2], CONFIRM_ODDS)
         self._shape(measured, shares, dt)
         return shares
 
@@ -163,7 +170,7 @@ class PoissonTracker:
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)
 
     def _track(self, row: int, now: float, owners: np.ndarray[tuple[int], np.dtype[np.int32]]) -> Track:
-        own, mean, P = self._table.rows[row], self._table.mean[row], self._table.covariance[row]
+        own, mean, P = self._table.rows[row], self._table.mean[row], self._table.covariance[row, :4, :4]
         covariance = np.zeros((6, 6))
         covariance[np.ix_((0, 1, 3, 4), (0, 1, 3, 4))] = P
         covariance[2, 2], covariance[5, 5] = _HEIGHT_STD**2, _CLIMB_STD**2

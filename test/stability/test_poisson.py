@@ -11,6 +11,7 @@ from radar_core import DataError, PointCloud, Pose, RadarInfo, merge
 from radar_core.config import load
 from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 from radar_tracking.people.points import Admission
+from radar_tracking.people.zones import View
 from radar_tracking.poisson.points import Measure
 from radar_tracking.poisson.tracker import PoissonTracker
 
@@ -149,6 +150,7 @@ def test_lines_of_sight_that_cancel():
     tracks = process(tracker, cloud_of(ring, now, radial_speed=0.5))
     assert tracks.tracks[0].dof > 0
     assert np.diagonal(tracks.tracks[0].covariance)[:2].min() > 1e-4
+    np.testing.assert_allclose(np.hypot(*tracker.table.rows["sight"].T), 1.0)
 
 
 def test_a_radar_that_looks_backwards():
@@ -182,14 +184,16 @@ def test_the_ends_of_float32(field, value):
     finds_somebody(tracker, 3600 * SECOND)
 
 
-@pytest.mark.parametrize("slant", [TOP, -TOP, 1e30, 1e3, 0.0, 1e-45])
+@pytest.mark.parametrize("slant", [TOP, -TOP, 1e30, 1e3, 0.95, 0.0, 1e-45])
 def test_slant_ranges_that_do_not_fit(slant):
     """Without elevation the range tells how far a point lies on the floor; one that cannot be true moves no point out of the room."""
     config = load(TrackerConfig, {"tracker": "poisson_bernoulli"})
-    measure = Measure(config.poisson, Admission(config, np.array([0.0, 0.0, 2.0])))
-    measured = measure.process(cloud_of([[3.0, 0.5, 1.0]], 0, radial_speed=0.5, range=slant))
+    measure = Measure(config, Admission(config, np.array([0.0, 0.0, 2.0])), View())
+    place = [0.8, 0.5, 1.0] if slant == 0.95 else [3.0, 0.5, 1.0]  # under the sensor, nearer than a body is high
+    measured = measure.process(cloud_of([place], 0, radial_speed=0.5, range=slant, azimuth=np.arctan2(0.5, place[0])))
     assert 0 < measured.distance[0] < 15
     assert np.hypot(measured.ux[0], measured.uy[0]) == pytest.approx(1.0)
+    assert np.isfinite(measured.range_variance).all()
 
 
 @pytest.mark.parametrize("field", ["x", "y", "z", "radial_speed", "range", "azimuth_std", "snr"])
@@ -237,7 +241,7 @@ def test_two_tracks_at_one_place():
         tracks = process(tracker, cloud_of(place, k * STEP_NS, radial_speed=np.concatenate([cloud.radial_speed for cloud in both])))
     assert tracks.people_count == 2
     table = tracker._table
-    table.mean[:] = [3.0, 0.0, 1.0, 0.0]
+    table.mean[:] = [3.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     table.covariance[:] = table.covariance[0]
     tracks = process(tracker, cloud_of(np.zeros((0, 3)), 40 * STEP_NS))
     assert np.hypot(*(tracks.tracks[0].position - tracks.tracks[1].position)[:2]) > 0.1

@@ -9,12 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import erf
 
+from radar_core import PointCloud, Pose, RadarInfo
 from radar_tracking import TrackerConfig
 from radar_tracking.people.points import Admission
+from radar_tracking.people.zones import View
 from radar_tracking.poisson import clutter as clutters
 from radar_tracking.poisson import kernels
 from radar_tracking.poisson.config import PoissonConfig
-from radar_tracking.poisson.kernels import Shares, TrackArrays, densest, hidden, person_odds
+from radar_tracking.poisson.kernels import Shares, TrackArrays, behind, densest, hidden
 from radar_tracking.poisson.points import Measure, Measured
 
 CONFIG = PoissonConfig()
@@ -25,7 +27,7 @@ often = settings(max_examples=40, deadline=None)
 def measured_of(plane: np.ndarray, speed: np.ndarray) -> Measured:
     """Points on the floor plane, shape (n, 2), as the tracker takes them in."""
     cloud = make_cloud(np.column_stack([plane, np.ones(len(plane))]), radial_speed=speed.astype(np.float32))
-    return Measure(CONFIG, Admission(TrackerConfig(), np.zeros(3))).process(cloud)
+    return Measure(TrackerConfig(), Admission(TrackerConfig(), np.zeros(3)), View()).process(cloud)
 
 
 def some_points(rng: np.random.Generator, n: int) -> Measured:
@@ -173,23 +175,37 @@ def test_who_hides_whom(seed, m):
 
 @often
 @given(seed=seeds, m=st.integers(0, 8))
-def test_odds_of_being_a_person(seed, m):
-    """By loops as the definition says; coefficients of any kind."""
+def test_who_lies_behind_whom(seed, m):
+    """By loops as the definition says: behind a likely and stronger track, in its direction, and while one of those moves."""
     rng = np.random.default_rng(seed)
-    distance, azimuth, rate = rng.uniform(0.1, 6, m), rng.uniform(-math.pi, math.pi, m), rng.uniform(0.5, 30, m)
-    hits, presence, went, likely = rng.random(m), rng.random(m), rng.uniform(0, 3, m), rng.random(m) < 0.6
-    constant, ratio, behind, same, steady, stays, goes, law = coefficients = rng.normal(0, 1, 8)
-    expected = []
+    distance, azimuth, strength = rng.uniform(0.1, 6, m), rng.uniform(-math.pi, math.pi, m), rng.uniform(-5, 40, m)
+    likely, moves = rng.random(m) < 0.6, rng.random(m) < 0.5
+    expected = np.zeros((3, m), bool)
     for i in range(m):
-        causes = [k for k in range(m) if k != i and likely[k]]
-        most = max([rate[k] * (max(distance[k], 0.3) / max(distance[i], 0.3)) ** law for k in causes], default=0.0)
-        stronger = [k for k in causes if distance[i] > distance[k] + 0.3 and rate[k] > rate[i]]
-        line = any(abs(math.remainder(azimuth[i] - azimuth[k], 2 * math.pi)) < kernels._SAME_DIRECTION for k in stronger)
-        odds = constant + ratio * math.log((most + 1) / (rate[i] + 1)) + behind * bool(stronger) + same * line
-        odds += steady * math.log((hits[i] + 0.05) / (1.05 - hits[i])) + stays * presence[i] + goes * math.log(went[i] + 0.1)
-        expected.append(odds)
-    found = person_odds(distance, azimuth, rate, hits, presence, went, likely, coefficients)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+        causes = [k for k in range(m) if likely[k] and distance[i] > distance[k] + kernels._APART and strength[k] > strength[i]]
+        line = any(abs(math.remainder(azimuth[i] - azimuth[k], 2 * math.pi)) < kernels._SAME_DIRECTION for k in causes)
+        expected[:, i] = bool(causes), line, any(moves[k] for k in causes)
+    np.testing.assert_array_equal(behind(distance, azimuth, strength, likely, moves), expected)
+
+
+@often
+@given(seed=seeds, n=st.integers(1, 40), m=st.integers(2, 5))
+def test_people_share_points_sharply(seed, n, m):
+    """What people have of a point together stays the same, and is divided by powers of their shares; others keep theirs."""
+    rng = np.random.default_rng(seed)
+    measured, state = some_points(rng, n), some_tracks(rng, m)
+    clutter, confirmed = rng.uniform(0.01, 3, n), rng.random(m) < 0.7
+    soft = Shares(measured, clutter, state, CONFIG)
+    sharp = Shares(measured, clutter, TrackArrays(state.mean, state.covariance, state.rate, state.existence, confirmed), CONFIG)
+    before, after = soft.torso + soft.limb, sharp.torso + sharp.limb
+    people = before[:, confirmed]
+    power = people**kernels._SHARPER
+    total = power.sum(axis=1, keepdims=True)
+    expected = np.where(total > 0, power / np.maximum(total, 1e-300) * people.sum(axis=1, keepdims=True), people)
+    if confirmed.sum() > 1:
+        np.testing.assert_allclose(after[:, confirmed], expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(after[:, ~confirmed], before[:, ~confirmed])
+    np.testing.assert_allclose(after.sum(axis=1), before.sum(axis=1), rtol=1e-9, atol=1e-9)
 
 
 @often
@@ -228,3 +244,24 @@ def test_clutter_is_learned_away_from_people(seed, n, people, dt):
     clutters._learn(counts, age, x, y, near, row, column, kind, dt, time)
     np.testing.assert_allclose(counts, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(age, older, rtol=1e-9, atol=1e-9)
+
+
+@often
+@given(seed=seeds, tilt=st.floats(-0.4, 0.1), yaw=st.floats(-3.0, 3.0), height=st.floats(1.0, 2.2))
+def test_points_without_elevation_lie_where_they_are(seed, tilt, yaw, height):
+    """A radar that measures range and the sine of its cone about its lateral axis, tilted and turned: points at `body_height` come back."""
+    rng = np.random.default_rng(seed)
+    mount = Pose(x=1.0, y=-2.0, z=height, yaw=yaw, tilt=tilt)
+    ahead, aside = rng.uniform(1.0, 6.0, 20), rng.uniform(-1.0, 1.0, 20)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    floor = np.column_stack([ahead, aside]) @ turn.T + [1.0, -2.0]
+    seen = mount.from_room(np.column_stack([floor, np.full(20, CONFIG.body_height)]))
+    slant = np.linalg.norm(seen, axis=1)
+    azimuth = np.arcsin(seen[:, 1] / slant)  # all that a row of antennas measures
+    said = np.column_stack([slant * np.cos(azimuth), slant * np.sin(azimuth), np.zeros(20)])
+    columns = {"range": slant.astype(np.float32), "azimuth": azimuth.astype(np.float32)}
+    cloud = PointCloud(0, 0, "radar", *said.astype(np.float32).T.copy(), **columns).to_room(mount)
+    info = RadarInfo(mount=mount)
+    measured = Measure(TrackerConfig(), Admission(TrackerConfig(), mount.origin), View(info)).process(cloud)
+    np.testing.assert_allclose(np.column_stack([measured.x, measured.y]), floor, atol=1e-3)
+    assert np.isnan(measured.height).all()

@@ -1,0 +1,105 @@
+"""Person, or reflection, fan, pet or flicker: log odds from how a track has looked within the last seconds."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radar_core.types import Float64Array
+from radar_tracking.poisson.kernels import Shares, behind
+from radar_tracking.poisson.points import Measured
+from radar_tracking.poisson.table import Table
+
+LOOK_TIME: Final = 3.0  # s: looks are averaged over this
+_FAST: Final = 2.0  # m/s: a body has few points that are faster; blades of fans have many
+_MIDDLE, _MIDDLE_WITHIN, _MOST_OFF = 0.95, 0.25, 1.0  # m: heights of bodies' centres; what is farther off says no more
+_TALL, _MOST_TALL = 0.5, 0.8  # m: spread of a body's heights at most; what is wider says no more
+_SNR: Final = (5.0, 20.0)  # dB: between which strength says anything
+_MOST_FAST: Final = 0.2
+_MOST_WENT: Final = 2.0  # m
+_ON_THE_SPOT, _MOST_STUCK = 2.5, 3.0  # m: within `moved`'s time; what is more says no more
+
+_PACE_TIME: Final = 0.4  # s: who has moved just now
+_ALONE: Final = (0.02, 5.0, 0.3)  # m: least and largest way alone that says anything, and the one that says nothing
+
+FEATURES: Final = ("points", "snr", "height", "tall", "fast", "behind", "same", "alone", "hits", "went", "stuck")
+"""Logarithm of the points of a cloud; strength [dB]; how far the middle is from a body's, and how much taller the track is than one [m];
+share of fast points; whether it lies behind a stronger track, and in that one's direction; logarithm of its way while no such track moved;
+log odds of a cloud with points; way from where it began [m]; how much farther it should be from where it was, by its range rates, than on
+the spot people ever are [m]."""
+CONSTANT: Final = -1.11
+COEFFICIENTS: Final = (0.66, 0.17, -5.63, -4.09, -1.39, -1.93, -0.01, 0.53, 0.47, 0.23, -3.37)
+"""Of `FEATURES`, by logistic regression on random rooms for development: ``python -m benchmarks person_odds``."""
+
+
+def note_look(table: Table, measured: Measured, shares: Shares, dt: float, origin: Float64Array, least_odds: float) -> None:
+    """Average how tracks look: points, strengths, fast points, and heights, where they are measured; and who moves alone.
+
+    ``origin``, shape (2,), is where the sensor stands; tracks with ``least_odds`` may throw reflections.
+    """
+    rows, share = table.rows, 1.0 - math.exp(-dt / LOOK_TIME)
+    own = (shares.torso + shares.limb).T
+    known, speed = np.isfinite(measured.height), np.abs(np.nan_to_num(measured.speed))
+    height = np.where(known, measured.height, 0.0)
+    columns = (np.ones(len(measured)), measured.snr, speed > _FAST, known, height, height**2)
+    rows["look"] += share * (own @ np.column_stack(columns) - rows["look"])
+    torso = shares.torso.sum(axis=0)
+    now = np.where(torso > 0.3, (speed @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
+    rows["pace"] = np.maximum(rows["pace"] * math.exp(-dt / _PACE_TIME), now)
+    away, strength = table.mean[:, :2] - origin, _strength(table)
+    place = np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])
+    moves, likely = rows["pace"] > measured.still_speed, rows["odds"] >= least_odds
+    rows["behind"], rows["same"], copies = behind(*place, strength, likely, moves)
+    rows["alone"] += np.where((now > measured.still_speed) & ~copies, now * dt, 0.0)
+
+
+def _strength(table: Table) -> Float64Array:
+    """Of all points of a cloud together, shape (n_tracks,) [dB]."""
+    points, snr = table.rows["look"][:, 0], table.rows["look"][:, 1]
+    return np.asarray(snr / np.maximum(points, 1e-9) + 10.0 * np.log10(np.maximum(points, 1e-3)))
+
+
+def features(table: Table) -> Float64Array:
+    """`FEATURES` of all tracks, shape (n_tracks, 11)."""
+    rows = table.rows
+    points, snr, fast, known, height, square = rows["look"].T
+    amount, told = np.maximum(points, 1e-9), np.maximum(known, 1e-9)
+    middle = height / told
+    tall = np.sqrt(np.maximum(square / told - middle**2, 0.0))
+    measured = known > 0.2 * amount
+    low, high, usual = _ALONE
+    return np.column_stack(
+        [
+            np.log(points + 0.1),
+            np.clip(snr / amount, *_SNR),
+            np.where(measured, np.clip(np.abs(middle - _MIDDLE) - _MIDDLE_WITHIN, 0.0, _MOST_OFF), 0.0),
+            np.where(measured, np.clip(tall - _TALL, 0.0, _MOST_TALL), 0.0),
+            np.minimum(fast / amount, _MOST_FAST),
+            rows["behind"],
+            rows["same"],
+            np.where(rows["behind"], np.log(np.clip(rows["alone"], low, high) / usual), 0.0),
+            np.log((rows["hits"] + 0.05) / (1.05 - rows["hits"])),
+            np.minimum(went(table), _MOST_WENT),
+            _stuck(table),
+        ]
+    )
+
+
+def person_odds(table: Table) -> Float64Array:
+    """Log odds that a track is a person and nothing else that moves, shape (n_tracks,)."""
+    return np.asarray(CONSTANT + features(table) @ np.array(COEFFICIENTS))
+
+
+def _stuck(table: Table) -> Float64Array:
+    """How far range rates say that tracks went, beyond what people do on the spot, who stay where they are, shape (n_tracks,) [m]."""
+    step = table.mean[:, :2] - table.rows["haunt"]
+    on_the_spot = table.rows["moved"] / (1.0 + 2.0 * np.hypot(step[:, 0], step[:, 1]))
+    return np.asarray(np.clip(on_the_spot - _ON_THE_SPOT, 0.0, _MOST_STUCK))
+
+
+def went(table: Table) -> Float64Array:
+    """How far tracks are from where they began, shape (n_tracks,) [m]."""
+    step = table.mean[:, :2] - table.rows["birthplace"]
+    return np.asarray(np.hypot(step[:, 0], step[:, 1]))
