@@ -182,7 +182,7 @@ def test_hostile_model_files(tmp_path):
     promise = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header) + 1) + header + b"\n"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("format.npy", promise)
-    with pytest.raises(ConfigError, match="not what its header says"):
+    with pytest.raises(ConfigError, match="too much"):
         load_postures(path)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("format.npy", bytes(20_000_000))
