@@ -12,7 +12,7 @@ import pytest
 from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines", "probe"}  # no choices to compare
+FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines", "person_odds", "probe"}  # no choices to compare
 
 
 def machines(found):
@@ -41,6 +41,12 @@ def probe(found):
     """Faults are named, healthy frames are not accused: the limits of the issue, on the scenes that the checks were made with."""
     assert found["right"] >= 11
     assert found["false_alarms"] == 0
+
+
+def person_odds(found):
+    """Both kinds of tracks are there, and the coefficients in use tell them apart."""
+    assert 0 < found["people"] < 1
+    assert found["used_auc"] > 0.8
 
 
 def boards(found):
@@ -75,6 +81,6 @@ def test_quick_run(name, tmp_path):
     if name not in FIGURES_ONLY:
         assert len(found["choices"]) >= 2
         assert picture.read_bytes().startswith(b"\x89PNG")
-    check = {"machines": machines, "house": house, "boards": boards, "fuzz": fuzz, "probe": probe}.get(name)
+    check = {"machines": machines, "house": house, "boards": boards, "fuzz": fuzz, "person_odds": person_odds, "probe": probe}.get(name)
     if check is not None:
         check(found)
