@@ -31,7 +31,7 @@ log odds of a cloud with points; way from where it began [m]; how much farther i
 the spot people ever are [m]."""
 CONSTANT: Final = -1.11
 COEFFICIENTS: Final = (0.66, 0.17, -5.63, -4.09, -1.39, -1.93, -0.01, 0.53, 0.47, 0.23, -3.37)
-"""Of `FEATURES`, by logistic regression on random rooms for development: ``python -m benchmarks person_odds``."""
+"""Of `FEATURES`, by logistic regression on random rooms and recordings for development: ``python -m benchmarks person_odds``."""
 
 
 def note_look(table: Table, measured: Measured, shares: Shares, dt: float, origin: Float64Array, least_odds: float) -> None:
