@@ -1,5 +1,6 @@
 """`handwave devices` and `handwave probe`: what is plugged in, what is wrong with it, and what to do."""
 
+import contextlib
 import importlib
 import json
 import sys
@@ -39,6 +40,26 @@ THEIRS = """
 
 def run(*arguments):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@contextlib.contextmanager
+def sending(board, step, message):
+    """Let a board send ``message(number)`` each ``step`` seconds meanwhile, number from 1."""
+    end = threading.Event()
+
+    def send():
+        number = 0
+        while not end.wait(step):
+            number += 1
+            board.send(message(number))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield
+    finally:
+        end.set()
+        sender.join()
 
 
 @pytest.fixture
@@ -119,23 +140,14 @@ def test_probe_of_the_simulator(tmp_path):
 def test_probe_of_a_ti_board(tmp_path):
     """Through a pseudo terminal: points, SNR, rate; then of a port that is not there, with status 2 and the remedy."""
     board = ti.Board(tmp_path / "ttyACM1")
-    end = threading.Event()
 
-    def send():
-        number = 0
-        while not end.wait(0.05):
-            number += 1
-            items = [ti.item(1, ti.floats([0.1], [2.0], [0.3], [0.5])), ti.item(7, ti.side([15.0], [40.0]))]
-            board.send(ti.demo_packet(number, items, 1))
+    def packet(number):
+        items = [ti.item(1, ti.floats([0.1], [2.0], [0.3], [0.5])), ti.item(7, ti.side([15.0], [40.0]))]
+        return ti.demo_packet(number, items, 1)
 
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
+    with sending(board, 0.05, packet):
         done = run("probe", "ti_demo", "--set", f"port={board.link}", "--set", "frame_interval=0.05", "--duration", "1", "--json")
-    finally:
-        end.set()
-        sender.join()
-        board.unplug()
+    board.unplug()
     found = json.loads(done.stdout)
     checks = {check["check"]: check for check in found["checks"]}
     assert checks["link"]["verdict"] == "ok"
@@ -211,20 +223,10 @@ def test_probe_of_a_board_of_targets(tmp_path):
     """Through a pseudo terminal: reports, targets, rate and firmware, and no figures that such a board does not have."""
     import ld2450_emulator as ld
 
-    board, end = ld.Board(tmp_path / "ttyUSB0"), threading.Event()
-
-    def send():
-        while not end.wait(0.1):
-            board.send(ld.report((0.5, 2.0, 0.1)))
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
+    board = ld.Board(tmp_path / "ttyUSB0")
+    with sending(board, 0.1, lambda number: ld.report((0.5, 2.0, 0.1))):
         done = run("probe", "ld2450", "--set", f"port={board.link}", "--duration", "1", "--json", "--limit", "rate_fail=1")
-    finally:
-        end.set()
-        sender.join()
-        board.close()
+    board.close()
     found = json.loads(done.stdout)
     checks = {check["check"]: check for check in found["checks"]}
     assert checks["link"]["verdict"] == "ok"
