@@ -22,8 +22,10 @@ from radar_core import HandwaveError
 from radar_core.ladder import load_ladders
 from radar_core.mounting import load_mount
 from radar_core.paths import find_config
+from radar_driver.a121 import wire as a121
 from radar_driver.dca1000.control import decode_reply
 from radar_driver.dca1000.packets import Reassembler
+from radar_driver.dca1000.studio_config import read_studio_config
 from radar_driver.ld2450 import wire
 from radar_driver.ti_demo import tlv
 from radar_driver.tinyrad import board, convert
@@ -140,6 +142,15 @@ def _stream(make: Callable[[], Any], most: int, data: bytes) -> None:
     assert parser.held <= most
 
 
+def _a121(data: bytes) -> None:
+    parser = a121.Parser()
+    for at in range(0, len(data), 97):
+        for message in parser.feed(data[at : at + 97]):
+            a121.iq(message.data, 2, 4)
+            a121.number(message.head.get("tick"), 0.0, 1e9)
+    assert parser.held <= a121.LONGEST + 97
+
+
 def _dca1000(data: bytes) -> None:
     stream = Reassembler(4096)
     for at in range(0, len(data), 1466):
@@ -227,18 +238,30 @@ _MARS: Final = {"offset": [0, 2, 4], "xyz": np.ones((4, 3)), "joints": ["SpineBa
     "doppler": np.ones(4), "intensity": np.ones(4), "joint_xyz": np.ones((2, 3, 3)),
 }  # fmt: skip
 _ANSWER: Final = b"\xfd\xfc\xfb\xfa\x04\x00\xfe\x01\x00\x00\x04\x03\x02\x01"
+_STUDIO: Final = b"""{"mmWaveDevices": [{"rfConfig": {"rlChanCfg_t": {"rxChannelEn": "0xF"}, "rlProfiles": [{"rlProfileCfg_t": {
+"profileId": 0, "startFreqConst_GHz": 77.0, "idleTimeConst_usec": 7.0, "adcStartTimeConst_usec": 7.0, "rampEndTime_usec": 57.0,
+"freqSlopeConst_MHz_usec": 70.0, "numAdcSamples": 64, "digOutSampleRate": 5209.0}}],
+"rlChirps": [{"rlChirpCfg_t": {"chirpStartIdx": 0, "chirpEndIdx": 0, "txEnable": "0x1"}}],
+"rlFrameCfg_t": {"chirpStartIdx": 0, "chirpEndIdx": 0, "numLoops": 4, "framePeriodicity_msec": 100.0}}, "rawDataCaptureConfig": {}}]}"""
+_A121: Final = [
+    b'{"status":"ok","result_info":[[{"tick":1,"temperature":30}]],"payload_size":32}\n' + bytes(range(10, 42)),
+    b'{"status":"ok","metadata":[[{"frame_data_length":8,"base_step_length_m":0.0025}]],"payload_size":0}\n',
+]
 PARSERS: Final[dict[str, Parser]] = {
     "ti_demo": Parser(_ti_items, partial(_stream, tlv.Parser, tlv.LONGEST)),
     "ld2450": Parser(lambda: [b"\xaa\xff\x03\x00" + bytes(24) + b"\x55\xcc", _ANSWER], partial(_stream, wire.Parser, wire.LONGEST + 10)),
+    "a121": Parser(lambda: _A121, _a121),
     "dca1000": Parser(lambda: [b"".join(struct.pack("<IIH", k + 1, k * 1456, 0) + bytes(1456) for k in range(8))], _dca1000),
     "tinyrad": Parser(lambda: [struct.pack("<4I", 0x0004900E, 0x30001, 1, 2), bytes(range(80)), bytes(4096)], _tinyrad),
     "ti_cfg": Parser(lambda: [_CFG], _file(".cfg", lambda path: _items("dca1000_bin", path.with_name("zeros.bin")))),
+    "studio": Parser(lambda: [_STUDIO], _file(".mmwave.json", read_studio_config)),
     "pcap": _importer("dca1000", ".pcap", _pcap),
     "dca1000_bin": _importer("dca1000_bin", ".bin", lambda: [bytes(range(256)) * 17]),
     "openradar": _importer("openradar", ".npy", lambda: [_saved(np.save, np.ones((2, 4, 8, 16), complex))]),
     "bgt60": _importer("bgt60", ".json", lambda: [_BGT60]),
     "crossing": _importer("crossing", ".npz", partial(_npz, **_CROSSING)),
     "mars": _importer("mars", ".npz", partial(_npz, **_MARS)),
+    "mars_table": _importer("mars", ".csv", lambda: [b"Frame #,# Obj,X,Y,Z,Doppler,Intensity\n" + b"1,2,0.1,1.9,0.2,0.5,30\n" * 3]),
     "radhar": _importer("radhar", ".txt", lambda: [_RADHAR]),
     "mhomeges": _importer("mhomeges", ".csv", lambda: [_SEGMENT]),
     "model": Parser(lambda: [find_config("gestures", "models", ".npz").read_bytes()], _file(".npz", load_model)),
@@ -246,7 +269,7 @@ PARSERS: Final[dict[str, Parser]] = {
     "settings": Parser(lambda: [_SCENE, b'{"format": 1, "stages": {}}'], _file(".yaml", load_scene, load_mount, load_ladders)),
     "pointcloud2": Parser(lambda: [struct.pack("<10I", 1, 4, 12, 48, 7, 1, 0, 4, 8, 0) + bytes(48)], _cloud2),
 }
-"""Everything that reads what others wrote; for bags that is the library of their maker."""
+"""Everything that reads what others wrote; for bags and HDF5 files that are the libraries of their makers."""
 
 
 def run(quick: bool) -> dict[str, Any]:

@@ -39,7 +39,8 @@ from radar_tracking.poisson.tracker import PoissonTracker
 ROOMS: Final = 40
 RECORDED: Final = 0.5
 EVERY: Final = 0.5  # s
-ON, OFF = 0.5, 0.8  # m: a track nearer to somebody is that person; one farther from everybody is nobody; between, it is left out
+ON, OFF = 0.5, 0.8  # m: the track nearest to somebody, within the first, is that person; one farther from everybody is nobody
+BESIDE: Final = 0.35  # m: and one farther from somebody whose own track is nearer is nobody, too; others are left out
 _YOUNG: Final = 0.3  # s: younger tracks are left out
 _GROUPS: Final = 5
 
@@ -68,7 +69,12 @@ def in_room(room: KeptRoom) -> Iterator[tuple[Float64Array, bool]]:
 
     def near(number: int, table: Table) -> Float64Array:
         step = table.mean[:, None, :2] - room.truths[number].position[None, :, :2]
-        return np.asarray(np.hypot(step[..., 0], step[..., 1]).min(axis=1))
+        gap = np.hypot(step[..., 0], step[..., 1])
+        gap[table.rows["odds"] <= CONFIRM_ODDS] = np.inf
+        away, own = gap.min(axis=1, initial=np.inf), gap.min(axis=0, initial=np.inf)
+        first = (gap == own).any(axis=1)  # the nearest track of somebody
+        beside = ((gap < OFF) & (gap > BESIDE) & (gap > own)).any(axis=1)
+        return np.where(first | (away > OFF), away, np.where(beside, np.inf, np.nan))
 
     return samples(room.clouds, room.info, near)
 

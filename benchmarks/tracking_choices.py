@@ -152,6 +152,7 @@ UNVARIED: Final[Mapping[str, str]] = {
     "zones.entries": "says where the room is",
     "zones.settle": "with entries",
     "zones.walls": "says where the room is",
+    "zones.areas": "says where the room is; benchmark zones",
     "zones.counted": "counts only",
     "zones.counted_boxes": "counts only",
     "max_distance": "says where the room is",

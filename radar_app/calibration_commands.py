@@ -61,6 +61,39 @@ def turntable(
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
+def calibrate_coupling(
+    recording: Annotated[Path, typer.Argument(help="some seconds of raw frames; nobody and nothing within a metre of the radar")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="file with the baseband's knobs (.yaml)")],
+    seconds: Annotated[float, typer.Option(help="of the recording's beginning that are used", min=0.1, max=3600.0)] = 5.0,
+    as_json: Json = False,
+) -> None:
+    """Measure how far a radar hears itself, and suppress that much (docs/calibration.md).
+
+    The file goes to the graph: `handwave up live --config baseband=coupling.yaml`.
+
+    Example: `handwave calibrate-coupling empty -o coupling.yaml`
+    """
+    import yaml
+
+    from radar_dsp import BasebandConfig
+    from radar_dsp.coupling import measure_leakage
+    from radar_ros.offline import open_recording, raw_frames
+
+    opened = open_recording(recording)
+    found = measure_leakage(raw_frames(opened, seconds), BasebandConfig(), opened.info)
+    chosen = {"range_extent": round(found.config.range_extent, 4), "speed_extent": round(found.config.speed_extent, 4)}
+    out.write_text(yaml.safe_dump({"coupling": chosen}), encoding="utf-8")
+    if as_json:
+        print(
+            json.dumps(
+                {"level_db": found.level, "range_m": found.range_extent, "speed_mps": found.speed_extent, "frames": found.n_frame, **chosen}
+            )
+        )
+        return
+    reach = f"{found.level:.0f} dB above the noise, up to {found.range_extent:.2f} m and {found.speed_extent:.2f} m/s"
+    print(f"leakage in {found.n_frame} frames: {reach if found.range_extent else 'none'}; knobs in {out}")
+
+
 def calibrate_pair(
     out: Annotated[Path, typer.Option("--out", "-o", help="file for the second radar's mount (.yaml)")],
     bag: Annotated[Path | None, typer.Argument(help="recording of both radars; left out: listen to the running graph")] = None,

@@ -11,10 +11,18 @@ from typing import Annotated
 
 import typer
 
-from radar_app import calibration_commands, camera_commands, dataset_commands, device_commands, scene_commands, training_commands
+from radar_app import (
+    calibration_commands,
+    camera_commands,
+    dataset_commands,
+    device_commands,
+    gesture_commands,
+    scene_commands,
+    training_commands,
+)
 from radar_app.compiling import compile_loops
-from radar_app.parameters import Configs, Domain, Namespace, Params, comma_separated, parse_parameters
-from radar_core import HandwaveError
+from radar_app.parameters import Configs, Domain, Namespace, Params, ZonesFile, comma_separated, merged, parse_parameters, zone_parameters
+from radar_core import ConfigError, HandwaveError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -47,6 +55,7 @@ def demo(
     headless: Annotated[bool, typer.Option("--headless", help="plain lines instead of the live display")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the report as one JSON object")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="show the nodes' logs")] = False,
+    zones: ZonesFile = None,
     domain: Domain = None,
     namespace: Namespace = "",
 ) -> None:
@@ -61,7 +70,7 @@ def demo(
     from radar_app.demo import DemoOptions, run_demo, show_report
 
     console = Console(stderr=as_json)
-    report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose), console)
+    report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose, zones), console)
     if as_json:
         print(json.dumps(report))
     else:
@@ -74,12 +83,18 @@ def demo(
 
 @app.command()
 def up(
-    variant: Annotated[str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md)")] = "",
+    variant: Annotated[
+        str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md), or a file of rooms")
+    ] = "",
     board: Annotated[str | None, typer.Option(help="where frames come from: a board, or a Python file with one of your own")] = None,
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
+    mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/home.md)")] = None,
+    mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
+    osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/home.md)")] = None,
+    zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
     domain: Domain = None,
@@ -88,31 +103,30 @@ def up(
     """Start a graph: every node as its own process, logs with names, Ctrl-C stops all.
 
     Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
-    · `handwave up --board my_board.py` (docs/adding-a-board.md)
+    · `handwave up --board my_board.py` (docs/adding-a-board.md) · `handwave up --zones living_room.yaml` (docs/zones.md)
+    · `handwave up --mqtt homeassistant.local` · `handwave up rooms.yaml` (docs/home.md)
     """
     from radar_app.graph import graph
-    from radar_app.supervisor import Supervisor, default_log_sink, refuse_busy_domain, run_composed, supervise
+    from radar_app.outputs import outputs
+    from radar_app.rooms import is_rooms_file, load_rooms, rooms_graph, with_board
+    from radar_app.supervisor import start_graph
 
-    parameters = parse_parameters(param, config)
-    if board is not None:
-        from radar_driver.boards import board as find_board
-
-        found = find_board(board)
-        parameters.setdefault("driver", {})["source"] = str(Path(board).resolve()) if board.endswith(".py") else board
-        variant = variant or found.variant
-    variant = variant or "live"
+    parameters = merged(zone_parameters(zones), parse_parameters(param, config))
+    beside = outputs(mqtt, mqtt_password_file, osc, parameters)
+    if is_rooms_file(variant):
+        if board or scene or bag or namespace or parameters:
+            raise ConfigError(f"{variant} says all of its rooms; of the options only --composed, --respawn and --domain go with it")
+        house = load_rooms(variant)
+        raise typer.Exit(start_graph(rooms_graph(house), domain, composed=composed, respawn=respawn or house.respawn))
+    variant = with_board(variant, board, parameters)
     if variant in ("live", "demo") or scene is not None:
         parameters.setdefault("driver", {}).setdefault("scene", scene or "demo")
     if variant == "demo":
         from radar_ros.bags import free_folder
 
         parameters.setdefault("recorder", {}).setdefault("bag", str(bag or free_folder(Path("out") / "recording")))
-    specs = graph(variant, namespace=namespace, parameters=parameters)
-    refuse_busy_domain([spec.label for spec in specs], namespace, domain)
-    if composed:
-        raise typer.Exit(run_composed(specs, domain))
-    supervisor = Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.label) for s in specs)))
-    raise typer.Exit(supervise(supervisor))
+    specs = graph(variant, namespace=namespace, parameters=parameters, beside=beside)
+    raise typer.Exit(start_graph(specs, domain, composed=composed, respawn=respawn))
 
 
 @app.command()
@@ -141,6 +155,7 @@ def replay(
     clock: Annotated[bool, typer.Option("--clock/--no-clock", help="publish /clock, or leave the nodes in the machine's time")] = True,
     topics: Annotated[str | None, typer.Option(help="comma-separated names to send; default: what the graph starts from")] = None,
     graph_too: Annotated[bool, typer.Option("--graph/--no-graph", help="also start the nodes, or use those that run")] = True,
+    zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
     domain: Domain = None,
@@ -152,7 +167,7 @@ def replay(
     """
     from radar_app.replaying import ReplayOptions, run_replay
 
-    parameters = parse_parameters(param, config)
+    parameters = merged(zone_parameters(zones), parse_parameters(param, config))
     options = ReplayOptions(bag, lockstep, out, rate, loop, graph_too, parameters, domain, namespace, clock, comma_separated(topics))
     raise typer.Exit(run_replay(options))
 
@@ -161,6 +176,7 @@ def replay(
 def process(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
     out: Annotated[Path, typer.Option(help="folder of a new bag for clouds, tracks, gestures and hand")],
+    zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
 ) -> None:
@@ -177,7 +193,8 @@ def process(
     from radar_ros.bags import BagWriter
     from radar_ros.offline import copy_info, open_recording, pipeline_config, process_recording, write_results
 
-    chosen = pipeline_config(parse_parameters(param, config))
+    areas = {"tracking": zone_parameters(zones).get("tracking", {})}  # all that a zones file says to the library
+    chosen = pipeline_config(merged(areas, parse_parameters(param, config)))
     mount = load_mount(chosen.driver.calibration) if chosen.driver.calibration else None
     total, gestures = len(open_recording(bag)), 0
     with BagWriter(out) as writer:
@@ -227,7 +244,9 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
 
 @app.command("import")
 def import_(
-    kind: Annotated[str, typer.Argument(help="npy, bgt60, crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")],
+    kind: Annotated[
+        str, typer.Argument(help="npy, bgt60, a121, crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")
+    ],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
     option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
@@ -256,9 +275,11 @@ _COMMANDS = (*_CALIBRATIONS, *_SCENES, *_DEVICES, *_TRAINING)
 for command in _COMMANDS:
     app.command()(command)
 app.command("compile")(compile_loops)
+app.command("calibrate-coupling")(calibration_commands.calibrate_coupling)
 app.command("calibrate-pair")(calibration_commands.calibrate_pair)
 app.command("calibrate-camera")(camera_commands.calibrate_camera)
 app.add_typer(dataset_commands.app, name="dataset")
+app.add_typer(gesture_commands.app, name="gesture")
 _ENTRIES = {entry.name: entry for entry in importlib.metadata.entry_points(group="handwave.commands")}  # one of each name
 for name in sorted(_ENTRIES):
     app.command(name)(_ENTRIES[name].load())

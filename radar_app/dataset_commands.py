@@ -134,19 +134,21 @@ def _contents(files: list[Path]) -> tuple[Any, list[Path]]:
     import numpy as np
     from rich.table import Table
 
-    from radar_core import GESTURES
+    from radar_core import vocabulary
     from radar_lab.datasets.samples import read_sample
 
-    rows = []
+    rows, gestures = [], []
     for path in files:
         sample = read_sample(path)
-        rows.append([int(sample[name]) for name in ("label", "subject", "found")])
-    label, subject, found = np.array(rows).T
+        rows.append([int(sample[name]) for name in ("subject", "found")])
+        gestures.append(str(sample["gesture"]))
+    (subject, found), labels = np.array(rows).T, vocabulary(gestures)
+    label = np.array([labels.index(name) for name in gestures])
     table = Table("gesture", "samples", "subjects", "found", "missed")
     for number in np.unique(label):
         own = label == number
         hits = int(found[own].sum())
-        table.add_row(GESTURES[number], str(own.sum()), str(len(np.unique(subject[own]))), str(hits), str(int(own.sum()) - hits))
+        table.add_row(labels[number], str(own.sum()), str(len(np.unique(subject[own]))), str(hits), str(int(own.sum()) - hits))
     return table, [files[int(np.argmax(label == number))] for number in np.unique(label)]
 
 
@@ -155,6 +157,7 @@ def import_(
     bag: Annotated[Path, typer.Argument(help="folder of the recording, with raw frames or point clouds")],
     folder: Annotated[Path, typer.Argument(help="folder of the data set; samples of several recordings of one radar may go into it")],
     labels: Annotated[Path | None, typer.Option(help="CSV with columns start,end,gesture,person; default: the recording's truth")] = None,
+    own: Annotated[str, typer.Option(help="gestures of your own that --labels names beside the ten, with commas between")] = "",
     one_tx: Annotated[bool, typer.Option("--one-tx", help="of raw frames: also keep what one transmitter alone saw")] = False,
     param: Params = None,
 ) -> None:
@@ -173,7 +176,7 @@ def import_(
     recording = open_recording(bag)
     if one_tx and recording.topic != "radar/frame":
         raise ConfigError(f"--one-tx needs raw frames, and {bag} only has point clouds")
-    wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording))
+    wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording), comma_separated(own) or ())
     moments = _moments(recording, one_tx, baseband)
     report = import_labelled(folder, recording.info, moments, wanted, source=bag.resolve().name, one_tx=one_tx)
     print(f"{report.n_written} samples added to {folder}, in {report.n_found} of them the gesture is found")

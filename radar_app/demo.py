@@ -16,6 +16,7 @@ from rich.table import Table
 
 from radar_app.graph import STAGES, graph
 from radar_app.live import Monitor
+from radar_app.parameters import zone_parameters
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError
 from radar_ros.bags import free_folder
@@ -25,7 +26,11 @@ from radar_sim import load_scene
 _START_TIMEOUT = 30.0  # s: for all nodes to be there; a cold disk is slow
 _GOSPA_PARTS = {"localisation": "localisation", "missed": "missed", "false_tracks": "false tracks"}
 _DRAIN = 1.0  # s: after the last frame, for results to arrive and be written
-_READERS = {"radar/frame": {"baseband", "recorder"}, "radar/points": {*STAGES[1:], "recorder"}, "tracks": {"evaluation", "recorder"}}
+_READERS = {
+    "radar/frame": {"baseband", "recorder"},
+    "radar/points": {*STAGES[1:], "recorder"},
+    "tracks": {"evaluation", "recorder", "zones"},
+}
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,7 @@ class DemoOptions:
     domain: int | None = None
     namespace: str = ""
     verbose: bool = False
+    zones: Path | None = None
 
 
 def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
@@ -56,6 +62,7 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     report_file = bag.with_name(f"{bag.name}.json")
     parameters = {"recorder": {"bag": str(bag)}, "evaluation": {"report": str(report_file)}}
     driver = {"scene": str(options.scene), "duration": float(duration), "wait_for_readers": 2}
+    parameters |= zone_parameters(options.zones)
     specs = graph("demo", namespace=options.namespace, parameters={"driver": driver, **parameters})
     refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
     logs: list[str] = []

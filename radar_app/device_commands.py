@@ -146,6 +146,9 @@ def probe(
     waveform: Annotated[str, typer.Option(help="of a .npy: YAML file with the Waveform")] = "",
     array: Annotated[str, typer.Option(help="of a .npy: YAML file with the AntennaArray")] = "",
     axes: Annotated[str, typer.Option(help="of a .npy, in its order (docs/recordings.md)")] = "frame tx chirp rx sample",
+    walked: Annotated[
+        str, typer.Option(help="of raw frames: left or right, to which side of the radar's view somebody walks in them")
+    ] = "",
     limit: Annotated[list[str] | None, typer.Option(help="limit=value (radar_driver.health.HealthConfig); may be repeated")] = None,
     as_json: Json = False,
 ) -> None:
@@ -155,7 +158,8 @@ def probe(
     noise floor, coupling and saturation. Point the radar at a still room for figures that can be compared.
 
     Of raw frames in a file: what is probably wrong with them (order of axes, transmitters or chirps, I and Q, format, frames stitched
-    together), named from the data alone; somebody should walk towards the radar or away from it, with furniture in view.
+    together), named from the data alone; somebody should walk towards the radar or away from it, with furniture in view. Mirrored angles
+    cannot be told so: record a walk across the view, and say to which side it went (`--walked left`, as the radar looks).
 
     The exit status is 0 when all is well, 1 when something deserves a look, 2 when something failed, or the command makes no sense.
 
@@ -169,8 +173,12 @@ def probe(
     board = board or own
     if not board:
         raise ConfigError("say what to probe: a board (handwave devices lists them), or --board my_board.py")
+    if walked not in ("", "left", "right"):
+        raise ConfigError(f"--walked {walked!r}: say left or right, as the radar looks")
     if board.endswith(".npy") or (Path(board) / "metadata.yaml").is_file():
-        raise typer.Exit(_probe_frames(Path(board), waveform, array, axes, as_json))
+        raise typer.Exit(_probe_frames(Path(board), waveform, array, axes, walked, as_json))
+    if walked:
+        raise ConfigError("--walked is for raw frames: a .npy or a recording")
     limits = load(HealthConfig, nest(_parse(limit, "--limit")), "--limit")
     if scene is not None and board != "sim":
         raise ConfigError(f"--scene is for sim; for {board} give --set knob=value (handwave devices --boards lists the knobs)")
@@ -188,7 +196,7 @@ def probe(
     raise typer.Exit(_STATUS[found.verdict.value])
 
 
-def _probe_frames(path: Path, waveform: str, array: str, axes: str, as_json: bool) -> int:
+def _probe_frames(path: Path, waveform: str, array: str, axes: str, walked: str, as_json: bool) -> int:
     """Say what is probably wrong with raw frames in a file; 1: something is."""
     import numpy as np
 
@@ -209,6 +217,10 @@ def _probe_frames(path: Path, waveform: str, array: str, axes: str, as_json: boo
         raise DataError(f"{path} holds no raw frames")
     cubes = np.stack(first).astype(np.complex64)
     fault = name_fault(cubes, info)
+    if fault is None and walked:
+        from radar_lab.mirrored_angle import name_mirrored
+
+        fault = name_mirrored(cubes, info, "left" if walked == "left" else "right")
     if as_json:
         print(json.dumps({"frames": len(cubes), "fault": fault and fault._asdict()}))
     else:

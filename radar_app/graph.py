@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,11 +25,16 @@ class NodeSpec:
         """What tells it from all other nodes of its graph: ``left/driver``, or its name where there is only one."""
         return f"{self.place}/{self.name}" if self.place else self.name
 
+    @property
+    def path(self) -> str:
+        """Namespace and name, as ROS has them, without the first slash: ``hall/left/driver``."""
+        return f"{self.namespace}/{self.name}" if self.namespace else self.name
 
-_REST = ("camera", "visualisation", "evaluation", "hand_evaluation", "recorder")
+
+_REST = ("camera", "visualisation", "evaluation", "hand_evaluation", "recorder", "mqtt", "osc", "bridge")
 NODES: Mapping[str, NodeSpec] = {
     name: NodeSpec(name, f"radar_ros.nodes.{name}")
-    for name in ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", *_REST)
+    for name in ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones", *_REST)
 }
 """Every node there is."""
 
@@ -50,25 +55,32 @@ _RADARS = ("left", "right")
 _EACH = tuple(f"{radar}/{node}" for radar in _RADARS for node in ("driver", "baseband"))
 
 VARIANTS: Mapping[str, Variant] = {
-    "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "visualisation", "evaluation", "recorder")),
-    "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "visualisation")),
+    "demo": Variant("a simulated room, evaluated and recorded", ("driver", *STAGES, "zones", "visualisation", "evaluation", "recorder")),
+    "live": Variant("a radar (or simulated radar) to people, gestures and a hand", ("driver", *STAGES, "zones", "visualisation")),
     "clouds": Variant(
         "a board that gives point clouds (handwave devices --boards) to people, gestures and a hand",
-        ("driver", *STAGES[1:], "visualisation"),
+        ("driver", *STAGES[1:], "zones", "visualisation"),
         {"driver": {"source": "ti_demo"}},
     ),
     "targets": Variant(
         "a board that follows people itself (handwave devices --boards): its targets as tracks; gestures and hand need points",
-        ("driver", "visualisation"),
+        ("driver", "zones", "visualisation"),
         {"driver": {"source": "ld2450"}},
     ),
-    "cloud2": Variant("clouds of somebody else's driver (sensor_msgs/PointCloud2) to the same", ("cloud2", *STAGES[1:], "visualisation")),
-    "replay": Variant("everything but the driver, for recordings", (*STAGES, "visualisation")),
+    "one_channel": Variant(
+        "a radar without angles (an A121): whether somebody is there, how far away, breath, push, pull and wave",
+        ("driver", "presence"),
+        {"driver": {"source": "a121"}},
+    ),
+    "cloud2": Variant(
+        "clouds of somebody else's driver (sensor_msgs/PointCloud2) to the same", ("cloud2", *STAGES[1:], "zones", "visualisation")
+    ),
+    "replay": Variant("everything but the driver, for recordings", (*STAGES, "zones", "visualisation")),
     "camera": Variant("a camera as the reference of the hand, beside a graph that runs", ("camera", "hand_evaluation")),
     "stages": Variant("the bare stages, for lockstep and measurements", STAGES),
     "two_radars": Variant(
         "two radars (or simulated radars) in left/ and right/, fused to people, gestures and a hand",
-        (*_EACH, "fusion", *STAGES[1:], "visualisation"),
+        (*_EACH, "fusion", *STAGES[1:], "zones", "visualisation"),
         {**{f"{radar}/driver": {"scene": "two_radars"} for radar in _RADARS}, "fusion": {"radars": list(_RADARS)}},
     ),
 }
@@ -76,7 +88,12 @@ VARIANTS: Mapping[str, Variant] = {
 
 
 def graph(
-    variant: str, *, namespace: str = "", parameters: Mapping[str, Mapping[str, Any]] | None = None, without: Sequence[str] = ()
+    variant: str,
+    *,
+    namespace: str = "",
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+    without: Sequence[str] = (),
+    beside: Sequence[str] = (),
 ) -> tuple[NodeSpec, ...]:
     """List the nodes of a variant with their parameters.
 
@@ -90,6 +107,8 @@ def graph(
         Per node name, parameters to set: ``driver`` is every driver, ``left/driver`` that one, ``"*"`` all nodes. The narrower one wins.
     without : sequence of str
         Nodes to leave out.
+    beside : sequence of str
+        Nodes that run too: ``mqtt``, ``osc``.
 
     Raises
     ------
@@ -102,11 +121,11 @@ def graph(
     given = dict(parameters or {})
     common = given.pop("*", {})
     known = (*NODES, *(name for name in chosen.nodes if name not in NODES))
-    for name in (*given, *without):
+    for name in (*given, *without, *beside):
         if name not in known:
             raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(known)}")
     specs = []
-    for label in chosen.nodes:
+    for label in (*chosen.nodes, *beside):
         place, _, name = label.rpartition("/")
         if name in without or label in without:
             continue
@@ -148,33 +167,20 @@ def run_node(name: str) -> int:
     return run(importlib.import_module(NODES[name].module).make_node)
 
 
-def launch_description(variant: str, arguments: dict[str, tuple[str, str]]) -> Any:
-    """Build the launch description of a graph: one `launch_ros.actions.Node` per node, and a ``namespace`` argument.
+def run_nodes(words: Sequence[str]) -> int:
+    """Run several nodes in this process: name and ROS arguments of each, ``--`` between them; for the executable of a ROS installation."""
+    groups: list[list[str]] = [[]]
+    for word in words:
+        if word == "--":
+            groups.append([])
+        else:
+            groups[-1].append(word)
+    for name, *_ in groups:
+        if name not in NODES:
+            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(NODES)}")
+    from radar_ros.stage import run
 
-    ``arguments`` maps ``node.parameter`` (a ``*`` node: all) to default and description. The launch argument's name is the parameter's.
-    """
-    from launch.actions import DeclareLaunchArgument
-    from launch.substitutions import LaunchConfiguration
-    from launch_ros.actions import Node
-    from launch_ros.parameter_descriptions import ParameterValue
+    def maker(name: str, own: list[str]) -> Callable[[], Any]:
+        return lambda: importlib.import_module(NODES[name].module).make_node(cli_args=own, use_global_arguments=False)
 
-    from launch import LaunchDescription
-
-    given: dict[str, dict[str, Any]] = {}
-    declared = [DeclareLaunchArgument("namespace", default_value="", description="namespace of the graph, one per radar")]
-    for path, (default, doc) in arguments.items():
-        node, _, parameter = path.partition(".")
-        declared.append(DeclareLaunchArgument(parameter, default_value=default, description=doc))
-        given.setdefault(node, {})[parameter] = ParameterValue(LaunchConfiguration(parameter))
-    nodes = [
-        Node(
-            package="handwave",
-            executable=f"{spec.name}_node",
-            name=spec.name,
-            namespace=[LaunchConfiguration("namespace"), f"/{spec.place}"] if spec.place else LaunchConfiguration("namespace"),
-            parameters=[dict(spec.parameters)],
-            output="screen",
-        )
-        for spec in graph(variant, parameters=given)
-    ]
-    return LaunchDescription([*declared, *nodes])
+    return run(*(maker(name, own) for name, *own in groups))

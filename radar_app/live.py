@@ -58,6 +58,8 @@ class Monitor(Visitor):
     def _status(self, msg: Any) -> None:
         if msg.header.stamp.sec == 0 and msg.header.stamp.nanosec == 0:
             return  # says only that the stage is ready
+        if msg.stale:
+            return  # says only that nothing comes any more
         stage = self.stages.setdefault(msg.stage, Stage())
         stage.processed, stage.dropped = msg.processed, msg.dropped
         stage.times.append(time.monotonic())

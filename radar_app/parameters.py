@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -19,6 +20,7 @@ Configs = Annotated[
     list[str] | None,
     typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
 ]
+ZonesFile = Annotated[Path | None, typer.Option("--zones", help="YAML file with the zones of the room (docs/zones.md)")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 
@@ -46,11 +48,11 @@ def progress_bar(title: str, *, quiet: bool, transient: bool = False) -> Iterato
         yield lambda share: bar.update(task, completed=share)
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def dotted(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Give nested knobs dots, as ROS parameters are named."""
     result: dict[str, Any] = {}
     for key, value in values.items():
-        result |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+        result |= dotted(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return result
 
 
@@ -63,7 +65,7 @@ def _config_of(node: str, name: str) -> dict[str, Any]:
         raise ConfigError(f"{path}: this is no YAML ({error})") from None
     if not isinstance(config, dict):
         raise ConfigError(f"{path}: must hold knobs of the node {node}, one 'name: value' a line")
-    return _flat(config)
+    return dotted(config)
 
 
 def comma_separated(names: str | None) -> tuple[str, ...]:
@@ -89,3 +91,22 @@ def parse_parameters(given: list[str] | None, files: list[str] | None = None) ->
             raise ConfigError(f"--param {text!r}: write node.parameter=value, e.g. tracking.association.gate=1.2")
         result.setdefault(node, {})[parameter] = yaml.safe_load(value)
     return result
+
+
+def zone_parameters(file: Path | None) -> dict[str, dict[str, Any]]:
+    """Say to the nodes of a graph what a zones file holds: `parse_parameters` goes before it; nothing without a file.
+
+    A `ConfigError` names file, line and zone, when one makes no sense.
+    """
+    if file is None:
+        return {}
+    from radar_core.config import load_file
+    from radar_tracking.zones import LayoutConfig
+
+    areas = list(load_file(LayoutConfig, file).areas)
+    return {"zones": {"zones_file": str(file.resolve())}, "tracking": {"zones.areas": areas} if areas else {}}
+
+
+def merged(parameters: dict[str, dict[str, Any]], given: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Put parameters of nodes together; those that were ``given`` win."""
+    return {node: {**parameters.get(node, {}), **given.get(node, {})} for node in {**parameters, **given}}

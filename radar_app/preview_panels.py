@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, RadarFrame, RadarInfo
-from radar_dsp.baseband import coupling_region
+from radar_core import RadarFrame, RadarInfo
 from radar_dsp.config import BasebandConfig
+from radar_dsp.coupling import coupling_region
 from radar_dsp.kernels import integrate
 from radar_dsp.spectrum import make_spectrum
 from radar_sim.scene import Scene
@@ -66,7 +66,7 @@ class Observer:
         near, far = (0.0, 1.0) if w.modulation == "cw" else (-w.range_resolution / 2, w.max_range - w.range_resolution / 2)
         self.extent = (near, far, float(self.speed[0] - half), float(self.speed[-1] + half))
         # Leakage at range 0 reaches to both ends of the range axis, as far as the main lobe of the widest usual window.
-        cells = np.fft.fftshift(coupling_region(config.coupling, info), axes=0)
+        cells = np.fft.fftshift(coupling_region(config, info), axes=0)
         leaks = np.minimum(np.arange(cells.shape[1]), cells.shape[1] - np.arange(cells.shape[1])) <= _MAIN_LOBE
         self._leakage = np.logical_and.outer(cells.sum(axis=1) > 0, leaks)
 
@@ -133,8 +133,9 @@ class Deed:
 
 def deeds(simulator: Simulator) -> list[Deed]:
     """List what people do and when, by the script as it was laid out in time; standing, turning and moving the arm back are left out."""
+    labels = simulator.scene.labels
     return [
-        Deed(i, s.kind if s.gesture is None else GESTURES[s.gesture].replace("_", " "), s.start, s.end, s.gesture is not None)
+        Deed(i, s.kind if s.gesture is None else labels[s.gesture].replace("_", " "), s.start, s.end, s.gesture is not None)
         for i, timeline in enumerate(simulator.world.timelines)
         for s in timeline.segments
         if s.kind not in ("stand", "turn", "move")

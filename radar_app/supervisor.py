@@ -265,6 +265,17 @@ def run_composed(specs: Sequence[NodeSpec], domain: int | None = None) -> int:
     return run(*(partial(make, spec) for spec in specs))
 
 
+def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool, respawn: bool) -> int:
+    """Run the nodes, in this process or each in its own, until interrupted; returns the exit status.
+
+    A `ConfigError` says that nodes of these names run already.
+    """
+    refuse_busy_domain([spec.path for spec in specs], "", domain)
+    if composed:
+        return run_composed(specs, domain)
+    return supervise(Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.label) for s in specs))))
+
+
 def default_log_sink(width: int) -> LogSink:
     """Print lines with the node's name in a colour of its own."""
     from rich.console import Console

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from radar_app.parameters import Json, comma_separated
-from radar_core import GESTURES, ConfigError
+from radar_core import ConfigError
 
 if TYPE_CHECKING:
     from radar_gestures.classifiers.perceptron import GestureModel
@@ -23,7 +23,12 @@ SPLITS = ("subjects", "random", "all")
 def train(
     folders: Annotated[list[Path], typer.Argument(help="folders of data sets: of scenes, or of single samples")],
     out: Annotated[Path, typer.Option("--out", "-o", help="model file to write (.npz); beside it its card (.md)")] = Path("gestures.npz"),
-    labels: Annotated[str, typer.Option(help="only these gestures, with commas between, e.g. random,push,pull; default: all ten")] = "",
+    labels: Annotated[
+        str,
+        typer.Option(
+            help="only these gestures, with commas between, e.g. random,push,pull; default: the ten, or with some of your own all"
+        ),
+    ] = "",
     hidden: Annotated[str, typer.Option(help="neurons of the hidden layers, with commas between")] = "32",
     regularisation: Annotated[float, typer.Option(help="L2 penalty on the weights", min=0.0)] = 0.1,
     starts: Annotated[int, typer.Option(help="start weights to try; the network with the least loss is kept", min=1, max=100)] = 1,
@@ -31,16 +36,25 @@ def train(
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
     scenes: Annotated[int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s each", min=0)] = 0,
     jobs: Annotated[int, typer.Option(help="with --scenes: processes that simulate", min=1)] = 2,
+    model: Annotated[str, typer.Option(help="perceptron: on thirteen features; curves: a network on curves (PyTorch)")] = "perceptron",
+    passes: Annotated[int, typer.Option(help="model curves: over the samples", min=1)] = 60,
 ) -> None:
-    """Train the perceptron that names gestures.
+    """Train the model that names gestures: the perceptron on the thirteen features, or a network on curves.
 
     Its accuracy, its calibration and the limit for rejecting unknown gestures are measured on people left out of the training, two or more
     at a time; the model itself is then trained on everybody. The same samples and seed give the same file.
 
-    Use the model with: `handwave up --param gestures.model=gestures.npz`
+    The network on curves takes single samples only, and also radars with ten clouds a second; the model brings its events and features.
+
+    Use the model with: `handwave up --param gestures.model=gestures.npz`, or in a running graph: `handwave gesture use gestures.npz`
 
     Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
     """
+    if model not in ("perceptron", "curves"):
+        raise ConfigError(f"--model {model}: choose perceptron or curves")
+    if model == "curves":
+        _train_curves(folders, out, comma_separated(labels), lost, seed, passes)
+        return
     from radar_lab.training.card import card, write_card
     from radar_lab.training.training import TrainingConfig, describe
     from radar_lab.training.training import train as fit
@@ -52,13 +66,38 @@ def train(
 
         generate(folders[0], scenes, seed=seed, n_jobs=jobs)
     config = TrainingConfig(hidden=_sizes(hidden), regularisation=regularisation, starts=starts, lost=lost, seed=seed)
-    report = fit(folders, out, config, labels=comma_separated(labels) or GESTURES)
+    report = fit(folders, out, config, labels=comma_separated(labels) or None)
     print(describe(report))
     text = card(
         report.model,
         [report.validation],
         data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
         command=_command(folders, out, labels, config, scenes),
+        n_bytes=out.stat().st_size,
+    )
+    write_card(text, out.with_suffix(".md"))
+    print(f"model in {out}, its card in {out.with_suffix('.md')}")
+
+
+def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost: float, seed: int, passes: int) -> None:
+    from radar_lab.training.card import card, write_card
+    from radar_lab.training.curve_training import train_curves
+    from radar_lab.training.networks import CurveTraining
+    from radar_lab.training.validation import as_text
+
+    if out.suffix != ".npz":
+        raise ConfigError(f"--out {out}: give a file that ends in .npz")
+    report = train_curves(folders, out, CurveTraining(seed=seed, passes=passes), labels=labels or None, lost=lost)
+    print(as_text(report.validation))
+    print(f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures")
+    missed = ", ".join(f"{name} {count}" for name, count in sorted(report.missed.items()))
+    print(f"no event was found in: {missed or 'none'}")
+    options = f"--passes {passes} --lost {lost} --seed {seed}" + (f" --labels {','.join(labels)}" if labels else "")
+    text = card(
+        report.model,
+        [report.validation],
+        data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
+        command=f"handwave train {' '.join(map(str, folders))} --model curves --out {out} {options}",
         n_bytes=out.stat().st_size,
     )
     write_card(text, out.with_suffix(".md"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -56,6 +56,30 @@ class Context:
     clock: Callable[[], int] = time.monotonic_ns
     rate: float = 1.0
     nap: float = math.inf
+
+
+def meant(namespace: str, places: Iterable[str]) -> str | None:
+    """Find which of several radars the namespace of a driver means.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the driver, e.g. ``"left"``, or ``"hall/left"`` where the graph has a namespace of its own.
+    places : iterable of str
+        Where a scene or recording has its radars, e.g. ``"left"`` and ``"right"``.
+
+    Returns
+    -------
+    str or None
+        The same place, else the longest one that the namespace ends with, else the only one that ends with the namespace; None: there is
+        no such radar.
+    """
+    space, known = namespace.strip("/"), list(places)
+    if space in known:
+        return space
+    inner = sorted((place for place in known if place and space.endswith(f"/{place}")), key=len)
+    outer = [place for place in known if space and place.endswith(f"/{space}")]
+    return inner[-1] if inner else outer[0] if len(outer) == 1 else None
 
 
 class Source(Protocol):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError, PointCloud, Quality, RadarFrame, RadarInfo
 from radar_dsp import kernels
 from radar_dsp.cfar import make_detector
-from radar_dsp.config import BasebandConfig, CouplingConfig
+from radar_dsp.config import BasebandConfig
+from radar_dsp.coupling import coupling_region
 from radar_dsp.doa import DirectionFinder, Directions
 from radar_dsp.gaps import Gaps
 from radar_dsp.kernels import CLOUD_ROWS, Cells, FloatMap, Scales
@@ -82,7 +83,7 @@ class Baseband:
         self._spectrum = make_spectrum(config.spectrum, info)
         windows = (self._spectrum.speed_window, self._spectrum.range_window)
         correlation = (noise_correlation(windows[0]), noise_correlation(windows[1]))
-        usable = ~coupling_region(config.coupling, info)
+        usable = ~coupling_region(config, info)
         self._detector = make_detector(config.cfar, usable, correlation, self._n_channel)
         self._finder = DirectionFinder(config.doa, info, config.backend)
         self._scales = make_scales(windows, info)
@@ -275,13 +276,3 @@ def make_scales(windows: tuple[FloatArray, FloatArray], info: RadarInfo) -> Scal
         coupling=coupling,
         n_channel=info.array.n_tx * info.array.n_rx,
     )
-
-
-def coupling_region(config: CouplingConfig, info: RadarInfo) -> NDArray[np.bool_]:
-    """Mask of the cells near zero range and zero speed that are suppressed, shape (n_speed, n_range)."""
-    waveform = info.waveform
-    if waveform.modulation == "cw":  # one cell for all ranges: suppressing its slow speeds would take people, not coupling
-        return np.zeros((waveform.n_chirp, 1), np.bool_)
-    distance = np.arange(waveform.n_sample) * waveform.range_resolution
-    speed = np.abs(np.fft.fftfreq(waveform.n_chirp)) * 2 * waveform.max_speed
-    return np.asarray((speed[:, None] <= config.speed_extent) & (distance[None, :] < config.range_extent))

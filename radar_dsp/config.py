@@ -40,10 +40,17 @@ class SpectrumConfig:
 
 @config
 class CouplingConfig:
-    """The region near zero range and zero speed where transmitters couple into receivers (thesis, figure 2.5)."""
+    """The region near zero range and zero speed where transmitters couple into receivers (thesis, figure 2.5).
 
-    range_extent: float = knob(0.25, unit="m", low=0.0, high=1e4, doc="suppress ranges below this; 0 keeps everything")
-    speed_extent: float = knob(0.2, unit="m/s", low=0.0, high=1e3, doc="suppress there only speeds of a magnitude up to this")
+    It has at least as many cells as the main lobes of the windows; ``handwave calibrate-coupling`` measures how many more it takes.
+    """
+
+    range_extent: float = knob(
+        0.25, unit="m", low=0.0, high=1e4, doc="suppress ranges below this, and at least the window's main lobe; 0 keeps everything"
+    )
+    speed_extent: float = knob(
+        0.2, unit="m/s", low=0.0, high=1e3, doc="suppress there only speeds of a magnitude up to this, and at least the window's main lobe"
+    )
 
 
 @config

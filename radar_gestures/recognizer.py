@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from radar_core import GESTURES, ConfigError, Pose
+from radar_core import GESTURES, ConfigError, Pose, vocabulary
 from radar_core.config import load
 from radar_core.types import Float64Array
 from radar_gestures.classifiers.model import Classifier
@@ -37,12 +37,12 @@ class Gesture:
     track_id : int
         Whose.
     label : int
-        Index into `GESTURES`; 0 (random): an event, but no gesture.
+        Index into ``labels``; 0 (random): an event, but no gesture.
     name : str
         The label in words.
     confidence : float
         Probability of the label.
-    probabilities : ndarray of float64, shape (10,)
+    probabilities : ndarray of float64, shape (n_labels,)
         Of every label.
     start_ns, end_ns : int
         First and last moment of fast motion [ns].
@@ -50,6 +50,12 @@ class Gesture:
         What the classifier saw (of a perceptron: the thirteen), of the sensor that decided; all NaN when the event had too few samples.
     known : bool
         False: unlike everything that the classifier was trained with, or too little to tell, and therefore random; see `GestureRecognizer`.
+    position : ndarray of float64, shape (3,)
+        Of the person when it was decided, in ``room`` [m]; NaN: not known.
+    zones : tuple of str
+        Names of the zones that the person was in; whoever knows zones says so.
+    labels : tuple of str
+        What the numbers mean: the ten of `GESTURES`, then the model's own.
     """
 
     stamp_ns: int
@@ -63,6 +69,9 @@ class Gesture:
     end_ns: int
     features: Float64Array
     known: bool = True
+    position: Float64Array = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
+    zones: tuple[str, ...] = ()
+    labels: tuple[str, ...] = GESTURES
 
     @property
     def latency(self) -> float:
@@ -72,11 +81,12 @@ class Gesture:
 
 @dataclass(frozen=True, eq=False)
 class _Opinion:
-    """Classification of one sensor's view: features, probabilities of the labels, and how familiar the view is (0 to 1)."""
+    """Classification of one sensor's view: features, probabilities, how familiar the view is (0 to 1), and whether that is enough."""
 
     features: Float64Array
     probabilities: Float64Array
     score: float
+    known: bool
 
 
 class GestureRecognizer:
@@ -106,8 +116,8 @@ class GestureRecognizer:
     Raises
     ------
     ConfigError
-        When the model was trained with other features or events than ``config`` asks for, for other gestures than `GESTURES`, or on
-        other features than its extractor makes.
+        When the model was trained with other features or events than ``config`` asks for, names a gesture that cannot be a name, or was
+        trained on other features than its extractor makes.
     """
 
     def __init__(self, config: GestureConfig, model: Classifier, mount: Pose | None = None) -> None:
@@ -119,12 +129,10 @@ class GestureRecognizer:
         if model.names != names:
             first = ", ".join(model.names[:3])
             raise ConfigError(f"the gesture model takes other features ({first}, ...) than its extractor {model.extractor!r} makes")
-        strange = [label for label in model.labels if label not in GESTURES]
-        if strange:
-            raise ConfigError(f"the gesture model names {', '.join(strange)}; a recogniser can publish only {', '.join(GESTURES)}")
+        self.labels = vocabulary(model.labels)
         self._config = config
         self._model = model
-        self._place = [GESTURES.index(label) for label in model.labels]
+        self._place = [self.labels.index(label) for label in model.labels]
         self._stage = EventStage(config, mount if mount is not None else Pose())
 
     @property
@@ -158,7 +166,7 @@ class GestureRecognizer:
 
     def name(self, found: TrackEvent, stamp_ns: int) -> Gesture:
         """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns]."""
-        probabilities = np.zeros(len(GESTURES))
+        probabilities = np.zeros(len(self.labels))
         opinions = self._opinions(found)
         features = opinions[0].features if opinions else np.full(len(self._model.names), np.nan)
         label, known = RANDOM, bool(opinions)
@@ -173,23 +181,24 @@ class GestureRecognizer:
             known = label == RANDOM or (float(own.max()) >= self._config.min_confidence and self._known(found, agreeing, label))
             label = label if known else RANDOM
         return Gesture(
-            stamp_ns, "room", found.track_id, label, GESTURES[label], float(probabilities[label]), probabilities,
-            found.event.start_ns, found.event.end_ns, features, bool(known),
+            stamp_ns, "room", found.track_id, label, self.labels[label], float(probabilities[label]), probabilities,
+            found.event.start_ns, found.event.end_ns, features, bool(known), found.position, labels=self.labels,
         )  # fmt: skip
 
     def _opinions(self, found: TrackEvent) -> list[_Opinion]:
         """Classify every view that has features; the most familiar first."""
         opinions = []
-        for features in map(self._extract, found.views):
-            if features is None:
-                continue
-            probabilities = self._model.probabilities(features)
-            opinions.append(_Opinion(features, probabilities, float(self._model.score(features, probabilities))))
+        views = [features for features in map(self._extract, found.views) if features is not None]
+        model = self._model
+        for features in views:
+            probabilities = model.probabilities(features)
+            known = model.known(features, probabilities)
+            opinions.append(_Opinion(features, probabilities, float(model.score(features, probabilities)), known))
         return sorted(opinions, key=lambda opinion: -opinion.score)
 
     def _known(self, found: TrackEvent, agreeing: Sequence[_Opinion], label: int) -> bool:
         """Whether the model knows a gesture by one of the views that name it, and it is no step that only looks like one."""
-        if not any(self._model.known(opinion.features, opinion.probabilities) for opinion in agreeing):
+        if not any(opinion.known for opinion in agreeing):
             return False
         if label not in _STEPS or found.walked <= self._config.step_distance:
             return True

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from radar_core import CloudComposite, Pose
-from radar_core.config import config, knob
+from radar_core.config import config, flat, knob, override
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.types import Float64Array
 from radar_gestures.events import Event, EventConfig, EventDetector
@@ -75,12 +75,15 @@ class TrackEvent:
         How far the track is after it from where it was before [m]; see `walked`.
     views : tuple of SensorView
         One of every sensor that saw fast motion, the strongest first; those without features last.
+    position : ndarray of float64, shape (3,)
+        Of the track when the event ended, in ``room`` [m]; NaN: not known.
     """
 
     track_id: int
     event: Event
     walked: float
     views: tuple[SensorView, ...]
+    position: Float64Array = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def features(self) -> Float64Array | None:
@@ -131,7 +134,7 @@ class EventStage:
             seen = {key: (share, _seen_from(key[1], place)) for (key, _), share in zip(sensors, points, strict=True)}
             event = self._states[track.id].process(seen, track.id)
             if event is not None and track.status != TrackStatus.TENTATIVE:
-                found.append(event)
+                found.append(dataclasses.replace(event, position=np.asarray(track.position)))
         return tuple(found)
 
 
@@ -218,6 +221,24 @@ class _Memory:
         early, late = (event.start_ns - before for before in _BEFORE_NS)
         before = self._motion.between(early, late) or self._motion.between(late, event.start_ns)  # a young track has only just begun
         return walked(before, self._motion.between(event.end_ns, event.end_ns + _AFTER_NS))
+
+
+def config_for(settings: Mapping[str, Any], config: GestureConfig) -> GestureConfig:
+    """Take what a model names of its own features (``settings``) into a configuration, where that has the default.
+
+    What the configuration says otherwise stays, and the recogniser then refuses the model. Raises `ConfigError` for settings without sense.
+    """
+    usual, own = flat(GestureConfig()), flat(config)
+    named = _dotted({name: settings[name] for name in (*feature_settings(config), "maps") if name in settings})
+    return override(config, {name: value for name, value in named.items() if own.get(name) == usual.get(name)}, "gesture model")
+
+
+def _dotted(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Name nested settings as `radar_core.config.flat` does."""
+    found: dict[str, Any] = {}
+    for name, value in settings.items():
+        found |= _dotted(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return found
 
 
 def feature_settings(config: GestureConfig) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from radar_core import ConfigError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.model import model_of
 from radar_gestures.recognizer import Gesture, GestureRecognizer
-from radar_gestures.stage import GestureConfig
+from radar_gestures.stage import GestureConfig, config_for
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
 
 
@@ -26,6 +26,7 @@ class ModelledGestureConfig(GestureConfig):
     """Knobs of the gesture stage: those of the processor, and its model."""
 
     model: str = knob("gestures", doc="gesture model: a file, or one of ours by name")
+    person: str = knob("", doc="who is there, of those whom the model knows (handwave gesture enrol); empty: anybody")
 
 
 @config
@@ -78,7 +79,8 @@ class Pipeline:
         self._mount = known.mount
         self._baseband = Baseband(config.baseband, known)
         self._tracker = make_tracker(config.tracking, known)
-        self._recognizer = GestureRecognizer(config.gestures, load_model(config.gestures.model), known.mount)
+        model = model_of(config.gestures.model, config.gestures.person)
+        self._recognizer = GestureRecognizer(config_for(model.settings, config.gestures), model, known.mount)
         self._hand = HandTracker(config.hand, known)
 
     @property

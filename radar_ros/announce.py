@@ -21,9 +21,12 @@ _AGAIN: Final = 0.5  # s
 
 
 def in_namespace(node: Any, frame_id: str) -> str:
-    """Put a node's namespace in front of a frame's name, once: a recording made in this namespace has it already."""
-    space = node.get_namespace().strip("/") + "/"
-    return f"{space}{frame_id.lstrip('/').removeprefix(space)}".lstrip("/")
+    """Put a node's namespace in front of a frame's name, once: a scene or recording made for this namespace, or its end, has it already."""
+    space, name = node.get_namespace().strip("/"), frame_id.lstrip("/")
+    parts = space.split("/")
+    ends = ("/".join(parts[start:]) + "/" for start in range(len(parts)))
+    own = next((name.removeprefix(end) for end in ends if name.startswith(end)), name)
+    return f"{space}/{own}".lstrip("/")
 
 
 class Announcer:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from radar_core import DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_driver.boards import Board, register
-from radar_driver.sources import Context
+from radar_driver.sources import Context, meant
 from radar_ros.messages.convert import frame_from_msg, info_from_msg
 
 if TYPE_CHECKING:
@@ -64,9 +64,9 @@ class BagFrames:
         held = {c.topic for c in self._reader.connections if c.msgcount}
         radars = sorted(t.removesuffix("radar/frame") for t in held if t.endswith("/radar/frame"))
         radars = [place for place in radars if place + "radar/info" in held]
-        wanted = f"/{namespace}/" if namespace else "/"
-        if wanted in radars:
-            return wanted
+        found = meant(namespace, (place.strip("/") for place in radars))
+        if found is not None:
+            return f"/{found}/".replace("//", "/")
         if len(radars) == 1:
             return radars[0]
         if radars:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -14,14 +14,18 @@ from typing import Any
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
+from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import ReaderError, StoragePlugin, Writer, WriterError
+from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from radar_core import DataError
 from radar_core.paths import share_dir
+from radar_ros import qos
 from radar_ros.definitions import as_recorded, translator_of
 from radar_ros.interrupts import unbroken
 
@@ -31,6 +35,7 @@ TYPES: Mapping[str, str] = {
     "radar/frame": "handwave/msg/RadarFrame",
     "radar/points": "handwave/msg/PointCloud",
     "tracks": "handwave/msg/TrackArray",
+    "zones": "handwave/msg/ZoneArray",
     "people_count": "std_msgs/msg/UInt32",
     "gestures": "handwave/msg/Gesture",
     "gestures/maps": "handwave/msg/GestureMaps",
@@ -83,15 +88,42 @@ def was_cut_off(path: Path) -> bool:
     return path.is_dir() and not (path / "metadata.yaml").exists() and any(path.glob("*.mcap"))
 
 
+def recorded_qos(profile: QoSProfile) -> Qos:
+    """Express a profile as a bag records it."""
+    deadline, lifespan, lease = (
+        QosTime(*divmod(time.nanoseconds, 10**9)) for time in (profile.deadline, profile.lifespan, profile.liveliness_lease_duration)
+    )
+    return Qos(
+        QosHistory(int(profile.history)),
+        profile.depth,
+        QosReliability(int(profile.reliability)),
+        QosDurability(int(profile.durability)),
+        deadline,
+        lifespan,
+        QosLiveliness(int(profile.liveliness)),
+        lease,
+        profile.avoid_ros_namespace_conventions,
+    )
+
+
 class BagWriter:
     """Writes messages into a new bag; what is written survives a crash up to the last `flush`.
 
     A `DataError` says that the folder (``path``) exists already or cannot be made.
+
+    Attributes
+    ----------
+    counts : dict
+        Messages of each topic so far.
+    offered : dict
+        QoS that publishers of a topic offer, by its full name, for topics that have no message yet; others are as this package offers them.
+        `ros2 bag play` offers the same: without, latched topics would reach nobody who waits for them.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         self.counts: dict[str, int] = {}
+        self.offered: dict[str, Sequence[Qos]] = {}
         self._connections: dict[str, Any] = {}
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
@@ -128,7 +160,8 @@ class BagWriter:
         with unbroken():
             if topic not in self._connections:
                 store = as_recorded(msgtype, definition) if definition else typestore()
-                self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=store)
+                profiles = list(self.offered.get(topic, ())) or ([recorded_qos(qos.offered(local(topic)))] if local(topic) in TYPES else [])
+                self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=store, offered_qos_profiles=profiles)
                 self.counts[topic] = 0
             self._writer.write(self._connections[topic], stamp_ns, data)
             self.counts[topic] += 1
@@ -237,6 +270,7 @@ def repair(path: Path) -> dict[str, int]:
     with BagWriter(rescue) as writer:
         for file in files:
             for schema, channel, message in _salvage(file):
+                writer.offered.setdefault(channel.topic, _offered(channel))
                 definition = schema.data.decode() if schema.encoding == "ros2msg" else ""
                 writer.write(channel.topic, schema.name, message.log_time, message.data, definition)
     for file in files:
@@ -246,6 +280,14 @@ def repair(path: Path) -> dict[str, int]:
     (path / "metadata.yaml").write_text(text, encoding="utf-8")
     shutil.rmtree(rescue)
     return writer.counts
+
+
+def _offered(channel: Channel) -> list[Qos]:
+    """QoS that a channel of a recording was written with; none where that is not known."""
+    try:
+        return parse_qos(channel.metadata.get("offered_qos_profiles", ""))
+    except (ReaderError, KeyError, TypeError):
+        return []
 
 
 def _is_whole(path: Path) -> bool:
@@ -271,5 +313,5 @@ def _salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
                     yield schemas[channel.schema_id], channel, record
-        except (McapError, EOFError, ValueError, KeyError):
+        except (McapError, EOFError, ValueError, KeyError, struct.error):
             return  # the cut

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -18,6 +19,9 @@ _ADDED: Mapping[str, Mapping[str, Any]] = {
     "handwave/msg/PointCloud": {"every": 1},
     "handwave/msg/CloudSource": {"every": 1},
     "handwave/msg/TrackArray": {"every": 1},
+    "handwave/msg/Gesture": {"position": np.full(3, math.nan), "zones": [], "labels": []},
+    "handwave/msg/StageStatus": {"stale": False},
+    "handwave/msg/Truth": {"labels": []},
 }
 """Fields that came later, by message type, and what stands for them in recordings without."""
 

@@ -72,6 +72,19 @@ def open_recording(path: Path) -> Recording:
     return Recording(Path(path), info, "radar/frame" if "radar/frame" in names else "radar/points")
 
 
+def raw_frames(recording: Recording, seconds: float) -> Iterator[RadarFrame]:
+    """Yield the raw frames of a recording's first seconds; a `DataError` says that it holds clouds only."""
+    if recording.topic != "radar/frame":
+        raise DataError(f"{recording.path} holds no raw frames; record radar/info and radar/frame")
+    begin: int | None = None
+    for _, item in recording.messages():
+        begin = item.stamp_ns if begin is None else begin
+        if (item.stamp_ns - begin) * 1e-9 > seconds:
+            return
+        if isinstance(item, RadarFrame):
+            yield item
+
+
 def first_info(path: Path) -> Recorded:
     """Return the first message of radar/info in a bag that has one."""
     return next(iter(read(path, ("radar/info",))))

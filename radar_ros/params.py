@@ -66,16 +66,20 @@ def _meant(default: Any, given: Any) -> Any:
     return None
 
 
-def declare_config(node: Any, cls: type[T], prefix: str = "", *, changeable: bool = False) -> T:
+def declare_config(
+    node: Any, cls: type[T], prefix: str = "", *, changeable: bool | Callable[[str], bool] = False, base: T | None = None
+) -> T:
     """Declare one parameter per knob of ``cls`` (made with `radar_core.config.config`) and build it from their values.
 
-    ``prefix`` is put before every name, e.g. ``"consistency."``. ``changeable`` ones may be set while the node runs; then call `on_change`
-    too. A `ConfigError` names the parameter that makes no sense.
+    ``prefix`` is put before every name, e.g. ``"consistency."``. ``changeable`` ones (all, or those whose name a function accepts) may be
+    set while the node runs; then call `on_change` too. Defaults are those of ``base``, None: of the class. A `ConfigError` names the
+    parameter that makes no sense.
     """
     values: dict[str, Any] = {}
-    for name, field, default in _knobs(cls):
+    for name, field, default in _knobs(cls, base):
         limits: dict[str, Any] = {key: field.metadata[key] for key in ("unit", "low", "high", "choices") if key in field.metadata}
-        values[name] = declare(node, prefix + name, default, field.metadata.get("doc", name), **limits, changeable=changeable)
+        may = changeable(name) if callable(changeable) else changeable
+        values[name] = declare(node, prefix + name, default, field.metadata.get("doc", name), **limits, changeable=may)
     return _build(node, cls, values)
 
 
@@ -127,9 +131,9 @@ class _Changes(Generic[T]):
             self._node.get_logger().info(f"works with {said} from now on")
 
 
-def _knobs(cls: Any) -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
+def _knobs(cls: Any, base: Any = None) -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
     """List the knobs that can be ROS parameters, which are never empty or nested (the others are set in files): name, field, default."""
-    for name, field, _ in describe(cls):
+    for name, field, _ in describe(cls, base=base):
         default = list(field.default) if isinstance(field.default, tuple) else field.default
         nested = isinstance(default, list) and bool(default) and isinstance(default[0], (list, tuple))
         if default is not None and default is not dataclasses.MISSING and not nested:
@@ -149,6 +153,16 @@ def _changed(node: Any, cls: type[T], names: Mapping[str, str], given: Sequence[
     values = {name: node.get_parameter(full).value for full, name in names.items()}
     values.update({names[parameter.name]: parameter.value for parameter in given})
     return _build(node, cls, values)
+
+
+def explained(node: Any, parameters: Sequence[Any], result: SetParametersResult) -> SetParametersResult:
+    """Say why parameters cannot be set that are read only, which rclpy does not; any other result stays as it is."""
+    fixed = [p.name for p in parameters if node.has_parameter(p.name) and node.describe_parameter(p.name).read_only]
+    if not result.successful and fixed:
+        names = ", ".join(fixed)
+        advice = " ".join(f"-p {name}:=..." for name in fixed)
+        result.reason = f"{names} cannot change while the node runs, because {node.fixed_because}; start it anew with {advice}"
+    return result
 
 
 def refuse_unknown(node: Any) -> None:

@@ -39,10 +39,7 @@ class Player(Visitor):
     def publisher(self, topic: str) -> Any:
         """Return the publisher of a topic, by its name within the namespace."""
         if topic not in self._publishers:
-            name = "/tf_static" if topic == "tf_static" else topic
-            streams = ("radar/frame", "radar/points", *qos.CAMERA_STREAMS)
-            profile = qos.stream_out() if topic in streams else qos.for_topic(topic)
-            self._publishers[topic] = self.node.create_publisher(qos.message_class(TYPES[topic]), name, profile)
+            self._publishers[topic] = self.node.create_publisher(qos.message_class(TYPES[topic]), qos.place(topic), qos.offered(topic))
         return self._publishers[topic]
 
     def publish(self, item: Recorded) -> None:

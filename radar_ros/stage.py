@@ -29,12 +29,15 @@ from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
 from radar_ros import qos
 from radar_ros.messages.convert import header, info_from_msg
-from radar_ros.params import declare, refuse_unknown
+from radar_ros.params import declare, explained, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
 _REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
 _BUDGET = 0.8  # of the frame interval; above that, a little more load loses frames
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
+_LOOK = 0.1  # s: how often a stage looks whether messages still come
+_HELD_UP = 0.5  # s: a look that comes so late says that the node itself was held up, and its messages wait
+_INTERVALS = 5  # a stage is not stale within so many frames of its radar, however long these take
 
 
 def refusing(take: Callable[..., None]) -> Callable[..., None]:
@@ -81,6 +84,37 @@ class Period:
         return values, warnings
 
 
+class Silence:
+    """Notices that messages have stopped, on CLOCK_MONOTONIC: simulated time may stand still together with its source.
+
+    ``after`` is how long nothing may come [s]. ``stale`` says that it is so; only for who has heard something before.
+    """
+
+    def __init__(self, after: float) -> None:
+        self.after, self.stale = after, False
+        self._heard: float | None = None
+        self._looked = 0.0
+
+    def seconds(self, now: float) -> float:
+        """How long nothing has come [s]; 0 before anything has."""
+        return 0.0 if self._heard is None else now - self._heard
+
+    def heard(self, now: float) -> bool:
+        """Take note that a message could be used; returns whether that ends a silence."""
+        ended, self.stale, self._heard = self.stale, False, now
+        return ended
+
+    def look(self, now: float, frame_interval: float) -> bool:
+        """Look at the clock; returns whether the stage is stale from now on."""
+        late, self._looked = now - self._looked, now
+        if self._heard is None or self.stale:
+            return False
+        if late > _HELD_UP:
+            self._heard = min(self._heard + late, now)
+        self.stale = now - self._heard >= max(self.after, _INTERVALS * frame_interval)
+        return self.stale
+
+
 class StageMixin:
     """Plumbing of one stage; mixed into `Node` or `LifecycleNode`.
 
@@ -89,10 +123,16 @@ class StageMixin:
     processed, dropped : int
         Messages finished and messages lost or refused so far.
     frame_interval : float
-        Time that there is for one frame [s], against which `diagnostics` sets the time spent; `InfoKeeper` sets it. 0: not known.
+        Time that there is for one frame [s], against which diagnostics set the time spent; `InfoKeeper` sets it. 0: not known.
+    hardware_id : str
+        Whose data it works on, for diagnostics: the frame of its radar, which `InfoKeeper` sets; ``none``: not known.
+    fixed_because : str
+        Why parameters that are read only cannot change; nodes say it in their own words.
     commands : set of str
         Full names of topics on which an application may send commands. `ready` does not wait for a publisher there.
     """
+
+    fixed_because = "the node is made with it"
 
     def start_stage(self: Any, stage: str) -> None:
         """Declare the shared parameters and make the shared publishers; call first."""
@@ -100,20 +140,59 @@ class StageMixin:
         self.processed = self.dropped = 0
         self._gaps = Gaps()
         self._stamp_ns = -1
-        self.frame_interval = 0.0
+        self.frame_interval, self.hardware_id = 0.0, "none"
         self.commands: set[str] = set()
         self._problems: dict[str, tuple[float, int]] = {}
         self._period = Period(time.monotonic(), 0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
+        doc = "the stage is stale, and says so, when nothing has come for so long; 0: never"
+        self.silence = Silence(float(declare(self, "stale_after", 2.0, doc, unit="s", low=0.0, high=3600.0)))
+        self._finished = 0, 0  # stamp [ns] and sequence of the last message
         self._status = self.create_publisher(handwave.msg.StageStatus, "stage_status", qos.stream_out())
-        self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(1.0, self._diagnose)
+        if self.silence.after > 0 and not self.reliable:  # in lockstep messages come when everybody is ready, however long that takes
+            self.create_timer(_LOOK, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def set_parameters(self: Any, parameter_list: Any) -> Any:
+        """Set parameters, as rclpy does; where one is read only, its result says why and what to do."""
+        results = Node.set_parameters(self, parameter_list)
+        return [explained(self, [parameter], result) for parameter, result in zip(parameter_list, results, strict=True)]
+
+    def set_parameters_atomically(self: Any, parameter_list: Any) -> Any:
+        """Set parameters together, likewise."""
+        return explained(self, parameter_list, Node.set_parameters_atomically(self, parameter_list))
 
     def close(self: Any) -> None:
         """Let go of what must not wait for the garbage collector; overridden where there is such a thing."""
 
+    def expects_data(self: Any) -> bool:
+        """Whether messages should come now; overridden where a stage may rest."""
+        return True
+
+    def on_stale(self: Any) -> None:
+        """Take back what holds no longer because messages have stopped; overridden where there is such a thing."""
+
+    def _listen(self: Any) -> None:
+        now = time.monotonic()
+        silent = self.silence.seconds(now)
+        if not self.expects_data() or not self.silence.look(now, self.frame_interval):
+            return
+        self.get_logger().error(f"nothing has come for {silent:.1f} s: what this stage said last does not hold any longer (stale)")
+        self.publish_status(*self._finished, 0.0)
+        self.on_stale()
+
+    def hear(self: Any) -> None:
+        """Take note that a message came, which ends a silence; `finish` does too."""
+        now = time.monotonic()
+        silent = self.silence.seconds(now)
+        if self.silence.heard(now):
+            self.get_logger().info(f"data comes again, after {silent:.1f} s")
+
     def finish(self: Any, stamp_ns: int, sequence: int, started_ns: int) -> None:
         """Tell everyone that the stage is done with a message."""
+        self._finished = stamp_ns, sequence
+        self.hear()
         compute = (time.monotonic_ns() - started_ns) * 1e-9
         self.processed += 1
         self._period.compute += compute
@@ -123,6 +202,7 @@ class StageMixin:
     def publish_status(self: Any, stamp_ns: int, sequence: int, compute: float) -> None:
         """Publish what the stage has done so far; stamp 0 says only that it is ready."""
         counts = {"stage": self.stage, "sequence": sequence, "processed": self.processed, "dropped": self.dropped}
+        counts["stale"] = self.silence.stale
         now = time.monotonic_ns()
         self._status.publish(handwave.msg.StageStatus(header=header(stamp_ns, ""), compute_s=compute, monotonic_ns=now, **counts))
 
@@ -185,14 +265,22 @@ class StageMixin:
         idle = self.processed == period.processed
         more, worse = self.extra_diagnostics()
         warnings += worse
-        level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
-        message = "; ".join(warnings) or ("idle" if idle else "running")
-        self.publish_diagnostics(self.get_fully_qualified_name().lstrip("/"), message, {**values, **more}, level)
+        level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK if self.processed else DiagnosticStatus.STALE
+        if self.silence.stale:
+            level = DiagnosticStatus.ERROR
+            warnings.insert(0, f"stale: nothing has come for {self.silence.seconds(now):.1f} s")
+            self.publish_status(*self._finished, 0.0)  # again, for who did not hear it the first time
+        message = "; ".join(warnings) or ("running" if not idle else "idle" if self.processed else "no data yet")
+        more["stale"] = self.silence.stale
+        self.publish_diagnostics("processing", message, {**values, **more}, level)
 
-    def publish_diagnostics(self: Any, name: str, message: str, values: dict[str, Any], level: bytes = DiagnosticStatus.OK) -> None:
-        """Publish one status of this stage."""
+    def publish_diagnostics(self: Any, what: str, message: str, values: dict[str, Any], level: bytes = DiagnosticStatus.OK) -> None:
+        """Publish one status of this stage, named as aggregators expect: ``left/tracking: processing``."""
+        name = f"{self.get_fully_qualified_name().lstrip('/')}: {what}"
         told = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-        array = DiagnosticArray(status=[DiagnosticStatus(level=level, name=name, message=message, hardware_id=self.stage, values=told)])
+        array = DiagnosticArray(
+            status=[DiagnosticStatus(level=level, name=name, message=message, hardware_id=self.hardware_id, values=told)]
+        )
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
@@ -221,7 +309,7 @@ class InfoKeeper:
         self.reason = ""  # why it did
         self._node, self._ready = node, ready
         self._waiting_since: float | None = None
-        node.create_subscription(handwave.msg.RadarInfo, "radar/info", self._take, qos.LATCHED)
+        qos.subscribe_latched(node, handwave.msg.RadarInfo, "radar/info", self._take)
 
     def _take(self, msg: Any) -> None:
         try:
@@ -250,7 +338,7 @@ class InfoKeeper:
     def accept(self, info: RadarInfo) -> None:
         """Work with this radar from now on; tells that the node is ready."""
         self.info, self.unusable, self.reason = info, None, ""
-        self._node.frame_interval = info.waveform.frame_interval
+        self._node.frame_interval, self._node.hardware_id = info.waveform.frame_interval, info.frame_id
         self._node.ready()
 
     def usable(self) -> RadarInfo | None:

@@ -122,7 +122,7 @@ class Listener(Visitor):
         self._radars: dict[str, _Radar] = {}
         self.refused: list[str] = []
         for name in self._names:
-            self.node.create_subscription(handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
+            qos.subscribe_latched(self.node, handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name))
             self.node.create_subscription(handwave.msg.PointCloud, f"{name}/radar/points", partial(self._take, name), qos.sensor(depth=50))
 
     def _take_info(self, name: str, msg: Any) -> None:

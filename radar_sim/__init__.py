@@ -19,6 +19,7 @@ from radar_sim.effects.config import (
     PhaseNoiseConfig,
     SwerlingConfig,
 )
+from radar_sim.own_strokes import Stroke, load_stroke
 from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Play, Reach, Variation, Walk
 from radar_sim.scatterers import Echoes, Motion, Scatterers
 from radar_sim.scene import Fidelity, Scene, SceneRadar, Transmitter, load_scene
@@ -30,6 +31,7 @@ __all__ = [
     "GESTURE_DURATION", "VARIANTS", "Action", "ChannelErrorsConfig", "ChirpFaultsConfig", "ClutterConfig", "ConverterConfig", "Corner",
     "CouplingConfig", "Draw", "Echoes", "Effects", "Fidelity", "FieldOfViewConfig", "Furniture", "HighPassConfig", "InterferenceConfig",
     "IqImbalanceConfig", "LossesConfig", "Motion", "MultipathConfig", "NoiseConfig", "OcclusionConfig", "PatternConfig", "Person",
-    "PhaseNoiseConfig", "Play", "Point", "Reach", "Scatterers", "Scene", "SceneRadar", "SimulatedFrame", "Simulator", "SwerlingConfig",
-    "Transmitter", "Truth", "Variation", "Walk", "Wall", "load_scene",
+    "PhaseNoiseConfig", "Play", "Point", "Reach", "Scatterers", "Scene", "SceneRadar", "SimulatedFrame", "Simulator", "Stroke",
+    "SwerlingConfig", "Transmitter", "Truth", "Variation", "Walk", "Wall", "load_scene",
+    "load_stroke",
 ]  # fmt: skip

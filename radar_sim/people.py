@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final, Literal, get_args
 
-from radar_core import GESTURES, ConfigError
+from radar_core import GESTURES, ConfigError, check_label
 from radar_core.config import config, knob
 
 GESTURE_DURATION = {
@@ -75,7 +75,7 @@ class Action:
     sit: float | None = knob(None, unit="s", low=0.0, high=1e5, doc="sit down, then stay seated for so long; gestures may follow")
     rise: float | None = knob(None, unit="s", low=0.0, high=1e5, doc="stand up from sitting, then stand for so long")
     fidget: float | None = knob(None, unit="s", low=0.5, high=1e5, doc="time of small aimless movements of hands, trunk and feet")
-    gesture: str | None = knob(None, choices=(None, *GESTURES), doc="arm gesture to perform")
+    gesture: str | None = knob(None, doc="arm gesture to perform: one of the ten, or of the scene's own strokes")
     draw: Draw | None = None
     reach: Reach | None = None
     play: Play | None = None
@@ -93,6 +93,8 @@ class Action:
             raise ConfigError(f"Action: it says {' and '.join(done) or 'nothing'}; say exactly one of {', '.join(DOINGS)}")
         if self.gesture is None and (self.duration is not None or self.size != 1.0 or self.tilt != 0.0 or self.variant != 0):
             raise ConfigError(f"Action: duration, size, tilt and variant belong to a gesture; put those of draw inside it ({done[0]})")
+        if self.gesture is not None and self.gesture not in GESTURES:
+            check_label(self.gesture)
         if self.gesture is not None and self.variant >= VARIANTS.get(self.gesture, 1):
             raise ConfigError(f"Action.variant: {self.gesture} is performed in one way; leave variant out ({', '.join(VARIANTS)} have 2)")
 

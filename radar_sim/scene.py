@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import BeforeValidator
 
-from radar_core import ConfigError, RadarInfo
+from radar_core import ConfigError, RadarInfo, vocabulary
 from radar_core.config import config, knob, load_file
 from radar_core.paths import find_config
 from radar_sim.effects.config import Effects, EffectsKnob
 from radar_sim.movers import Curtain, Fan, Mover
+from radar_sim.own_strokes import Stroke, beside, named
 from radar_sim.people import Action, Person
 from radar_sim.things import Corner, Furniture, Point, Wall, check_places
 
@@ -101,6 +103,7 @@ class Scene:
     seed: int = knob(0, low=0, high=1 << 62, doc="of everything random")
     radars: tuple[SceneRadar, ...] = knob((SceneRadar(),), doc="radars in the room; several need frame_ids such as left/radar")
     people: tuple[Person, ...] = knob((), doc="who is in the room")
+    strokes: Annotated[tuple[Stroke, ...], BeforeValidator(named)] = knob((), doc="gestures of one's own: stroke files, or what they hold")
     points: tuple[Point, ...] = knob((), doc="point scatterers")
     corners: tuple[Corner, ...] = knob((), doc="corner reflectors")
     walls: tuple[Wall, ...] = knob((), doc="upright walls")
@@ -138,6 +141,28 @@ class Scene:
             if number in ids[:i]:
                 raise ConfigError(f"people.{i}.id: ids {ids} repeat; give each person a number of their own", key=("people", i, "id"))
         check_places(self.people, self.walls, self.furniture)
+        self._check_gestures()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the gestures that people may perform, in the order of their numbers in the truth: the ten, then the scene's own."""
+        return vocabulary(stroke.name for stroke in self.strokes)
+
+    def _check_gestures(self) -> None:
+        names = [stroke.name for stroke in self.strokes]
+        if len(set(names)) != len(names):
+            raise ConfigError(f"strokes: {', '.join(names)}: two have the same name", key=("strokes",))
+        known = self.labels
+        for i, person in enumerate(self.people):
+            for j, action in enumerate(person.script):
+                if action.gesture is not None and action.gesture not in known:
+                    near = difflib.get_close_matches(action.gesture, known, n=1)
+                    hint = f" (did you mean {near[0]!r}?)" if near else ""
+                    raise ConfigError(
+                        f"people.{i}.script.{j}.gesture is {action.gesture!r}{hint}; choose one of {', '.join(known)}, or name the file of "
+                        "a stroke of your own in strokes:",
+                        key=("people", i, "script", j, "gesture"),
+                    )
 
 
 def load_scene(name: str | Path) -> Scene:
@@ -149,11 +174,12 @@ def load_scene(name: str | Path) -> Scene:
         Naming file, line and key.
     """
     path = find_config(name, "scenes", ".yaml")
-    scene = load_file(Scene, path)
+    with beside(path.parent):
+        scene = load_file(Scene, path)
 
-    def beside(action: Action) -> Action:
+    def placed(action: Action) -> Action:
         """Take a motion capture's path as relative to the scene's file."""
         play = action.play
         return action if play is None else replace(action, play=replace(play, file=str(path.parent / play.file)))
 
-    return replace(scene, people=tuple(replace(p, script=tuple(map(beside, p.script))) for p in scene.people))
+    return replace(scene, people=tuple(replace(p, script=tuple(map(placed, p.script))) for p in scene.people))

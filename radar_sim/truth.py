@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import RadarFrame
+from radar_core import GESTURES, RadarFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Truth:
     hand_position, hand_velocity : ndarray of float64, shape (n_people, 3)
         The acting hand [m], [m/s].
     gesture : ndarray of uint8, shape (n_people,)
-        Index into ``GESTURES`` while one is performed, else ``NO_GESTURE``.
+        Index into ``labels`` while one is performed, else ``NO_GESTURE``.
     gesture_index : ndarray of uint32, shape (n_people,)
         Counts this person's scripted gestures.
     walking, drawing : ndarray of bool, shape (n_people,)
@@ -44,6 +44,8 @@ class Truth:
         Index into `person_id`; negative: a thing.
     scatterer_rcs : ndarray of float32, shape (n_scatterers,)
         Radar cross-section towards the radar [m^2].
+    labels : tuple of str
+        Names of the gestures by their numbers: the ten, then those of the scene's own strokes.
     """
 
     stamp_ns: int
@@ -65,6 +67,7 @@ class Truth:
     scatterer_position: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
     scatterer_owner: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     scatterer_rcs: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
+    labels: tuple[str, ...] = GESTURES
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,11 +41,12 @@ class World:
 
     def __init__(self, scene: Scene, radar: SceneRadar | None = None) -> None:
         mount = scene.radars[0].mount
-        self.timelines = tuple(Timeline(person, scene.seed, (mount.x, mount.y)) for person in scene.people)
+        self.timelines = tuple(Timeline(person, scene.seed, (mount.x, mount.y), scene.strokes) for person in scene.people)
         self._figures: tuple[Figure, ...] = tuple(make_figure(person, scene.seed) for person in scene.people)
         self._things = Things(scene, radar)
         moving = (scene.fans, scene.curtains, scene.movers)
         self._movers = Movers(scene.seed, *moving) if any(moving) else None
+        self._labels = scene.labels
         self._ids = np.array([person.id for person in scene.people], np.uint32)
         self._acting = np.array([0 if person.arm == "left" else 1 for person in scene.people], np.uint8)
 
@@ -90,6 +91,7 @@ class World:
             scatterer_position=seen.motion.position.astype(np.float32),
             scatterer_owner=seen.owner,
             scatterer_rcs=seen.rcs.astype(np.float32),
+            labels=self._labels,
         )
 
 

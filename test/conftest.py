@@ -16,7 +16,8 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _pool in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
-_GRAPHS = ("e2e/", "tradeoff/", *(f"ros/test_{name}.py" for name in ("clouds_graph", "graph", "recovery", "supervisor", "two_radars")))
+_FILES = ("clouds_graph", "graph", "launch", "recovery", "several_rooms", "supervisor", "two_radars")
+_GRAPHS = ("e2e/", "tradeoff/", *(f"ros/test_{name}.py" for name in _FILES))
 
 
 @pytest.hookimpl(optionalhook=True)

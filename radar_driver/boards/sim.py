@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from radar_core import RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_driver.boards import Board
-from radar_driver.sources import Context
+from radar_driver.sources import Context, meant
 
 if TYPE_CHECKING:
     from radar_driver.paced import Paced
@@ -36,8 +36,9 @@ class SimFrames:
     def __init__(self, scene: str | Path, namespace: str = "") -> None:
         from radar_sim import Simulator, load_scene
 
-        loaded = load_scene(scene)
-        self._simulator = Simulator(loaded, namespace.strip("/") if len(loaded.radars) > 1 else "")
+        loaded, wanted = load_scene(scene), namespace.strip("/")
+        found = meant(wanted, (radar.namespace for radar in loaded.radars)) if len(loaded.radars) > 1 else ""
+        self._simulator = Simulator(loaded, wanted if found is None else found)  # which names the radars there are, if it is none of them
         self.info: RadarInfo = self._simulator.info
         self.n_frames: int | None = self._simulator.n_frames
         self.interval: float = self._simulator.interval

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.arrays import description
-from radar_core.types import Float32Array, Float64Array
+from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.classifiers.perceptron import FORMAT
 from radar_gestures.classifiers.rejection import Rejecting
 from radar_gestures.curves import TOTALS
@@ -51,6 +51,10 @@ class CurveNet(Rejecting):
         An event whose `score` is below this is no known gesture.
     settings, figures : mapping
         How the curves were made (``curves``: the knobs of `CurveConfig`; others as in `GestureModel`), and what training measured.
+    memory : ndarray of float16, shape (n, n_inputs of the first dense layer)
+        What some samples of the training were to the first dense layer (`inputs`), so that tuning forgets nothing; mostly few, may be none.
+    remembered : ndarray of int64, shape (n,)
+        Their labels.
 
     Raises
     ------
@@ -71,6 +75,8 @@ class CurveNet(Rejecting):
     reject: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, Any] = field(default_factory=dict)
+    memory: NDArray[np.float16] = field(default_factory=lambda: np.empty((0, 0), np.float16))
+    remembered: IndexArray = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:
         n = len(self.names)
@@ -93,6 +99,18 @@ class CurveNet(Rejecting):
                 raise ConfigError(f"{_KIND}: {name} is {array.dtype} {array.shape}, expected finite float32 {shape}; {_ADVICE}")
         if not (self.scale > 0).all():
             raise ConfigError(f"{_KIND}: scale has entries that are not positive; {_ADVICE}")
+        self._check_memory()
+
+    def _check_memory(self) -> None:
+        n = len(self.remembered)
+        shape = (n, len(self.weights[0])) if n else self.memory.shape
+        sound = self.remembered.ndim == 1 and self.memory.shape == shape and len(self.memory) == n and np.isfinite(self.memory).all()
+        if (
+            not sound
+            or self.memory.dtype != np.float16
+            or (n and not 0 <= self.remembered.min() <= self.remembered.max() < len(self.labels))
+        ):
+            raise ConfigError(f"{_KIND}: its memory of {self.memory.shape} does not fit {n} labels; {_ADVICE}")
 
     @property
     def flop(self) -> int:
@@ -107,8 +125,8 @@ class CurveNet(Rejecting):
             total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))
         return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in self.weights) + 5 * len(self.labels)
 
-    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
-        """Probability of every label, see `Classifier`."""
+    def inputs(self, features: NDArray[np.floating]) -> Float32Array:
+        """Compute what the dense layers take, shape (n, n_inputs), of features of shape (..., n_features); errors as `probabilities`."""
         x = np.asarray(features)
         if x.shape[-1:] != self.mean.shape:
             raise DataError(f"features has shape {x.shape}, expected (..., {len(self.mean)}): {', '.join(self.names[:3])}, ...")
@@ -116,14 +134,18 @@ class CurveNet(Rejecting):
             raise DataError("features has non-finite values; leave such an event out")
         standard = np.clip((x.reshape(-1, x.shape[-1]) - self.mean) / self.scale, -CLIP, CLIP).astype(np.float32)
         split = len(self.names) - len(TOTALS)
-        wave = standard[:, :split].reshape(len(standard), self.steps, -1)
+        wave = standard[:, :split].reshape(len(standard), self.steps, split // self.steps)
         for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
             wave = np.maximum(convolve(wave, kernel, 1 if number == 0 else 2) + offset, 0.0)
-        value = np.concatenate([wave.reshape(len(wave), -1), standard[:, split:]], axis=1)
+        return np.concatenate([wave.reshape(len(wave), wave.shape[1] * wave.shape[2]), standard[:, split:]], axis=1)
+
+    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
+        """Probability of every label, see `Classifier`."""
+        x, value = np.asarray(features), self.inputs(features)
         for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             value = (np.maximum(value, 0.0) if number else value) @ weight + bias
         score = np.exp(value.astype(np.float64) - value.max(axis=1, keepdims=True))
-        return np.asarray(score / score.sum(axis=1, keepdims=True)).reshape(*x.shape[:-1], -1)
+        return np.asarray(score / score.sum(axis=1, keepdims=True)).reshape(*x.shape[:-1], len(self.labels))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Give everything that the model file must keep; see `from_arrays`.
@@ -143,7 +165,7 @@ class CurveNet(Rejecting):
         arrays = description(FORMAT, about) | {"mean": self.mean, "scale": self.scale}
         for kind, parts in (("kernel", self.kernels), ("offset", self.offsets), ("weights", self.weights), ("bias", self.biases)):
             arrays |= {f"{kind}_{k}": part.astype(np.float16) if (half(part) == part).all() else part for k, part in enumerate(parts)}
-        return arrays
+        return arrays | ({"memory": self.memory, "remembered": self.remembered} if len(self.memory) else {})
 
     @classmethod
     def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> CurveNet:
@@ -151,12 +173,13 @@ class CurveNet(Rejecting):
         try:
             n_convolutions, n_dense = (int(number) for number in about["layers"])
             numbers = {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in arrays.items()}
+            held = {name: arrays[name] for name in ("memory", "remembered") if "memory" in arrays}
             kernels, offsets = (tuple(numbers[f"{kind}_{k}"] for k in range(n_convolutions)) for kind in ("kernel", "offset"))
             weights, biases = (tuple(numbers[f"{kind}_{k}"] for k in range(n_dense)) for kind in ("weights", "bias"))
             return cls(
                 numbers["mean"], numbers["scale"], kernels, offsets, weights, biases,
                 names=tuple(map(str, about["names"])), labels=tuple(map(str, about["labels"])), steps=int(about["steps"]),
-                reject=float(about["reject"]), settings=dict(about["settings"]), figures=dict(about["figures"]),
+                reject=float(about["reject"]), settings=dict(about["settings"]), figures=dict(about["figures"]), **held,
             )  # fmt: skip
         except (KeyError, TypeError, ValueError) as error:
             raise ConfigError(f"not a {_KIND} ({error}); {_ADVICE}") from None

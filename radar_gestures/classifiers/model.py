@@ -19,6 +19,10 @@ CURVE_NETWORK = "curve network"
 """Kind of the files of `curve_net.CurveNet`; those of a perceptron name no kind."""
 
 
+ENROLLED = "enrolled model"
+"""Kind of the files of `enrolled.Enrolled`."""
+
+
 class Classifier(Protocol):
     """Classify gestures by the features of the training."""
 
@@ -111,9 +115,25 @@ def load_model(name_or_path: str | Path = "gestures") -> Classifier:
             from radar_gestures.classifiers.curve_net import CurveNet  # with the code of curves, which no other model needs
 
             return CurveNet.from_arrays(about, arrays)
+        if about["kind"] == ENROLLED:
+            from radar_gestures.classifiers.enrolled import Enrolled
+
+            return Enrolled.from_arrays(about, arrays)
         raise ConfigError(f"holds a {about['kind']}, which this version of Handwave does not know; {ADVICE}")
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def model_of(name_or_path: str | Path, person: str = "") -> Classifier:
+    """Read a model as `load_model`, of the person who is there; `ConfigError` also when it does not know that person. Empty: anybody."""
+    model = load_model(name_or_path)
+    if not person:
+        return model
+    from radar_gestures.classifiers.enrolled import Enrolled
+
+    if not isinstance(model, Enrolled):
+        raise ConfigError(f"{name_or_path}: nobody is enrolled in this model; handwave gesture enrol does it")
+    return model.of(person)
 
 
 def load_perceptron(name_or_path: str | Path = "gestures") -> GestureModel:

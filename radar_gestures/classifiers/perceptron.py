@@ -140,6 +140,11 @@ class GestureModel(Rejecting):
         x = np.exp(x - x.max(axis=-1, keepdims=True))
         return np.asarray(x / x.sum(axis=-1, keepdims=True))
 
+    def inputs(self, features: NDArray[np.floating]) -> Float64Array:
+        """Compute what the layers take, shape (n, n_features): standardised features of shape (..., n_features)."""
+        x = np.asarray(features, np.float64).reshape(-1, len(self.mean))
+        return np.asarray((x - self.mean) / self.scale)
+
     def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
         """See `Rejecting`; by the model's rejector, to compare with ``reject``."""
         x, p = np.asarray(features, np.float64), np.asarray(probabilities, np.float64)

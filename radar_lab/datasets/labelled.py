@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core import GESTURES, OWN_GESTURE, ConfigError, DataError, PointCloud, RadarInfo, vocabulary
 from radar_core.config import plain
 from radar_core.types import Float64Array
 from radar_gestures.stage import GestureConfig, feature_settings
@@ -25,7 +25,7 @@ from radar_lab.datasets.samples import FORMAT, ONE, about_sample, open_folder, p
 from radar_lab.evaluation.scoring import TruthSegment
 
 COLUMNS: Final[tuple[str, ...]] = ("start", "end", "gesture", "person")
-"""Of a file of labels: start and end in seconds of the recording, one of `GESTURES`, number of the person."""
+"""Of a file of labels: start and end in seconds of the recording, one of `GESTURES` or of one's own, number of the person."""
 AROUND: Final[float] = 1.0
 """Clouds that long before and after a label are kept [s]: tracks settle, events end."""
 _NOWHERE: Final[Float64Array] = np.full(3, np.nan)
@@ -53,10 +53,11 @@ class ImportReport:
     n_outside: int
 
 
-def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
+def read_labels(path: str | Path, start_ns: int, own: Sequence[str] = ()) -> tuple[TruthSegment, ...]:
     """Read a file of labels: comma-separated, with `COLUMNS` in its first line; ordered by start.
 
-    The recording's seconds begin at ``start_ns``: the stamp of its first cloud [ns]. Raises `DataError` when the file cannot be read,
+    The recording's seconds begin at ``start_ns``: the stamp of its first cloud [ns]; ``own`` are gestures of one's own that it may name
+    beside the ten. Raises `DataError` when the file cannot be read,
     naming line and column of what makes no sense.
     """
     try:
@@ -67,23 +68,25 @@ def read_labels(path: str | Path, start_ns: int) -> tuple[TruthSegment, ...]:
     missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
     if missing:
         raise DataError(f"{path}:1: the first line has to name the columns {','.join(COLUMNS)}; it lacks {', '.join(missing)}")
-    rows = [_segment(row, f"{path}:{reader.line_num}", start_ns) for row in reader]
+    known = vocabulary(own)
+    rows = [_segment(row, f"{path}:{reader.line_num}", start_ns, known) for row in reader]
     return tuple(sorted(rows, key=lambda s: (s.start_ns, s.person_id)))
 
 
-def _segment(row: Mapping[str, str | None], where: str, start_ns: int) -> TruthSegment:
+def _segment(row: Mapping[str, str | None], where: str, start_ns: int, known: Sequence[str]) -> TruthSegment:
     start, end = (_number(row[name], name, where) for name in ("start", "end"))
     person = _number(row["person"], "person", where)
     gesture = (row["gesture"] or "").strip()
-    if gesture not in GESTURES:
-        near = difflib.get_close_matches(gesture, GESTURES, n=1)
+    if gesture not in known:
+        near = difflib.get_close_matches(gesture, known, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise DataError(f"{where}: gesture is {gesture!r}{hint}; choose one of {', '.join(GESTURES)}")
+        raise DataError(f"{where}: gesture is {gesture!r}{hint}; choose one of {', '.join(known)}, or name it as your own")
     if not 0.0 <= start < end:
         raise DataError(f"{where}: start is {start:g} and end {end:g}; give seconds of the recording, the end after the start")
     if person < 0 or person != int(person):
         raise DataError(f"{where}: person is {person:g}; give a whole number from 0")
-    return TruthSegment(int(person), GESTURES.index(gesture), start_ns + round(start * 1e9), start_ns + round(end * 1e9))
+    number, name = (GESTURES.index(gesture), "") if gesture in GESTURES else (OWN_GESTURE, gesture)
+    return TruthSegment(int(person), number, start_ns + round(start * 1e9), start_ns + round(end * 1e9), name)
 
 
 def _number(text: str | None, name: str, where: str) -> float:
@@ -135,10 +138,9 @@ def import_labelled(
     if not labels:
         raise ConfigError(f"{source}: there is no label, so there is nothing to import")
     config = config or GestureConfig()
-    manifest = {"format": FORMAT, "recorded": True, "settings": feature_settings(config), "radar": plain(info), "one_tx": one_tx}
-    place = open_folder(folder, manifest)
+    place = open_recorded(folder, info, config, one_tx)
     known = {str(read_sample(path)["hash"]) for path in sorted(place.glob("sample_*.npz"))}
-    number = max((int(path.stem.removeprefix("sample_")) for path in place.glob("sample_*.npz")), default=-1) + 1
+    number = next_number(place)
     written = found = outside = repeated = 0
     for label, cut in cut_out(moments, labels):
         inside = [moment for moment in cut if label.start_ns <= moment.cloud.stamp_ns <= label.end_ns]
@@ -147,11 +149,22 @@ def import_labelled(
             outside += not inside
             repeated += bool(inside)
             continue
-        columns = _columns(number, label, cut, info, config, one_tx) | {"hash": np.array(digest)}
+        columns = recorded_columns(number, label, cut, info, config, one_tx) | {"hash": np.array(digest)}
         write_chunk(sample_path(place, number), columns, compressed=True)
         known.add(digest)
         number, written, found = number + 1, written + 1, found + bool(columns["found"])
     return ImportReport(written, repeated, found, outside)
+
+
+def open_recorded(folder: str | Path, info: RadarInfo, config: GestureConfig, one_tx: bool = False) -> Path:
+    """Make a data set of recorded samples, or go on with one; arguments and errors as of `import_labelled`."""
+    manifest = {"format": FORMAT, "recorded": True, "settings": feature_settings(config), "radar": plain(info), "one_tx": one_tx}
+    return open_folder(folder, manifest)
+
+
+def next_number(place: Path) -> int:
+    """Return the number of the next sample of a data set."""
+    return max((int(path.stem.removeprefix("sample_")) for path in place.glob("sample_*.npz")), default=-1) + 1
 
 
 def cut_out(moments: Iterable[Moment], labels: Sequence[TruthSegment]) -> Iterator[tuple[TruthSegment, list[Moment]]]:
@@ -183,18 +196,19 @@ def cut_out(moments: Iterable[Moment], labels: Sequence[TruthSegment]) -> Iterat
 
 def _digest(source: str, label: TruthSegment, info: RadarInfo, config: GestureConfig) -> str:
     """SHA-256 over what makes a recorded sample."""
-    described = [FORMAT, source, label.person_id, label.label, label.start_ns, label.end_ns, plain(info), feature_settings(config)]
+    gesture = label.own or label.label
+    described = [FORMAT, source, label.person_id, gesture, label.start_ns, label.end_ns, plain(info), feature_settings(config)]
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
-def _columns(
+def recorded_columns(
     number: int, label: TruthSegment, cut: list[Moment], info: RadarInfo, config: GestureConfig, one_tx: bool
 ) -> dict[str, NDArray[Any]]:
     """Columns of a file, as `synthesis.simulate_sample` describes them; what nobody knows is NaN, ``scene`` is empty."""
     clouds = [moment.cloud for moment in cut]
     position = np.array([moment.places.get(label.person_id, _NOWHERE) for moment in cut], np.float64).reshape(-1, 3)
     columns = {
-        **about_sample(number, label.label, 0, label.person_id, None, info, config, AROUND),
+        **about_sample(number, label.name, 0, label.person_id, None, info, config, AROUND),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
         **pack_clouds([in_sensor(cloud, info) for cloud in clouds]),
         **read_stroke(info, clouds, position, label, config, padded=False).columns,

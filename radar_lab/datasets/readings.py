@@ -17,7 +17,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo
+from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo, vocabulary
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
@@ -40,7 +40,7 @@ _GATE: Final[float] = 0.8  # m: a track farther from the person on the floor is 
 class Reading:
     """What the event stage made of one sample."""
 
-    label: int  # index into `GESTURES`
+    gesture: str  # what was performed
     person: int  # the subject
     stroke_ns: tuple[int, int]  # true start and end [ns]
     event: TrackEvent | None  # the gesture's event; None: it was missed. Its features are never None
@@ -121,7 +121,7 @@ def read_stroke(
                 found.append(event)
     best = max(found, key=lambda one: one.event.end_ns - one.event.start_ns, default=None)
     own_clouds, samples = ((), ()) if best is None else _signals(passed, best, config, info)
-    return Reading(stroke.label, stroke.person_id, (stroke.start_ns, stroke.end_ns), best, own_clouds, samples)
+    return Reading(stroke.name, stroke.person_id, (stroke.start_ns, stroke.end_ns), best, own_clouds, samples)
 
 
 def _is_of(track: Track | None, place: Positions) -> bool:
@@ -187,8 +187,10 @@ def read(sample: Columns, config: GestureConfig | None = None, *, every: int = 1
     if every < 1:
         raise ConfigError(f"every is {every}; 1 takes every cloud, 2 every second, and so on")
     kind = ONE if one_tx else BOTH
-    clouds, start_end = unpack_clouds(sample, kind)[::every], sample["stroke_ns"].tolist()
-    stroke = TruthSegment(int(sample["subject"]), int(sample["label"]), *start_end)
+    clouds, (start, end) = unpack_clouds(sample, kind)[::every], sample["stroke_ns"].tolist()
+    gesture = str(sample["gesture"])
+    own = "" if gesture in GESTURES else gesture
+    stroke = TruthSegment(int(sample["subject"]), int(sample["label"]), start, end, own)
     return read_stroke(
         info_of(sample, kind), clouds, sample["position"][::every], stroke, config or GestureConfig(), padded=bool(str(sample["scene"]))
     )
@@ -231,15 +233,17 @@ def collect(
     """
     config = config or GestureConfig()
     found, missed = _each(folder, n_jobs, functools.partial(_row, config=config, every=every, one_tx=one_tx, make=vector or _features))
-    features, label, person, walked = zip(*found, strict=True) if found else ((),) * 4
+    features, gesture, person, walked = zip(*found, strict=True) if found else ((),) * 4
+    labels = vocabulary((*gesture, *missed))
     return SampleSet(
         features=np.array(features, np.float64).reshape(-1, len(names)),
-        label=np.array(label, np.int64),
+        label=np.array([labels.index(name) for name in gesture], np.int64),
         person=np.array(person, np.int64),
         walked=np.array(walked, np.float64),
-        missed=missed,
+        missed=_counted(missed, labels),
         config=feature_settings(config),
         names=names,
+        labels=labels,
     )
 
 
@@ -265,20 +269,24 @@ def cubes(
     make = functools.partial(_cube, encoder=encoder)
     work = functools.partial(_row, config=config or GestureConfig(), every=every, one_tx=one_tx, make=make)
     found, missed = _each(folder, n_jobs, work)
-    cube, label, person, _ = zip(*found, strict=True) if found else ((),) * 4
+    cube, gesture, person, _ = zip(*found, strict=True) if found else ((),) * 4
+    labels = vocabulary((*gesture, *missed))
+    label = [labels.index(name) for name in gesture]
     shape = (len(ATTRIBUTES), encoder.n_detections, encoder.n_frames)
-    return Cubes(np.array(cube, np.float32).reshape(-1, *shape), np.array(label, np.int64), np.array(person, np.int64), missed)
+    return Cubes(
+        np.array(cube, np.float32).reshape(-1, *shape), np.array(label, np.int64), np.array(person, np.int64), _counted(missed, labels)
+    )
 
 
-_Row = tuple[NDArray[Any] | None, int, int, float]
+_Row = tuple[NDArray[Any] | None, str, int, float]
 
 
 def _row(path: Path, config: GestureConfig, every: int, one_tx: bool, make: Callable[[Reading], NDArray[Any]]) -> _Row:
-    """Read one file: what ``make`` makes of it, with label, person and walked distance; None: the event was missed."""
+    """Read one file: what ``make`` makes of it, with gesture, person and walked distance; None: the event was missed."""
     reading = read(read_sample(path), config, every=every, one_tx=one_tx)
     if reading.event is None:
-        return None, reading.label, reading.person, 0.0
-    return make(reading), reading.label, reading.person, reading.event.walked
+        return None, reading.gesture, reading.person, 0.0
+    return make(reading), reading.gesture, reading.person, reading.event.walked
 
 
 def _features(reading: Reading) -> Float64Array:
@@ -292,9 +300,13 @@ def _cube(reading: Reading, encoder: EncoderConfig) -> Float32Array:
     return encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
 
 
-def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], IndexArray]:
-    """Do the work on every file, several at a time: rows of what was found, in the order of the files, and how much was missed by label."""
+def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], list[str]]:
+    """Do the work on every file, several at a time: rows of what was found, in the order of the files, and gestures that were missed."""
     files = sample_files(folder)
     rows: list[_Row] = list(map(work, files)) if n_jobs == 1 else Parallel(n_jobs=n_jobs)(delayed(work)(path) for path in files)
-    missed = np.bincount([row[1] for row in rows if row[0] is None], minlength=len(GESTURES)).astype(np.int64)
-    return [row for row in rows if row[0] is not None], missed
+    return [row for row in rows if row[0] is not None], [row[1] for row in rows if row[0] is None]
+
+
+def _counted(gestures: Sequence[str], labels: Sequence[str]) -> IndexArray:
+    """How often each label occurs."""
+    return np.bincount([labels.index(name) for name in gestures], minlength=len(labels)).astype(np.int64)

@@ -22,7 +22,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core import GESTURES, OWN_GESTURE, ConfigError, DataError, PointCloud, RadarInfo, vocabulary
 from radar_core.config import load, plain
 from radar_core.transmitters import one_transmitter
 from radar_core.types import Float64Array, IndexArray
@@ -51,12 +51,13 @@ class SampleSet:
 
     # One row a sample: the thirteen that `extract` gives, or those that ``names`` says, shape (n, n_features)
     features: Float64Array
-    label: IndexArray  # index into `GESTURES`, shape (n,)
+    label: IndexArray  # index into ``labels``, shape (n,)
     person: IndexArray  # whose; every simulated scene has people of its own, every subject of a data set a number; shape (n,)
     walked: Float64Array  # ground distance moved during the event, shape (n,) [m]
-    missed: IndexArray  # gestures performed that gave no event, by label, shape (10,)
+    missed: IndexArray  # gestures performed that gave no event, by label, shape (n_labels,)
     config: Mapping[str, Any]  # how the features were made
     names: tuple[str, ...] = FEATURE_NAMES  # of the features, length n_features
+    labels: tuple[str, ...] = GESTURES  # what the labels mean: the ten, then gestures of one's own
 
     def __post_init__(self) -> None:
         n = len(self.label)
@@ -67,8 +68,8 @@ class SampleSet:
             )
         if not np.isfinite(self.features).all():
             raise DataError("samples: features has non-finite values")
-        if n and not (self.label.min() >= 0 and self.label.max() < len(GESTURES)):
-            raise DataError(f"samples: labels must lie in 0..{len(GESTURES) - 1}, found {self.label.min()}..{self.label.max()}")
+        if n and not (self.label.min() >= 0 and self.label.max() < len(self.labels)):
+            raise DataError(f"samples: labels must lie in 0..{len(self.labels) - 1}, found {self.label.min()}..{self.label.max()}")
 
     @property
     def n_features(self) -> int:
@@ -175,16 +176,19 @@ def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[
 
 
 def about_sample(
-    number: int, label: int, variant: int, subject: int, scene: Scene | None, info: RadarInfo, config: GestureConfig, margin: float
+    number: int, gesture: str, variant: int, subject: int, scene: Scene | None, info: RadarInfo, config: GestureConfig, margin: float
 ) -> dict[str, NDArray[Any]]:
-    """Columns that say what a sample is and how it was made; scene is None for one that was recorded."""
+    """Columns that say what a sample is and how it was made; scene is None for one that was recorded.
+
+    ``label`` is the number of a gesture of the ten, and `OWN_GESTURE` for one's own, which ``gesture`` names.
+    """
     texts = {"scene": "" if scene is None else _text(scene), "radar": _text(info), "settings": _text(config)}
     return {
         "number": np.array(number, np.int64),
-        "label": np.array(label, np.int64),
+        "label": np.array(GESTURES.index(gesture) if gesture in GESTURES else OWN_GESTURE, np.int64),
         "variant": np.array(variant, np.int64),
         "subject": np.array(subject, np.int64),
-        "gesture": np.array(GESTURES[label]),
+        "gesture": np.array(gesture),
         **{name: np.array(text) for name, text in texts.items()},
         "margin": np.array(margin),
     }
@@ -262,6 +266,8 @@ def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
 
     Raises `DataError` when their features were made with different settings, or are others.
     """
+    labels = vocabulary(name for samples in sets for name in samples.labels)
+    sets = [relabelled(samples, labels) for samples in sets]
     first = sets[0]
     person, above = [], 0
     for samples in sets:
@@ -272,7 +278,15 @@ def join_samples(sets: Sequence[SampleSet]) -> SampleSet:
         above += len(known)
     columns = {name: np.concatenate([getattr(samples, name) for samples in sets]) for name in ("features", "label", "walked")}
     missed = np.sum([samples.missed for samples in sets], axis=0)
-    return SampleSet(**columns, person=np.concatenate(person), missed=missed, config=first.config, names=first.names)
+    return SampleSet(**columns, person=np.concatenate(person), missed=missed, config=first.config, names=first.names, labels=labels)
+
+
+def relabelled(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
+    """Return the samples numbered by another list of labels, which has to hold all of theirs."""
+    number = np.array([labels.index(name) for name in samples.labels], np.int64)
+    missed = np.zeros(len(labels), np.int64)
+    missed[number] = samples.missed
+    return dataclasses.replace(samples, label=number[samples.label], missed=missed, labels=tuple(labels))
 
 
 def standing(samples: SampleSet, most: float) -> SampleSet:

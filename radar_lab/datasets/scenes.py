@@ -164,7 +164,7 @@ def label_events(events: Iterable[tuple[int, TrackEvent]], segments: Iterable[Tr
             seen.add(best)
         if found.features is not None:
             rows.append((found.features, label, max(person, 0), found.walked))
-    missed = np.zeros(len(GESTURES), np.int64)
+    missed = np.zeros(max([len(GESTURES), *(segment.label + 1 for segment in segments)]), np.int64)
     for segment in segments:
         missed[segment.label] += segment not in seen
     return {

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, ConfigError, DataError, RadarInfo
+from radar_core import GESTURES, ConfigError, DataError, RadarInfo, vocabulary
 from radar_core.config import load
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
@@ -198,10 +198,11 @@ def simulate_sample(
     clouds = [baseband.process(simulated.frame) for simulated in frames]
     truths = [simulated.truth for simulated in frames]
     truth = {name: np.array([getattr(t, name)[0] for t in truths]) for name in ("position", "velocity", "hand_position", "hand_velocity")}
-    stroke = TruthSegment(sample.subject, sample.label, round(sample.start * 1e9), round(sample.end * 1e9))
+    own = "" if sample.gesture in GESTURES else sample.gesture
+    stroke = TruthSegment(sample.subject, sample.label, round(sample.start * 1e9), round(sample.end * 1e9), own)
     columns: dict[str, NDArray[Any]] = {
         **about_sample(
-            sample.number, sample.label, sample.variant, sample.subject, sample.scene, sample.scene.radars[0].info, config, margin
+            sample.number, sample.gesture, sample.variant, sample.subject, sample.scene, sample.scene.radars[0].info, config, margin
         ),
         "hash": np.array(sample_hash(sample.scene, config, margin)),
         "stamp_ns": np.array([cloud.stamp_ns for cloud in clouds], np.int64),
@@ -223,7 +224,7 @@ def sample_hash(scene: Scene, config: GestureConfig, margin: float) -> str:
     """SHA-256 over all that a sample depends on: scene with seed and radar, knobs of every stage with their defaults, motion library."""
     described = {
         "format": FORMAT,
-        "scene": dataclasses.asdict(scene),
+        "scene": _described(scene),
         "baseband": dataclasses.asdict(BasebandConfig()),
         "tracker": dataclasses.asdict(TrackerConfig()),
         "settings": feature_settings(config),
@@ -231,6 +232,12 @@ def sample_hash(scene: Scene, config: GestureConfig, margin: float) -> str:
         "motions": library_hash(),
     }
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+
+def _described(scene: Scene) -> dict[str, Any]:
+    """All that a scene says; without strokes of one's own, as before there were any, so that older samples can be made again."""
+    said = dataclasses.asdict(scene)
+    return said if scene.strokes else {name: value for name, value in said.items() if name != "strokes"}
 
 
 def stroke_frames(simulator: Simulator, sample: Sample, margin: float) -> range:
@@ -278,14 +285,17 @@ def feature_samples(folder: str | Path) -> SampleSet:
 
     Raises `DataError` as `read_samples`.
     """
-    names = ("label", "subject", "found", "features", "walked")
+    names = ("gesture", "subject", "found", "features", "walked")
     samples = [[sample[name] for name in names] for sample in read_samples(folder)]
-    label, subject, found, features, walked = (np.array(column) for column in zip(*samples, strict=True))
+    gesture, subject, found, features, walked = (np.array(column) for column in zip(*samples, strict=True))
+    labels = vocabulary(gesture.tolist())
+    label = np.array([labels.index(name) for name in gesture.tolist()], np.int64)
     return SampleSet(
         features=features[found],
         label=label[found],
         person=subject[found],
         walked=walked[found],
-        missed=np.bincount(label[~found], minlength=len(GESTURES)),
+        missed=np.bincount(label[~found], minlength=len(labels)),
         config=read_manifest(folder)["settings"],
+        labels=labels,
     )

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from radar_core import GESTURES, ConfigError, RadarInfo
+from radar_core import GESTURES, OWN_GESTURE, ConfigError, RadarInfo
 from radar_core.config import config, knob
 from radar_sim import (
     GESTURE_DURATION,
@@ -152,7 +152,7 @@ class Sample:
     """One sample before it is simulated."""
 
     number: int  # of the sample
-    gesture: str  # one of `GESTURES`
+    gesture: str  # one of `GESTURES`, or of the scene's own
     variant: int  # which way of performing it; of random, 1 (`WALKING`) is a walk
     subject: int  # who performs it; without subjects, the number of the sample
     scene: Scene  # one person who performs it once
@@ -162,8 +162,8 @@ class Sample:
 
     @property
     def label(self) -> int:
-        """Index into `GESTURES`."""
-        return GESTURES.index(self.gesture)
+        """Index into `GESTURES`, or `OWN_GESTURE`."""
+        return GESTURES.index(self.gesture) if self.gesture in GESTURES else OWN_GESTURE
 
 
 def draw_subject(plan: Plan, seed: int, number: int) -> Subject:
@@ -285,7 +285,7 @@ def _draw_effects(plan: Plan, rng: np.random.Generator) -> Effects:
 def stroke_of(scene: Scene) -> tuple[float, float]:
     """Start and end of what the person of a sample's scene does, gesture or walk [s]."""
     mount = scene.radars[0].mount
-    stroke = _stroke(Timeline(scene.people[0], scene.seed, (mount.x, mount.y)))
+    stroke = _stroke(Timeline(scene.people[0], scene.seed, (mount.x, mount.y), scene.strokes))
     return stroke.start, stroke.end
 
 

@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from radar_core import GESTURES, DataError
+from radar_core import DataError, vocabulary
 from radar_core.config import config, knob
 from radar_core.types import Float64Array, IndexArray
-from radar_lab.datasets.samples import SampleSet
+from radar_lab.datasets.samples import SampleSet, relabelled
 from radar_lab.training.validation import Validation
 
 _LARGEST: Final[int] = 5000  # samples of which Shapiro's p-value is known
@@ -36,7 +36,7 @@ class Comparison:
     """What `compare` found. A p-value is NaN where a test says nothing; ``notes`` says why."""
 
     names: tuple[str, ...]  # features
-    labels: tuple[int, ...]  # gestures that both data sets have, as indices into `GESTURES`
+    labels: tuple[int, ...]  # gestures that both data sets have, as indices into ``words``
     counts: IndexArray  # samples of each, of A and of B, shape (2, n_labels)
     shapiro: Float64Array  # p-values that a feature of A, of B, is normally distributed, shape (2, n_features)
     # kruskal, statistic: p-values that a feature of a gesture has one distribution in A and B (figure 5.15), and H of these tests: the
@@ -52,6 +52,7 @@ class Comparison:
     reduced: Validation | None
     significance: float  # p-values below this count as different
     notes: tuple[str, ...]  # what could not be tested
+    words: tuple[str, ...]  # names of all gestures of both, by their numbers
 
 
 def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) -> Comparison:
@@ -62,6 +63,8 @@ def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) 
     config = config or ComparisonConfig()
     if a.names != b.names:
         raise DataError(f"the data sets have different features ({', '.join(a.names)}; {', '.join(b.names)}); make both with the same ones")
+    words = vocabulary((*a.labels, *b.labels))
+    a, b = relabelled(a, words), relabelled(b, words)
     labels = tuple(sorted({*a.label.tolist()} & {*b.label.tolist()}))
     if not labels:
         raise DataError("the data sets have no gesture in common: there is nothing to compare")
@@ -69,7 +72,7 @@ def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) 
     shapiro = np.array([[_shapiro(column, f"{name} of {which}", notes) for name, column in zip(a.names, one.features.T, strict=True)]
                         for which, one in (("A", a), ("B", b))])  # fmt: skip
     pairs = [(a.features[a.label == label], b.features[b.label == label]) for label in labels]
-    tests = np.array([[_kruskal(x, y, f"{a.names[i]} of {GESTURES[label]}", notes) for i, (x, y) in enumerate(zip(p.T, q.T, strict=True))]
+    tests = np.array([[_kruskal(x, y, f"{a.names[i]} of {words[label]}", notes) for i, (x, y) in enumerate(zip(p.T, q.T, strict=True))]
                       for label, (p, q) in zip(labels, pairs, strict=True)])  # fmt: skip
     tests = tests.reshape(len(labels), len(a.names), 2)
     left_out = most_different(tests[..., 0], min(config.left_out, len(a.names) - 1))
@@ -87,6 +90,7 @@ def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) 
         reduced=_transfer(a, b, labels, rest, config, []) if left_out else None,
         significance=config.significance,
         notes=tuple(notes),
+        words=words,
     )
 
 
@@ -140,12 +144,12 @@ def _transfer(
 ) -> Validation | None:
     """Train on the common gestures of A, test on those of B."""
     if len(labels) < 2:
-        notes.append(f"classifier: only {GESTURES[labels[0]]} is in both data sets; it takes two gestures to tell apart")
+        notes.append(f"classifier: only {a.labels[labels[0]]} is in both data sets; it takes two gestures to tell apart")
         return None
     known, own = np.isin(a.label, labels), np.isin(b.label, labels)
     model = _classifier(a.features[known][:, columns], a.label[known], config)
     number = np.searchsorted(labels, b.label[own])
-    names = tuple(GESTURES[label] for label in labels)
+    names = tuple(a.labels[label] for label in labels)
     return Validation("all", names, model(b.features[own][:, columns]), number, b.person[own], 1)
 
 
@@ -190,7 +194,7 @@ def _gesture_table(result: Comparison) -> str:
     for i, label in enumerate(result.labels):
         scores = (np.nan, np.nan) if result.transfer is None else (result.transfer.precision[i], result.transfer.recall[i])
         counts = f"{result.counts[0, i]:6d}{result.counts[1, i]:6d}"
-        lines.append(f"{GESTURES[label]:14}{counts}{_share(scores[0]):>11}{_share(scores[1]):>8}   {_p(result.wilcoxon[i])}")
+        lines.append(f"{result.words[label]:14}{counts}{_share(scores[0]):>11}{_share(scores[1]):>8}   {_p(result.wilcoxon[i])}")
     return "\n".join(lines)
 
 

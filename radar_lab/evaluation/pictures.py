@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import GESTURES, DataError
+from radar_core import DataError
 from radar_core.types import Float32Array, IndexArray
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.readings import maps_of, read
-from radar_lab.datasets.samples import SampleSet
+from radar_lab.datasets.samples import SampleSet, relabelled
 from radar_lab.evaluation.comparison import Comparison
 from radar_lab.figures import new_figure, save_figure
 from radar_lab.training.calibration import calibration_error, reliability
@@ -103,6 +103,7 @@ def draw_comparison(
         What the data sets are called.
     """
     folder = Path(folder)
+    a, b = relabelled(a, result.words), relabelled(b, result.words)
     made = [folder / "kruskal.png"]
     draw_kruskal(result, made[0])
     for number, (gestures, features) in enumerate(SCATTERS, start=1):
@@ -110,7 +111,7 @@ def draw_comparison(
             made.append(folder / f"scatter_{number}.png")
             draw_scatter(a, b, gestures, features, made[-1], titles)
     for label in result.labels:
-        made.append(folder / f"box_{GESTURES[label]}.png")
+        made.append(folder / f"box_{result.words[label]}.png")
         draw_boxes(a, b, label, made[-1], titles)
     return tuple(made)
 
@@ -127,7 +128,7 @@ def draw_kruskal(result: Comparison, path: str | Path) -> None:
     for (row, column), value in np.ndenumerate(result.kruskal):
         axes.text(column, row, "-" if np.isnan(value) else f"{value:.2g}", ha="center", va="center", fontsize=7)
     axes.set_xticks(np.arange(n_features), [_words(name) for name in result.names], rotation=60, ha="right", fontsize=8)
-    axes.set_yticks(np.arange(n_labels), [_words(GESTURES[label]) for label in result.labels], fontsize=8)
+    axes.set_yticks(np.arange(n_labels), [_words(result.words[label]) for label in result.labels], fontsize=8)
     axes.set_title(f"Kruskal-Wallis: p-values; green: below {result.significance:g}, the distributions differ", fontsize=9)
     save_figure(figure, path)
 
@@ -144,12 +145,12 @@ def draw_scatter(
     both = [figure.add_subplot(1, 2, k + 1, projection="3d") for k in range(2)]
     for axes, one, title in zip(both, (a, b), titles, strict=True):
         for k, gesture in enumerate(gestures):
-            points = one.features[one.label == GESTURES.index(gesture)][:, columns]
+            points = one.features[one.label == one.labels.index(gesture)][:, columns]
             axes.scatter(*points.T, s=8, color=f"C{k}", label=f"{_words(gesture)} ({len(points)})")
         axes.set_title(title)
         axes.legend(fontsize="small")
         axes.set(**{f"{axis}label": _words(name) for axis, name in zip("xyz", features, strict=True)})
-    together = np.concatenate([one.features[np.isin(one.label, [GESTURES.index(g) for g in gestures])][:, columns] for one in (a, b)])
+    together = np.concatenate([one.features[np.isin(one.label, [one.labels.index(g) for g in gestures])][:, columns] for one in (a, b)])
     if len(together):
         for axis, low, high in zip("xyz", together.min(axis=0), together.max(axis=0), strict=True):
             pad = 0.05 * (high - low) or 1.0
@@ -162,7 +163,7 @@ def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles:
     """Draw the distribution of every feature of one gesture, one data set above the other (figure 5.16).
 
     Features are shifted and scaled by mean and standard deviation of both together, so that one axis serves all. ``label`` is an index into
-    `GESTURES`; the titles stand beside the rows.
+    ``a.labels``; the titles stand beside the rows.
     """
     parts = [one.features[one.label == label] for one in (a, b)]
     together = np.concatenate(parts)
@@ -175,7 +176,7 @@ def draw_boxes(a: SampleSet, b: SampleSet, label: int, path: str | Path, titles:
         axes.set_ylabel(f"{title} ({len(part)})")
         axes.grid(axis="y", alpha=0.3)
     rows[1].set_xticks(np.arange(1, a.n_features + 1), [_words(name) for name in a.names], rotation=60, ha="right", fontsize=8)
-    figure.suptitle(f"{_words(GESTURES[label])}: features in standard deviations of both together")
+    figure.suptitle(f"{_words(a.labels[label])}: features in standard deviations of both together")
     save_figure(figure, path)
 
 

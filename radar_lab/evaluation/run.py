@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from radar_core import GESTURES, RadarInfo
+from radar_core import RadarInfo
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError
 from radar_core.types import Float64Array
 from radar_gestures.recognizer import Gesture
 from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, Visibility
-from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, in_order, note_gestures, score_gestures
+from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, in_order, note_gestures, own_name, score_gestures
 from radar_sim.truth import Truth
 from radar_tracking import HandTrack, Tracks
 from radar_tracking.metrics import Gospa, nees
@@ -86,7 +86,7 @@ class Evaluator:
         return self._score([(person, g) for person, g in owned if person is not None])
 
     def _score(self, owned: list[tuple[int | None, Gesture]]) -> GestureScore:
-        recognised = [RecognisedGesture(person, g.label, g.start_ns, g.end_ns) for person, g in owned]
+        recognised = [RecognisedGesture(person, g.label, g.start_ns, g.end_ns, own_name(g.label, g.labels)) for person, g in owned]
         return score_gestures(in_order(self._segments), recognised, tolerance=self.config.tolerance)
 
     def report(self) -> dict[str, Any]:
@@ -135,8 +135,8 @@ class Evaluator:
             {
                 "person": segment.person_id,
                 "time_s": segment.start_ns * 1e-9,
-                "performed": GESTURES[segment.label],
-                "recognised": GESTURES[found.label] if found is not None else None,
+                "performed": segment.name,
+                "recognised": found.name if found is not None else None,
             }
             for segment, found in score.outcomes
         ]

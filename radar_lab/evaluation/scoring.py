@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from radar_core import GESTURES, NO_GESTURE
+from radar_core import GESTURES, NO_GESTURE, vocabulary
 from radar_core.types import IndexArray
 from radar_sim.truth import Truth
 
@@ -17,12 +17,21 @@ _RANDOM = GESTURES.index("random")
 
 @dataclass(frozen=True)
 class TruthSegment:
-    """A gesture that a person really performed: who, its index into `GESTURES`, and when [ns]."""
+    """A gesture that a person really performed: who, its number, and when [ns].
+
+    ``own`` is the name of a gesture of one's own; empty: ``label`` is an index into `GESTURES`. Other lists may number it otherwise.
+    """
 
     person_id: int
     label: int
     start_ns: int
     end_ns: int
+    own: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the gesture."""
+        return self.own or GESTURES[self.label]
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,17 @@ class RecognisedGesture:
     label: int
     start_ns: int
     end_ns: int
+    own: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the gesture."""
+        return self.own or GESTURES[self.label]
+
+
+def own_name(label: int, labels: Sequence[str]) -> str:
+    """Name of a gesture if it is one of one's own, else empty: see `TruthSegment`."""
+    return labels[label] if label >= len(GESTURES) else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +67,9 @@ class GestureScore:
     misses: int  # gestures not recognised: no event, or one called random
     # Published gestures (not random) that overlap no gesture of that person, or one already recognised; those of tracks on nobody too
     false_alarms: int
-    confusion: IndexArray  # true label by recognised label; the last column counts gestures without any event; shape (10, 11)
+    confusion: IndexArray  # true label by recognised label; the last column counts gestures without any event; shape (n, n + 1)
     outcomes: tuple[tuple[TruthSegment, RecognisedGesture | None], ...]  # what was matched with every segment, in the order given
+    labels: tuple[str, ...] = GESTURES  # of the rows of ``confusion``: the ten, then those of one's own that occurred
 
     @property
     def total(self) -> int:
@@ -75,7 +96,7 @@ def note_gestures(truth: Truth, segments: dict[tuple[int, int], TruthSegment]) -
         if label != NO_GESTURE:
             key = (int(person), int(index))
             start = segments[key].start_ns if key in segments else truth.stamp_ns
-            segments[key] = TruthSegment(int(person), int(label), start, truth.stamp_ns)
+            segments[key] = TruthSegment(int(person), int(label), start, truth.stamp_ns, own_name(int(label), truth.labels))
 
 
 def in_order(segments: dict[tuple[int, int], TruthSegment]) -> tuple[TruthSegment, ...]:
@@ -122,16 +143,17 @@ def score_gestures(
     segments = [s for s in truth if count_random or s.label != _RANDOM]
 
     def rank(i: int, j: int) -> int:
-        return 0 if segments[i].label == gestures[j].label else 1 if gestures[j].label != _RANDOM else 2
+        return 0 if segments[i].name == gestures[j].name else 1 if gestures[j].label != _RANDOM else 2
 
     partner, _ = match_spans(segments, gestures, tolerance, rank)
-    confusion = np.zeros((len(GESTURES), len(GESTURES) + 1), np.int64)
+    labels = vocabulary(sorted({s.own for s in segments if s.own} | {g.own for g in gestures if g.own}))
+    confusion = np.zeros((len(labels), len(labels) + 1), np.int64)
     for i, segment in enumerate(segments):
-        confusion[segment.label, gestures[partner[i]].label if i in partner else -1] += 1
+        confusion[labels.index(segment.name), labels.index(gestures[partner[i]].name) if i in partner else -1] += 1
     hits = int(np.trace(confusion))
     random_column = 0 if not count_random else int(confusion[0, 0])
     misses = int(confusion[:, 0].sum() + confusion[:, -1].sum()) - random_column
     used = set(partner.values())
     false_alarms = sum(1 for j, gesture in enumerate(gestures) if j not in used and gesture.label != _RANDOM)
     outcomes = tuple((segment, gestures[partner[i]] if i in partner else None) for i, segment in enumerate(segments))
-    return GestureScore(hits, int(confusion.sum()) - hits - misses, misses, false_alarms, confusion, outcomes)
+    return GestureScore(hits, int(confusion.sum()) - hits - misses, misses, false_alarms, confusion, outcomes, labels)

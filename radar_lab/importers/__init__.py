@@ -10,6 +10,7 @@ from typing import Any
 
 from radar_core import ConfigError, DataError
 from radar_core.config import describe, load
+from radar_lab.importers.a121 import A121Options, read_a121
 from radar_lab.importers.crossing import CrossingOptions, read_crossing
 from radar_lab.importers.dca1000 import Dca1000BinOptions, Dca1000Options, read_dca1000, read_dca1000_bin
 from radar_lab.importers.mars import MarsOptions, read_mars
@@ -38,7 +39,7 @@ KINDS: Mapping[str, Kind] = {
     "crossing": Kind("dense clouds of walkers (.npz)", CrossingOptions, read_crossing),
     "mhomeges": Kind("arm gestures, mHomeGes (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MHOMEGES)),
     "mtranssee": Kind("arm gestures, mTransSee (.npz, or .csv file or folder)", SegmentOptions, partial(read_segments, labels=MTRANSSEE)),
-    "mars": Kind("exercises with the joints' truth, MARS (.npz)", MarsOptions, read_mars),
+    "mars": Kind("exercises with the joints' truth, MARS (.npz, or radar_data_*.csv with its kinect_data_*.csv)", MarsOptions, read_mars),
     "radhar": Kind("one person who walks or exercises, RadHAR (.npz, or .txt of one recording)", RadharOptions, read_radhar),
     "dca1000": Kind("network capture of a DCA1000 (.pcap) with the radar's .cfg", Dca1000Options, read_dca1000),
     "dca1000_bin": Kind(
@@ -46,6 +47,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "npy": Kind("raw frames of any radar (.npy) with its waveform and array", NpyOptions, read_npy),
     "bgt60": Kind("folder of Infineon's recorder for the BGT60TR13C", Bgt60Options, read_bgt60),
+    "a121": Kind("sweeps of an A121 (.h5 of the maker's tools)", A121Options, read_a121),
     "openradar": Kind("raw frames of OpenRadar (.npy)", OpenRadarOptions, read_openradar),
 }
 """What can be imported."""

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from radar_core import ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_driver.dca1000.decode import ORDERS, decode_frame, frame_bytes, looks_mirrored, zeroed_chirps
 from radar_driver.dca1000.packets import HEAD, Counts, RawFrame, Reassembler
+from radar_driver.dca1000.studio_config import read_studio_config
 from radar_driver.dca1000.ti_config import radar_info, read_ti_config
 from radar_lab.importers.pcap import read_datagrams
 from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally
@@ -29,14 +31,19 @@ _TOO_LITTLE: Final = "frames of which too little arrived"
 class ShapeOptions(SourceOptions):
     """How the radar was set up; what is left at 0 (or empty) comes from the .cfg."""
 
-    config: str = knob("", doc="the radar's .cfg; empty: the only one beside the capture")
+    config: str = knob("", doc="the radar's .cfg, or mmWave Studio's .mmwave.json; empty: the only .cfg, else .json, beside the capture")
     tx: tuple[int, ...] = knob((), low=1, high=3, doc="transmitters in the order of their chirps")
     n_chirp: int = knob(0, low=0, high=1 << 16, doc="chirps per transmitter and frame")
     n_rx: int = knob(0, low=0, high=4, doc="receivers")
     n_sample: int = knob(0, low=0, high=1 << 16, doc="samples per chirp")
-    order: Literal["q_first", "i_first"] = knob("q_first", doc="q_first: TI's demos; i_first: mmWave Studio; wrong mirrors the range")
-    lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx")
+    order: Literal["q_first", "i_first"] = knob(
+        "q_first", doc="q_first: TI's demos; i_first: mmWave Studio, whose .json says it itself; wrong mirrors the range"
+    )
+    lanes: Literal[2, 4] = knob(2, doc="LVDS lanes: 2 for xWR16xx, 18xx and 68xx; 4 for xWR12xx and 14xx; a .json says it itself")
     min_received: float = knob(0.5, low=0.0, high=1.0, doc="frames of which less arrived are left out; what others lost is 0")
+
+
+Shape = TypeVar("Shape", bound=ShapeOptions)
 
 
 @config
@@ -56,25 +63,31 @@ def read_dca1000(path: Path, options: Dca1000Options) -> Recording:
     DataError
         When capture or .cfg cannot be read, or the capture holds no frame of the size they describe.
     """
-    info, size = _described(path, options)
+    info, size, options = _described(path, options)
     tally = Tally()
     return Recording(info, _frames(path, info, options, size, tally), tally)
 
 
-def _described(path: Path, options: ShapeOptions) -> tuple[RadarInfo, int]:
-    """Find out what radar made a recording, and how many bytes its frames have; raises as `read_dca1000`."""
-    ti = read_ti_config(_config_path(path, options.config))
+def _described(path: Path, options: Shape) -> tuple[RadarInfo, int, Shape]:
+    """Find out what radar made a recording, how many bytes its frames have, and how they lie; raises as `read_dca1000`."""
+    config = _config_path(path, options.config)
+    if config.suffix == ".json":
+        ti, lanes = read_studio_config(config)
+        options = replace(options, order="q_first" if ti.order == "q_first" else "i_first", lanes=2 if lanes == 2 else 4)
+    else:
+        ti = read_ti_config(config)
     info = radar_info(ti, options.tx, (options.n_rx, options.n_chirp, options.n_sample), mount=options.mount)
-    return info, frame_bytes(info, options.lanes)
+    return info, frame_bytes(info, options.lanes), options
 
 
 def _config_path(path: Path, config: str) -> Path:
     if config:
         return Path(config)
     folder = path if path.is_dir() else path.parent
-    beside = sorted(folder.glob("*.cfg"))
+    beside = sorted(folder.glob("*.cfg")) or sorted(folder.glob("*.mmwave.json"))
     if len(beside) != 1:
-        raise ConfigError(f"{path}: {len(beside)} .cfg files lie beside it; say which one configured the radar, e.g. config=profile.cfg")
+        kind = ".cfg files" if beside and beside[0].suffix == ".cfg" else ".mmwave.json files" if beside else ".cfg files"
+        raise ConfigError(f"{path}: {len(beside)} {kind} lie beside it; say which one configured the radar, e.g. config=profile.cfg")
     return beside[0]
 
 
@@ -169,7 +182,7 @@ def read_dca1000_bin(path: Path, options: Dca1000BinOptions) -> Recording:
     DataError
         When file or .cfg cannot be read, or there is no whole frame of the size that they describe.
     """
-    info, size = _described(path, options)
+    info, size, options = _described(path, options)
     files = _files(path)
     held = sum(file.stat().st_size for file in files)
     if held < size:

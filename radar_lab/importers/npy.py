@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo, Waveform
 from radar_core.arrays import BROKEN
 from radar_core.config import config, knob, load_file
+from radar_driver.bgt60.config import bgt60_array
 from radar_driver.tinyrad.convert import analytic
 from radar_lab.importers.recording import START_NS, Recording, SourceOptions, Tally
 
@@ -153,10 +154,9 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
         raise DataError(f"{file}: does not describe a recording of a BGT60TR13C ({type(error).__name__}: {error})") from None
     if not rx or not set(rx) <= {1, 2, 3}:
         raise DataError(f"{file}: receivers {rx}; a BGT60TR13C has 1, 2 and 3")
-    places = {3: (0.0, 0.0), 1: (1.0 if options.mirrored else -1.0, 0.0), 2: (0.0, -1.0 if options.upside_down else 1.0)}
     sweep: dict[str, Any] = {"carrier": (low + high) / 2, "bandwidth": high - low, "chirp_duration": sampled, "frame_interval": frame}
     waveform = Waveform(**sweep, chirp_pause=max(pulse - sampled, 0.0), n_tx=1, n_chirp=n_chirp, n_sample=n_sample)
-    array = AntennaArray.from_half_wavelengths([(0.0, 0.0)], [places[number] for number in rx], waveform.carrier)
+    array = bgt60_array(rx, waveform.carrier, mirrored=options.mirrored, upside_down=options.upside_down)
     data, axes = open_array(folder / "radar.npy"), "frame rx chirp sample"
     info, tally = described(data, axes, waveform, array, options), Tally()
     tally.warnings.append("which way receivers 1 and 2 lie from 3 was not tried on a board: walk to the left, else set mirrored")

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from radar_core import DataError
+from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
 from radar_lab.training.calibration import calibration_error
 from radar_lab.training.validation import Validation
@@ -26,7 +27,7 @@ _LIMITS: Final[tuple[str, ...]] = (
 
 
 def card(
-    model: GestureModel,
+    model: GestureModel | CurveNet,
     validations: Sequence[Validation],
     *,
     data: Mapping[str, Any],
@@ -38,7 +39,7 @@ def card(
 
     Parameters
     ----------
-    model : GestureModel
+    model : GestureModel or CurveNet
         The model.
     validations : sequence of Validation
         Each a section with accuracy, recall and precision.
@@ -53,14 +54,12 @@ def card(
     lines = [
         f"# Gesture model {sizes}",
         "",
-        f"A perceptron that tells {len(model.labels)} labels apart: {', '.join(model.labels)}.",
+        f"A {_kind(model)} that tells {len(model.labels)} labels apart: {', '.join(model.labels)}.",
         "",
         "| | |",
         "|---|---|",
         f"| file | format {FORMAT}, {n_bytes:,} bytes |",
-        f"| operations of one event | {model.flop:,} FLOP, and {model.rejector.flop:,} for the rejection |",
-        f"| temperature | {model.temperature:.3f} |",
-        f"| rejection | by {model.rejector.name}, below {model.reject:.4g} |",
+        *_decision(model),
         f"| features | {', '.join(model.names) if len(model.names) <= 20 else f'{len(model.names)}'} |",
         *(f"| {_cell(name)} | {_cell(value)} |" for name, value in _flat(data).items()),
         "",
@@ -70,6 +69,21 @@ def card(
     lines += ["## Limits", "", *(f"* {text}" for text in (*_LIMITS, *limits)), ""]
     lines += ["## Make it again", "", f"    {command}", "", "The same data and seed give the same file, bit for bit, on one machine.", ""]
     return "\n".join(lines)
+
+
+def _kind(model: GestureModel | CurveNet) -> str:
+    return "perceptron" if isinstance(model, GestureModel) else "network on curves"
+
+
+def _decision(model: GestureModel | CurveNet) -> list[str]:
+    """Rows that say what a decision costs, and how it is made."""
+    if not isinstance(model, GestureModel):
+        return [f"| operations of one event | {model.flop:,} FLOP |", f"| rejection | by probability, below {model.reject:.4g} |"]
+    return [
+        f"| operations of one event | {model.flop:,} FLOP, and {model.rejector.flop:,} for the rejection |",
+        f"| temperature | {model.temperature:.3f} |",
+        f"| rejection | by {model.rejector.name}, below {model.reject:.4g} |",
+    ]
 
 
 def write_card(text: str, path: str | Path) -> None:

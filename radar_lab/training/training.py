@@ -61,7 +61,7 @@ def train(
     out: str | Path | None = None,
     config: TrainingConfig | None = None,
     *,
-    labels: Sequence[str] = GESTURES,
+    labels: Sequence[str] | None = None,
 ) -> TrainingReport:
     """Train a perceptron on the samples in one or more folders and write it to ``out``.
 
@@ -76,8 +76,9 @@ def train(
         Model file to write (.npz); None: write nothing.
     config : TrainingConfig or None
         None: the defaults.
-    labels : sequence of str
-        What the model shall tell apart, of `GESTURES`, else `ConfigError`; samples of others are left out.
+    labels : sequence of str or None
+        What the model shall tell apart, of those that the data sets know, else `ConfigError`; samples of others are left out. None: the
+        ten; where there are samples of gestures of one's own, all of which there are samples.
 
     Raises
     ------
@@ -85,7 +86,9 @@ def train(
         When the folder holds no samples, those of fewer than two people, or none of a label.
     """
     folders = [folder] if isinstance(folder, str | Path) else list(folder)
-    report = train_on(of_labels(join_samples([read_folder(place) for place in folders]), labels), config, labels=labels)
+    samples = join_samples([read_folder(place) for place in folders])
+    labels = usual_labels(samples) if labels is None else labels
+    report = train_on(of_labels(samples, labels), config, labels=labels)
     if out is not None:
         save_model(report.model, out)
     return report
@@ -188,19 +191,27 @@ def fit(samples: SampleSet, known: Mask, config: TrainingConfig, *, labels: Sequ
 
 
 def of_labels(samples: SampleSet, labels: Sequence[str]) -> SampleSet:
-    """Return the samples of some of our gestures; ``label`` becomes an index into ``labels``.
+    """Return the samples of some gestures; ``label`` becomes an index into ``labels``.
 
-    Raises `ConfigError` when a label is none of ours, or occurs twice.
+    Raises `ConfigError` when a label is none that the samples know, or occurs twice.
     """
-    unknown = [name for name in labels if name not in GESTURES]
+    unknown = [name for name in labels if name not in samples.labels]
     if unknown or len(set(labels)) != len(labels) or len(labels) < 2:
         wrong = f"{', '.join(unknown)}: no such gesture" if unknown else f"{', '.join(labels)}: give at least two, each once"
-        raise ConfigError(f"labels: {wrong}; choose of {', '.join(GESTURES)}")
-    number = np.full(len(GESTURES), -1)
-    number[[GESTURES.index(name) for name in labels]] = np.arange(len(labels))
+        raise ConfigError(f"labels: {wrong}; choose of {', '.join(samples.labels)}")
+    number = np.full(len(samples.labels), -1)
+    number[[samples.labels.index(name) for name in labels]] = np.arange(len(labels))
     keep = number[samples.label] >= 0
     columns = {name: getattr(samples, name)[keep] for name in ("features", "person", "walked")}
-    return dataclasses.replace(samples, **columns, label=number[samples.label][keep])
+    missed = samples.missed[[samples.labels.index(name) for name in labels]]
+    return dataclasses.replace(samples, **columns, label=number[samples.label][keep], missed=missed, labels=tuple(labels))
+
+
+def usual_labels(samples: SampleSet) -> tuple[str, ...]:
+    """Return what a model learns to tell apart unless somebody says otherwise: the ten, or all that there is where some are one's own."""
+    if samples.labels == GESTURES:
+        return GESTURES
+    return tuple(name for number, name in enumerate(samples.labels) if np.any(samples.label == number))
 
 
 def _balanced(label: IndexArray, rng: np.random.Generator) -> IndexArray:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import handwave.msg
 import numpy as np
 
-from radar_core import DataError
+from radar_core import GESTURES, DataError
 from radar_gestures.maps import FeatureMaps
 from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import TrackEvent
@@ -25,6 +25,9 @@ def gesture_to_msg(gesture: Gesture) -> handwave.msg.Gesture:
         start=to_time(gesture.start_ns),
         end=to_time(gesture.end_ns),
         latency_s=gesture.latency,
+        position=gesture.position,
+        zones=list(gesture.zones),
+        labels=list(gesture.labels),
         **to_fields(gesture, _GESTURE),
         **pack_all(gesture, _ARRAYS),
     )
@@ -37,8 +40,11 @@ def gesture_from_msg(msg: Any) -> Gesture:
         frame_id=msg.header.frame_id,
         start_ns=from_time(msg.start),
         end_ns=from_time(msg.end),
+        position=np.array(msg.position),
+        zones=tuple(msg.zones),
         **from_fields(msg, _GESTURE),
         **unpack_all(msg, _ARRAYS),
+        labels=tuple(msg.labels) or GESTURES,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 import handwave.msg
 import numpy as np
 
+from radar_core import GESTURES
 from radar_ros.messages.convert import from_time, header, pack_all, to_time, unpack_all
 from radar_sim.truth import Truth
 
@@ -24,6 +25,7 @@ def truth_to_msg(truth: Truth) -> handwave.msg.Truth:
         drawing=truth.drawing.tolist(),
         gesture_start=[to_time(stamp) for stamp in truth.gesture_start_ns.tolist()],
         gesture_end=[to_time(stamp) for stamp in truth.gesture_end_ns.tolist()],
+        labels=[] if truth.labels == GESTURES else list(truth.labels),
         **pack_all(truth, _PLACES | _LISTS),
     )
 
@@ -40,4 +42,5 @@ def truth_from_msg(msg: Any) -> Truth:
         gesture_end_ns=np.array([from_time(time) for time in msg.gesture_end], np.int64),
         **{name: values.reshape(-1, 3) for name, values in unpack_all(msg, _PLACES).items()},
         **unpack_all(msg, _LISTS),
+        labels=tuple(msg.labels) or GESTURES,
     )

@@ -147,6 +147,10 @@ class CameraNode(StageNode):
         """Count a pair of images that could not be used; runs in the worker's thread."""
         self.refuse(error if isinstance(error, HandwaveError) else f"fault of this program: {type(error).__name__}: {error}")
 
+    def expects_data(self) -> bool:
+        """Nobody has to be there: this stage is never stale."""
+        return False
+
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Share of the images of the period that ends in which each joint was seen."""
         seen, self._seen = self._seen, Counter()

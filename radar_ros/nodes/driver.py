@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -9,7 +10,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import handwave.msg
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import NodeNameNonExistentError
 
 from radar_core import ConfigError, HandwaveError, PointCloud, RadarFrame, RadarInfo
 from radar_driver import boards
@@ -28,8 +31,11 @@ if TYPE_CHECKING:
 
 AtEnd = Literal["stop", "loop", "exit"]
 _ALWAYS = ("sim", bag_source.BOARD.name)  # their parameters are there whatever the source is
+_NO_INPUT = ("/clock", "/parameter_events")
 _SETTLE_NS = 500_000_000
+_LEAVE = 1.0  # s: from the last frame to the end of the process, for who shares it, or is slow to fetch the frame
 _LOOK = 0.02  # s: how often readers are counted while they are waited for
+_PATIENCE_NS = 10_000_000_000  # then the log says who is waited for
 _NAP = 1e-3  # s: how long a source sleeps at once while time is simulated
 
 
@@ -45,6 +51,11 @@ class Feed:
         self._reader = Reader(source, self._guard.trigger)
         self._running = False
         self._told = ""
+
+    @property
+    def running(self) -> bool:
+        """Whether the source is to send."""
+        return self._running
 
     def start(self) -> None:
         """Let the source send; a `DeviceError` says why it does not."""
@@ -82,6 +93,8 @@ class Feed:
 class DriverNode(StageMixin, LifecycleNode):
     """Configure = power up, activate = resume, deactivate = suspend, cleanup = power down."""
 
+    fixed_because = "the source is open"
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("driver", **kwargs)
         self.start_stage("driver")
@@ -93,6 +106,8 @@ class DriverNode(StageMixin, LifecycleNode):
         self._duration = float(declare(self, "duration", 0.0, "end after this long; 0: when the source ends", unit="s", low=0.0))
         self._speed = float(declare(self, "rate", 1.0, "of sim and bag: pace relative to the radar's own", low=0.01, high=100.0))
         self._readers = int(declare(self, "wait_for_readers", 0, "frames come when so many read radar/frame; 0: at once", low=0, high=100))
+        doc = "frames come when these nodes have subscribed, which they do once they have compiled; names in this namespace, or absolute"
+        self._awaited = [str(name) for name in declare(self, "wait_for_nodes", [], doc)]
         autostart = bool(declare(self, "autostart", True, "configure and activate at once"))
         if self._at_end not in ends:
             raise ConfigError(f"parameter at_end of node {self.get_name()} is {self._at_end!r}; choose one of {', '.join(ends)}")
@@ -139,6 +154,7 @@ class DriverNode(StageMixin, LifecycleNode):
             return self._fail(error)
         self._feed = Feed(self, self._source, self._publish)
         self._count = 0
+        self.hardware_id = self._info.frame_id
         self._announcer.start(self._info, measured)
         if self._own is not None:
             self._own.start(self._info)
@@ -147,8 +163,9 @@ class DriverNode(StageMixin, LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Resume: frames come from now on, or from when they are read."""
         self._first_ns: int | None = None  # stamp of the first frame since
-        if self._readers:
+        if self._readers or self._awaited:
             self._met_ns = 0  # when all readers were there for the first time
+            self._since_ns = time.monotonic_ns()
             self._timer = self.create_timer(_LOOK, self._await_readers)
             return super().on_activate(state)
         assert self._feed is not None
@@ -166,8 +183,11 @@ class DriverNode(StageMixin, LifecycleNode):
     def _await_readers(self) -> None:
         """Begin when the wanted readers have been connected for a moment; a reader knows of it a little later than its writer."""
         now = time.monotonic_ns()
-        if self._frames.get_subscription_count() < self._readers:
+        missing = [name for name in self._awaited if not self._reads(name)]
+        if missing or self._frames.get_subscription_count() < self._readers:
             self._met_ns = 0
+            if now - self._since_ns > _PATIENCE_NS:
+                self.caution(f"no frames yet: waiting for {', '.join(missing) or f'{self._readers} readers of radar/frame'}")
         elif not self._met_ns:
             self._met_ns = now
         elif now - self._met_ns >= _SETTLE_NS:
@@ -175,6 +195,13 @@ class DriverNode(StageMixin, LifecycleNode):
             self._announcer.say()  # so that the readers know the radar before its first frame
             assert self._feed is not None
             self._feed.start()
+
+    def _reads(self, node: str) -> bool:
+        """Whether a node is there and has subscribed to something; a clock alone does not count."""
+        space, _, name = (node if node.startswith("/") else f"{self.get_namespace().rstrip('/')}/{node}").rpartition("/")
+        with contextlib.suppress(NodeNameNonExistentError):
+            return any(topic not in _NO_INPUT for topic, _ in self.get_subscriber_names_and_types_by_node(name, space or "/"))
+        return False
 
     def _publish(self, reading: Reading, started_ns: int) -> None:
         """Publish what the source gave, stamped with the node's clock."""
@@ -213,8 +240,15 @@ class DriverNode(StageMixin, LifecycleNode):
             assert self._feed is not None
             self._feed.stop()
             if self._at_end == "exit":
-                raise SystemExit(0)
+                self.create_timer(_LEAVE, self._leave, clock=Clock(clock_type=ClockType.STEADY_TIME))
         return over
+
+    def _leave(self) -> None:
+        raise SystemExit(0)
+
+    def expects_data(self) -> bool:
+        """Frames are due while the source is to send; one that was told to be silent, or is over, is not stale."""
+        return self._feed is not None and self._feed.running
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Say what the source reports of itself."""

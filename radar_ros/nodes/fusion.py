@@ -46,6 +46,8 @@ class _Radar:
 class FusionNode(StageNode):
     """Puts clouds of the same moment together; a radar that falls silent is told of and no longer waited for."""
 
+    fixed_because = "its inputs are connected for it"
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("fusion", **kwargs)
         self._config = declare_config(self, FusionConfig)
@@ -61,7 +63,7 @@ class FusionNode(StageNode):
         self._points2 = self.create_publisher(PointCloud2, "radar/points2", qos.stream_out())
         self._announcer = Announcer(self, tf=False)
         for name in self._config.radars:
-            self.create_subscription(handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name), qos.LATCHED)
+            qos.subscribe_latched(self, handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name))
             profile = qos.sensor(reliable=self.reliable)
             self.create_subscription(handwave.msg.PointCloud, f"{name}/radar/points", partial(self._take, name), profile)
 
@@ -99,7 +101,7 @@ class FusionNode(StageNode):
         """Fix what the fused radar is, from those that are known; it stays so, because stages refuse a radar that changes."""
         space = self.get_namespace().strip("/")
         self._info = fused_info([r.info for r in self._radars.values() if r.info is not None], f"{space}/fused".lstrip("/"))
-        self.frame_interval = self._info.waveform.frame_interval
+        self.frame_interval, self.hardware_id = self._info.waveform.frame_interval, self._info.frame_id
         self._announcer.start(self._info)
         self.ready()
 

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final
 
 import handwave.msg
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 
-from radar_core import RadarInfo
-from radar_gestures.classifiers.model import load_model
+from radar_core import ConfigError, HandwaveError, RadarInfo
+from radar_core.config import flat
+from radar_gestures.classifiers.model import Classifier, model_of
 from radar_gestures.recognizer import GestureRecognizer
-from radar_gestures.stage import GestureConfig
+from radar_gestures.stage import GestureConfig, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
 from radar_ros.messages.tracks import tracks_from_msg
+from radar_ros.messages.zones import areas_from_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import InfoKeeper, StageNode, refusing, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import TrackedCloud
+from radar_tracking.zones.area import Area
+
+_MODELS_OWN: Final = ("features", "events", "maps", "margin")  # knobs of `GestureConfig` that a model says itself
 
 
 class GesturesNode(StageNode):
@@ -27,9 +36,18 @@ class GesturesNode(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("gestures", **kwargs)
-        self._config = declare_config(self, GestureConfig)
-        self._model = load_model(declare(self, "model", "gestures", "gesture model: a file, or one of ours by name"))
-        self._model.probabilities(np.zeros(len(self._model.names)))  # compiled now, not at the end of the first gesture
+        model = declare(
+            self, "model", "gestures", "gesture model: a file, or one of ours by name; brings its own features", changeable=True
+        )
+        person = declare(self, "person", "", "who is there, of those enrolled in the model; empty: anybody", changeable=True)
+        self._model = _ready(model, person)
+        base = config_for(self._model.settings, GestureConfig())
+        self._config = declare_config(self, GestureConfig, changeable=_comes_with_model, base=base)
+        self._chosen = {"model": model, "person": person}
+        self._pending: tuple[dict[str, str], Classifier, GestureConfig, GestureRecognizer | None] | None = None
+        self._adopting = False
+        self.add_on_set_parameters_callback(self._check)
+        self.add_post_set_parameters_callback(self._put_in_place)
         self._gestures = self.create_publisher(handwave.msg.Gesture, "gestures", qos.RESULT)
         self._maps = self.create_publisher(handwave.msg.GestureMaps, "gestures/maps", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
@@ -40,9 +58,55 @@ class GesturesNode(StageNode):
         ]
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)
+        self._zones: list[tuple[str, Area]] = []
+        self.commands.add(self.create_subscription(handwave.msg.ZoneArray, "zones", self._take_zones, qos.LATCHED).topic_name)
 
     def _configure(self, info: RadarInfo) -> None:
         self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
+
+    def _check(self, parameters: Sequence[Any]) -> SetParametersResult:
+        """Refuse a model that cannot be used, and prepare to work with one that can; its features come with it and cannot be set."""
+        self._pending = None
+        if self._adopting:
+            return SetParametersResult(successful=True)
+        given = {p.name: p.value for p in parameters if p.name in self._chosen}
+        foreign = [p.name for p in parameters if _comes_with_model(p.name)]
+        try:
+            if foreign:
+                raise ConfigError(f"{', '.join(foreign)}: the model says how its features are made; set model instead")
+            if wrong := [name for name, value in given.items() if not isinstance(value, str)]:
+                raise ConfigError(f"{', '.join(wrong)}: give a name")
+            if given:
+                self._pending = self._prepared(self._chosen | given)
+        except HandwaveError as error:
+            self.get_logger().error(f"refused {given or foreign}: {error}")
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _prepared(self, chosen: dict[str, str]) -> tuple[dict[str, str], Classifier, GestureConfig, GestureRecognizer | None]:
+        model, usual = _ready(**chosen), GestureConfig()
+        bare = dataclasses.replace(self._config, **{name: getattr(usual, name) for name in _MODELS_OWN})
+        config = config_for(model.settings, bare)
+        return chosen, model, config, GestureRecognizer(config, model, self._info.info.mount if self._info.info else None)
+
+    def _put_in_place(self, _: Sequence[Any]) -> None:
+        """Work with the model that was prepared, and show its features among the parameters."""
+        if self._pending is None or self._adopting:
+            return
+        (self._chosen, self._model, self._config, recognizer), self._pending = self._pending, None
+        if self._info.info is not None and recognizer is not None:
+            self._recognizer = recognizer
+        values = {name: value for name, value in flat(self._config).items() if _comes_with_model(name)}
+        self._adopting = True
+        try:
+            self.set_parameters([Parameter(name, value=value) for name, value in values.items() if self.has_parameter(name)])
+        finally:
+            self._adopting = False
+        self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._chosen['model']} from now on")
+
+    @refusing
+    def _take_zones(self, msg: Any) -> None:
+        self._zones = areas_from_msg(msg)
 
     @refusing
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
@@ -57,12 +121,25 @@ class GesturesNode(StageNode):
         events = self._recognizer.find(tracked)
         gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
         for gesture in filter(self._recognizer.wanted, gestures):
-            self._gestures.publish(gesture_to_msg(gesture))
+            zones = tuple(name for name, area in self._zones if area.inside(gesture.position))
+            self._gestures.publish(gesture_to_msg(dataclasses.replace(gesture, zones=zones)))
         self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
         if events and self._maps.get_subscription_count():
             for event in events:
                 if event.maps is not None:
                     self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
+
+
+def _ready(model: str, person: str) -> Classifier:
+    """Read a model, and compile it now, not at the end of the first gesture."""
+    chosen = model_of(model, person)
+    chosen.probabilities(np.zeros(len(chosen.names)))
+    return chosen
+
+
+def _comes_with_model(name: str) -> bool:
+    """Whether a parameter is one of those that a model names itself."""
+    return name.partition(".")[0] in _MODELS_OWN
 
 
 make_node = GesturesNode

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import handwave.msg
 from handwave.srv import TrackHand
 from std_msgs.msg import Bool, Float32
 
+from radar_core import ConfigError, RadarInfo
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time
 from radar_ros.messages.tracks import hand_to_msg, tracks_from_msg
-from radar_ros.params import declare_config
+from radar_ros.params import declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, refusing, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
-from radar_tracking import HandConfig, HandTracker, TrackedCloud, TrackStatus
+from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackStatus
 
 _AXES = ("velocity_none", "velocity_one_axis", "velocity_two_axes", "velocity_whole")  # by the number of axes told
 
@@ -26,13 +29,15 @@ class HandNode(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("hand", **kwargs)
-        self._tracker = HandTracker(declare_config(self, HandConfig))
+        self._tracker = HandTracker(declare_config(self, HandConfig, changeable=True))
         self._people: dict[int, TrackStatus] = {}
+        self._last: HandTrack | None = None  # that was published
         self._command = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand
         self._told: Counter[int] = Counter()  # clouds since the last diagnostics, by the number of axes along which they told the velocity
         self._hand = self.create_publisher(handwave.msg.HandTrack, "hand", qos.RESULT)
         self._value = self.create_publisher(Float32, "hand/value", qos.RESULT)
-        self._info = InfoKeeper(self, self._tracker.seen_from)
+        self._info = InfoKeeper(self, self._configure)
+        on_change(self, self._tracker.config, self._prepare)
         inputs = [
             Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.sensor(reliable=self.reliable)),
             Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.RESULT),
@@ -42,6 +47,22 @@ class HandNode(StageNode):
         self.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
         self.commands.add(self.create_subscription(Bool, "hand/trigger", self._trigger, qos.COMMAND).topic_name)
         self.create_service(TrackHand, "hand/track", self._serve)
+
+    def _configure(self, info: RadarInfo) -> None:
+        self._tracker.seen_from(info)
+
+    def _prepare(self, config: HandConfig) -> Callable[[], None]:
+        """Make another tracker; refused (`ConfigError`) while a hand is followed, which it would lose."""
+        if self._wanted():
+            raise ConfigError("a hand is followed, which would be lost: end it first (hand/trigger false), then set the parameter")
+        tracker = HandTracker(config)
+        if self._info.info is not None:
+            tracker.seen_from(self._info.info)
+
+        def apply() -> None:
+            self._tracker = tracker
+
+        return apply
 
     def _gesture(self, msg: Any) -> None:
         self._tracker.gesture(msg.name, msg.track_id, from_time(msg.header.stamp))
@@ -99,9 +120,18 @@ class HandNode(StageNode):
         self._people = {track.id: track.status for track in tracks.tracks}
         if hand is not None:
             self._told[hand.velocity_rank] += hand.active
-            self._hand.publish(hand_to_msg(hand))
             self._value.publish(Float32(data=hand.value))
+            self._hand.publish(hand_to_msg(hand))
+        self._last = hand
         self.finish(tracks.stamp_ns, tracks.sequence, started)
+
+    def on_stale(self) -> None:
+        """End the hand track: nobody knows where the hand is."""
+        if self._last is not None and self._last.active:
+            self._hand.publish(hand_to_msg(replace(self._last, active=False)))
+        self._last, self._command = None, (-1, False)
+        self._people.clear()
+        self._tracker.reset()
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Share of the clouds of the period that ends, while a hand was followed, that told its velocity along so many axes."""

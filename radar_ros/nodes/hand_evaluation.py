@@ -114,6 +114,10 @@ class HandEvaluationNode(StageNode):
         tracks = {name: budget(series, self._config) for name, series in collect(self._found).items()}
         return {"reference": self._reference, "joint": self._joint, "tracks": tracks, "unmatched": self._residuals.unmatched}
 
+    def expects_data(self) -> bool:
+        """Nobody has to be there: this stage is never stale."""
+        return False
+
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Length of the latest residual, and of the reference's own error."""
         values: dict[str, Any] = {"residuals": len(self._found), "unmatched": self._residuals.unmatched}

@@ -5,15 +5,19 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy.qos import DurabilityPolicy
+from rosbags.interfaces import Qos, QosHistory
+
 from radar_core import ConfigError
 from radar_ros import qos
-from radar_ros.bags import RECORDED, TYPES, BagWriter, free_folder, was_cut_off
+from radar_ros.bags import RECORDED, TYPES, BagWriter, free_folder, recorded_qos, was_cut_off
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
 
@@ -21,8 +25,22 @@ _FLUSH_AFTER = 0.5  # s: what a crash may cost
 _WAITING = 500  # messages between the network and the disk; 2.5 s of everything at 50 Hz
 
 
+def _each_once(take: Callable[[bytes], None]) -> Callable[[bytes], None]:
+    """Leave out a message that says to the byte what one of the last ones said: `qos.subscribe_latched` may bring it twice."""
+    last: deque[bytes] = deque(maxlen=qos.LATCHED_EACH.depth)
+
+    def taking(data: bytes) -> None:
+        if data not in last:
+            last.append(data)
+            take(data)
+
+    return taking
+
+
 class RecorderNode(StageNode):
     """Writes what it hears, as bytes, without looking inside."""
+
+    fixed_because = "the recording has begun"
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("recorder", **kwargs)
@@ -39,10 +57,14 @@ class RecorderNode(StageNode):
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
         for topic in topics:
-            name = "/tf_static" if topic == "tf_static" else topic
+            name = qos.place(topic)
             resolved = self.resolve_topic_name(name)
+            kind, taker = qos.message_class(TYPES[topic]), self._taker(resolved, TYPES[topic], topic)
             profile = qos.for_topic(topic, reliable=True)  # a recording is for looking closely: nothing may be missing
-            self.create_subscription(qos.message_class(TYPES[topic]), name, self._taker(resolved, TYPES[topic]), profile, raw=True)
+            if profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                qos.subscribe_latched(self, kind, name, _each_once(taker), profile=profile, raw=True)
+            else:
+                self.create_subscription(kind, name, taker, profile, raw=True)
         self.get_logger().info(f"recording {len(topics)} topics into {self._writer.path}")
 
     def _folder(self, wanted: Path) -> Path:
@@ -53,8 +75,10 @@ class RecorderNode(StageNode):
         self.get_logger().warning(f"{wanted} was cut off; going on in {beside}. Recover the first part with: handwave repair {wanted}")
         return beside
 
-    def _taker(self, topic: str, msgtype: str) -> Callable[[bytes], None]:
+    def _taker(self, topic: str, msgtype: str, name: str) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
+            if topic not in self._writer.offered:
+                self._writer.offered[topic] = self._offered(topic, name)
             try:
                 self._queue.put_nowait((topic, msgtype, self.get_clock().now().nanoseconds, data))
             except queue.Full:
@@ -62,6 +86,17 @@ class RecorderNode(StageNode):
                 self.problem("the disk is too slow: messages are lost from the recording; record fewer topics (parameter topics)")
 
         return take
+
+    def _offered(self, topic: str, name: str) -> list[Qos]:
+        """QoS that the publishers of a topic offer; how many messages each keeps does not travel, so that is as we would have it."""
+        found, ours = [], recorded_qos(qos.offered(name))
+        for publisher in self.get_publishers_info_by_topic(topic):
+            known = recorded_qos(publisher.qos_profile)
+            if known.history is QosHistory.UNKNOWN:
+                known = known._replace(history=ours.history, depth=ours.depth)
+            if known not in found:
+                found.append(known)
+        return found or [ours]
 
     def _write(self) -> None:
         """Write what comes until told to end; bring it to the file often, because a crash costs what is not there."""

@@ -9,8 +9,10 @@ from typing import Any
 
 import handwave.msg
 import numpy as np
+import rclpy
 from geometry_msgs.msg import Point, Vector3
 from numpy.typing import NDArray
+from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -27,6 +29,7 @@ _WIDTH = 0.4  # m: of a cylinder whose track's extent is not known
 _WIDTHS = (0.25, 1.0)  # m: people are not thinner, and arms held out not a wider body
 _NOBODY = 0x909090
 _ZONES = {"boundaries": (0.9, 0.9, 0.9), "entries": (0.3, 0.8, 0.4)}  # colours of the outlines
+_LIFETIME = 10  # intervals between two arrays, and at least 1 s: after that a viewer takes away what a node that died has left
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("snr", "<f4"), ("radial_speed", "<f4"), ("track_id", "<i4"), ("rgb", "<u4")])
 
 
@@ -41,6 +44,7 @@ class VisualisationNode(StageNode):
         rate = float(declare(self, "rate", 10.0, "markers per second", unit="Hz", low=0.5, high=100.0))
         shown = float(declare(self, "gesture_time", 1.5, "how long a gesture's name is shown", unit="s", low=0.1, high=60.0))
         self._keep_ns, self._interval_ns, self._next_ns = round(1e9 * shown), round(1e9 / rate), 0
+        self._lifetime = Duration(seconds=max(1.0, _LIFETIME / rate)).to_msg()
         self._shown: set[int] = set()
         self._hand_shown = False
         self._gestures: dict[int, tuple[int, str]] = {}
@@ -103,8 +107,15 @@ class VisualisationNode(StageNode):
         for outline in self._zones:  # with every array, because a viewer may join at any time
             outline.header = msg.header
         markers += self._zones
+        for marker in markers:
+            marker.lifetime = self._lifetime
         self._markers.publish(MarkerArray(markers=markers))
         self.finish(stamp, msg.sequence, started)
+
+    def close(self) -> None:
+        """Take away what is shown: it would stay for as long as it lives."""
+        if rclpy.ok():
+            self._markers.publish(MarkerArray(markers=[Marker(action=Marker.DELETEALL)]))
 
     def _body(self, header: Any, number: int, track: Any) -> Marker:
         marker = Marker(header=header, ns="people", id=number, type=Marker.CYLINDER, action=Marker.ADD)

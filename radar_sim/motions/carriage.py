@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from radar_sim.bodies.base import LEG
-from radar_sim.motions.curves import Vector, bump, minimum_jerk, mix
+from radar_sim.motions.curves import Path, Vector, bump, minimum_jerk, mix
 from radar_sim.motions.strokes import REST
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -55,6 +55,19 @@ class Still:
     def at(self, time: float) -> Carriage:
         """Return always the same."""
         return self.carriage
+
+
+@dataclass(frozen=True)
+class Together:
+    """The other hand does what the acting one does, mirrored, while the body does something else; ``duration`` is the segment's [s]."""
+
+    whole: Whole
+    hand: Path
+    duration: float
+
+    def at(self, time: float) -> Carriage:
+        """Return the carriage of ``whole`` with the other hand where the acting one is."""
+        return self.whole.at(time)._replace(other=self.hand(time / self.duration))
 
 
 def seated(standing: Carriage, height: float) -> Carriage:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from radar_core import GESTURES, ConfigError
+from radar_core import ConfigError, vocabulary
 from radar_sim.motions.arm import Fidgeting, move_path, move_time
 from radar_sim.motions.bvh import load_bvh
 from radar_sim.motions.capture import Capture, Playing
-from radar_sim.motions.carriage import RISE_TIME, SEATED, SIT_TIME, Carriage, Seating, Still, Whole, seated
+from radar_sim.motions.carriage import RISE_TIME, SEATED, SIT_TIME, Carriage, Seating, Still, Together, Whole, seated
 from radar_sim.motions.composer import Composer
 from radar_sim.motions.curves import Path, Vector, cruise, line, window, wrap
 from radar_sim.motions.gait import Turning, Walking, walk_time
 from radar_sim.motions.strokes import DRAW_LENGTH, REST, STROKES, Performance, draw_position, perform, random_stroke
+from radar_sim.own_strokes import Stroke
 from radar_sim.people import GESTURE_DURATION, Action, Draw, Person, Play, Reach
 
 HURRY = 0.15
@@ -41,21 +43,23 @@ class Segment:
     # Of the acting hand as if it were a right hand, from its shoulder in units of the reach, for u = 0..1 over the segment.
     hand: Path = field(repr=False)
     whole: Whole = field(repr=False)  # what the rest of the body does
-    gesture: int | None = None  # index into `GESTURES`
+    gesture: int | None = None  # number: index into `Scene.labels`
     index: int = 0  # counts the gestures of this person
     variant: int = 0  # which way of performing the gesture
 
 
 class Planner:
-    """Lay out one person's script as ``segments`` in time; ``radar`` is the (x, y) of what the person faces [m].
+    """Lay out one person's script as ``segments`` in time; ``radar`` is the (x, y) of what the person faces [m], ``strokes`` are one's own.
 
     ``body`` and ``hand`` are how the body is carried and where the acting hand is after the last segment, ``time`` is its end [s].
     """
 
-    def __init__(self, person: Person, seed: int, radar: tuple[float, float], composer: Composer) -> None:
+    def __init__(self, person: Person, seed: int, radar: tuple[float, float], composer: Composer, strokes: Sequence[Stroke] = ()) -> None:
         self.segments: list[Segment] = []
         self.time, self.hand = 0.0, REST
         self._person, self._seed, self._radar, self._composer = person, seed, radar, composer
+        self._own = {stroke.name: stroke for stroke in strokes}
+        self._labels = vocabulary(self._own)
         self._count = 0
         self._late = 0.0  # s: how much later than scripted it is by chance
         x, y = person.position
@@ -182,18 +186,26 @@ class Planner:
         self._push("stand", stay, line(self.hand, self.hand))
 
     def _gesture(self, action: Action, name: str, where: str) -> None:
-        varied, usual = self._person.variation, action.duration or GESTURE_DURATION[name]
+        own = self._own.get(name)
+        varied, usual = self._person.variation, action.duration or (GESTURE_DURATION[name] if own is None else own.duration)
         # One generator for each performance: a gesture more or less changes nothing in the others.
         rng = np.random.default_rng([self._seed, self._person.id, self._count, 0xA12])
         path = self._stroke(action, name, rng)
         delay = varied.start * float(rng.random())
         duration = max(0.2, usual * float(np.clip(1 + varied.pace * rng.normal(), 0.5, 2.0)))
+        if own is not None and own.both and self.hand != self._rest:
+            self._move(self._rest)
+        first = len(self.segments)
         self._prepare(action.at, path(0.0), PAUSE, where)
         self._push("stand", delay, line(self.hand, self.hand))
-        self._push("gesture", duration, path, gesture=GESTURES.index(name), variant=action.variant)
+        self._push("gesture", duration, path, gesture=self._labels.index(name), variant=action.variant)
         self._count += 1
         self._late += delay + max(0.0, duration - usual)
         self._push("stand", PAUSE, line(self.hand, self.hand))
+        if own is not None and own.both:
+            self._move(self._rest)
+            both = (replace(one, whole=Together(one.whole, one.hand, one.end - one.start)) for one in self.segments[first:])
+            self.segments[first:] = list(both)
 
     def _stroke(self, action: Action, name: str, rng: np.random.Generator) -> Path:
         """One performance of a gesture: sized, tilted, and a little different every time."""
@@ -204,8 +216,9 @@ class Planner:
         (ox, oy, oz), (bx, by, bz) = (rng.normal(size=(2, 3)) * spread).tolist()
         warp = float(np.clip(rng.normal() * 4 * spread, -0.3, 0.3))
         size = action.size * float(np.clip(1 + varied.size * rng.normal(), 0.6, 1.4))
-        path = random_stroke(rng) if name == "random" else STROKES[name][action.variant]
-        return perform(path, Performance(size, action.tilt, (ox, oy, oz), (bx, by, bz), warp))
+        own = self._own.get(name)
+        usual = random_stroke(rng) if name == "random" else STROKES[name][action.variant] if own is None else own.path()
+        return perform(usual, Performance(size, action.tilt, (ox, oy, oz), (bx, by, bz), warp))
 
     def _drawing(self, draw: Draw) -> Path:
         """Path of rounds along the shape, started and stopped within half a second."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from radar_sim.bodies.base import BONES, Posture
 from radar_sim.motions.capture import Playing
 from radar_sim.motions.composer import Alive, Composer, Row
 from radar_sim.motions.planner import Planner, Segment
+from radar_sim.own_strokes import Stroke
 from radar_sim.people import Person
 from radar_sim.scatterers import Float64Array
 
@@ -31,6 +33,8 @@ class Timeline:
         Of the scene; performances of gestures differ by `Person.variation`.
     radar : tuple of float
         (x, y) of what the person faces unless `Person.heading` says otherwise [m].
+    strokes : sequence of Stroke
+        Gestures of one's own that the script may name beside the ten.
 
     Attributes
     ----------
@@ -47,11 +51,11 @@ class Timeline:
         When a motion capture cannot be read.
     """
 
-    def __init__(self, person: Person, seed: int, radar: tuple[float, float] = (0.0, 0.0)) -> None:
+    def __init__(self, person: Person, seed: int, radar: tuple[float, float] = (0.0, 0.0), strokes: Sequence[Stroke] = ()) -> None:
         self.person = person
         self._composer = Composer(person)
         self._alive = Alive(seed, person.id, person.variation.sway)
-        plan = Planner(person, seed, radar, self._composer)
+        plan = Planner(person, seed, radar, self._composer, strokes)
         self.segments: list[Segment] = plan.segments
         self._starts = [s.start for s in self.segments]
         self._after = plan.body, plan.hand

@@ -21,7 +21,7 @@ from radar_sim.propagation.blocks import Blocks
 from radar_sim.propagation.exact import Exact
 from radar_sim.propagation.kernels import TINY
 from radar_sim.propagation.reference import Ofdm, Reference
-from radar_sim.propagation.separable import Nufft, Separable
+from radar_sim.propagation.separable import HAS_NUFFT, Nufft, Separable
 from radar_sim.scatterers import Echoes, Motion
 from radar_sim.scene import MODELS, Fidelity
 
@@ -89,7 +89,8 @@ def make_step(step: Step, physics: Physics, sampling: Sampling) -> Propagator:
 class Auto:
     """For each frame, the cheapest model whose predicted error is within the tolerance.
 
-    Costs and errors are closed forms of the echoes, so a frame is the same on every machine. Physics that a scene names but that matters
+    Costs and errors are closed forms of the echoes, so a frame is the same on every machine that has finufft; without, the matrix product
+    takes the place of its transform. Physics that a scene names but that matters
     less than the tolerance, a relative rms error, does not cost the time of showing it.
     """
 
@@ -109,7 +110,7 @@ class Auto:
 
     def choose(self, echoes: Echoes, late: Float64Array | None = None) -> Step:
         """Say which model a frame gets."""
-        gridded = late is None and echoes.envelope is None
+        gridded = late is None and echoes.envelope is None and HAS_NUFFT
         dial = [step for step in self._dial if gridded or step.model != "nufft"]
         sizes = None if self._physics.separable else Sizes.of(echoes, self._sampling)
         for step in sorted(dial, key=lambda step: cost(step, len(echoes), self._sampling)):

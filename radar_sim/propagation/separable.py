@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import finufft
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
@@ -14,6 +13,11 @@ from radar_sim.propagation.base import NEAR, Float64Array, Physics, Sampling
 from radar_sim.propagation.kernels import TINY, chunks, cosine, jit, reduced, sine, times
 from radar_sim.scatterers import Echoes
 
+try:
+    import finufft
+except ImportError:  # not everywhere is there one to install
+    finufft = None
+
 _CHUNK = 4096
 """Echoes whose factors are held at once: 12 MB with the default radar."""
 EPS: Final = 1e-5
@@ -21,6 +25,8 @@ EPS: Final = 1e-5
 _MANY = 1 << 16
 """Echoes whose weights are held at once: 4 MB with the default radar."""
 _POOLS = ThreadpoolController()
+HAS_NUFFT = finufft is not None
+"""Whether `Nufft` can be used here."""
 
 
 def require_separable(model: str, physics: Physics) -> None:
@@ -139,11 +145,13 @@ class Nufft:
     Raises
     ------
     ConfigError
-        When physics is named that does not separate.
+        When physics is named that does not separate, or finufft is not installed.
     """
 
     def __init__(self, physics: Physics, sampling: Sampling) -> None:
         require_separable("nufft", physics)
+        if not HAS_NUFFT:
+            raise ConfigError("fidelity.model 'nufft' needs finufft: pip install finufft; or choose auto", key=("fidelity", "model"))
         w = sampling.info.waveform
         self._direct = Separable(physics, sampling)
         self._tx, self._rx = sampling.tx / w.wavelength, sampling.rx / w.wavelength

@@ -59,7 +59,7 @@ class Birth:
             centre = points.position[own, :2].mean(axis=0)
             apart = gating is None or bool((np.hypot(*(old - centre).T) >= self._least_distance(gating, own)).all())
             apart &= all(math.hypot(*(centre - other)) >= life.birth_together for other in new)
-            if apart and self._zones.may_enter(centre, age):
+            if apart and self._zones.may_enter(points.position[own].mean(axis=0), age):
                 new.append(centre)
                 found.append(own)
         return found

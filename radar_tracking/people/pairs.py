@@ -31,6 +31,10 @@ class Pairs:
     def __init__(self, config: LifeConfig) -> None:
         self._config = config
 
+    def change(self, config: LifeConfig) -> None:
+        """Go on with other knobs."""
+        self._config = config
+
     def process(
         self, table: TrackTable, points: Points, matched: Matched, centre: Float64Array, beside: BoolArray, stamp_ns: int
     ) -> tuple[Matched, list[IndexArray]]:

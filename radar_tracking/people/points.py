@@ -80,6 +80,11 @@ class Admission:
         self._zones = Zones(config.zones)
         self.dropped = 0
 
+    def change(self, config: TrackerConfig) -> None:
+        """Go on with another configuration."""
+        self._config = config
+        self._zones.change(config.zones)
+
     def process(self, cloud: PointCloud) -> Points:
         """Pick points with a position in bounds that may move; `DataError` where a cloud is not in ``room`` or holds an infinity."""
         if cloud.frame_id != "room":

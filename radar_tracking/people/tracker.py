@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,8 @@ _ACTIVITY_TIME = 0.5  # s
 _SURFACE = (-0.4, 0.05)  # m: a torso is seen before its centre
 _RESIDUAL, _DEAD = 4.0, 0.7  # how much a torso faster than its track (beyond so many m/s) raises the pull
 _PLANE = np.arange(2)  # axes of the floor plane
+
+_OTHER: Final = "PeopleTracker is for the thesis's trackers; make_tracker() makes poisson_bernoulli"
 
 
 class PeopleTracker:
@@ -70,7 +72,7 @@ class PeopleTracker:
 
     def _use(self, config: TrackerConfig) -> None:
         if config.tracker == "poisson_bernoulli":
-            raise ConfigError("PeopleTracker is for the thesis's trackers; make_tracker() makes poisson_bernoulli")
+            raise ConfigError(_OTHER)
         self.config = config
         self._known = None
         self._estimator = make_estimator(config.filter.estimator, 3)
@@ -78,23 +80,39 @@ class PeopleTracker:
         self._birth = Birth(config, self._estimator)
 
     def change(self, config: TrackerConfig) -> None:
-        """Go on with another tracker, association or estimator, and keep the tracks.
+        """Go on with another configuration, as far as `check` allows, and keep the tracks; a `ConfigError` changes nothing."""
+        self.check(config)
+        self._zones.change(config.zones)
+        self._admission.change(config)
+        self._management.config = config.life
+        self._pairs.change(config.life)
+        self._use(config)
+
+    def check(self, config: TrackerConfig) -> None:
+        """See whether `change` to a configuration keeps the tracks.
 
         Raises
         ------
         ConfigError
-            When something else differs, or the other estimator's states are others than those of the tracks; nothing is changed then.
+            Saying what would not: the learned background, zones but for ``zones.areas``, ``life.reflection_after``, the other kind of
+            tracker, or an estimator whose states are others than those of the tracks.
         """
-        same = replace(config, tracker=self.config.tracker, association=self.config.association, filter=self.config.filter)
-        if same != self.config:
-            raise ConfigError("only tracker, association and filter can be changed while people are tracked; make a new PeopleTracker")
+        if config.tracker == "poisson_bernoulli":
+            raise ConfigError(_OTHER)
+        same = replace(config, background=self.config.background, poisson=self.config.poisson)
+        same = replace(same, zones=replace(self.config.zones, areas=config.zones.areas))
+        same = replace(same, life=replace(config.life, reflection_after=self.config.life.reflection_after))
+        if same != config:
+            raise ConfigError(
+                "background, poisson, life.reflection_after, and zones but for zones.areas, cannot change while people are tracked; "
+                "make a new PeopleTracker"
+            )
         now, then = self.config.filter.estimator, config.filter.estimator
         if modes(now) != modes(then):
             raise ConfigError(
                 f"estimator {then.name!r} with {modes(then)} cannot go on with the states of {now.name!r} with {modes(now)}; "
                 "choose one with the same motion models"
             )
-        self._use(config)
 
     def reset(self) -> None:
         """Forget everything; ids start again. For a new recording."""

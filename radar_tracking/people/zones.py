@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -12,6 +13,7 @@ from radar_core import ConfigError, Pose, RadarInfo
 from radar_core.config import config, knob
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.tracks import Tracks, TrackStatus
+from radar_tracking.zones.area import Area, Kind, parse_area
 
 _boxes = partial(knob, unit="m", low=-1e4, high=1e4)
 _BOX = 4  # numbers of a box: x_low, x_high, y_low, y_high
@@ -24,12 +26,17 @@ class ZonesConfig:
     boundaries: tuple[float, ...] = _boxes((), doc="boxes x_low, x_high, y_low, y_high; nobody is outside all of them; empty: everywhere")
     entries: tuple[float, ...] = _boxes((), doc="boxes in which new tracks may begin (doors, and what is seen only later); empty: anywhere")
     settle: float = knob(2.0, unit="s", low=0.0, high=1e6, doc="tracks may begin anywhere so long after the first cloud")
+    areas: tuple[str, ...] = knob(
+        (), doc="polygons of a zones file that act here: 'exclusion 2 1, 3 1, 3 2; 0 1.8' (kind, x y of each corner; heights), see zones.md"
+    )
     walls: tuple[float, ...] = _boxes((), doc="smooth walls, x and y of both ends: they mirror people, see life.reflection_after")
     counted: tuple[str, ...] = knob((), doc="names of zones whose people are counted, e.g. sofa")
     counted_boxes: tuple[float, ...] = _boxes((), doc="one box x_low, x_high, y_low, y_high per name in counted")
 
     def validate(self) -> None:
-        """Raise `ConfigError` when a list does not hold whole boxes, a box has no area, or names and boxes do not fit."""
+        """Raise `ConfigError` when a list does not hold whole boxes, a box or polygon has no area, or names and boxes do not fit."""
+        for text in self.areas:
+            parse_area(text)
         for name in ("boundaries", "entries", "counted_boxes"):
             _refuse_bad_boxes(name, getattr(self, name))
         if len(self.walls) % _BOX:
@@ -70,26 +77,41 @@ class Zones:
         self.boundaries = _rows(self.config.boundaries)
         self.entries = _rows(self.config.entries)
         self.counted = _rows(self.config.counted_boxes)
+        self._areas: dict[Kind, list[Area]] = {}
+        for area in map(parse_area, self.config.areas):
+            self._areas.setdefault(area.kind, []).append(area)
+
+    def change(self, config: ZonesConfig) -> None:
+        """Work with other zones from now on."""
+        Zones.__init__(self, config)
 
     def inside(self, points: NDArray[np.floating]) -> BoolArray:
         """Whether positions, shape (..., 2) or (..., 3) in ``room`` [m], lie where people can be, shape (...); heights do not matter.
 
         True everywhere, NaN included, without boundaries; with them, a NaN in x or y lies in no box.
         """
-        if not len(self.boundaries):
+        polygons = self._areas.get("boundary", ())
+        if not len(self.boundaries) and not polygons:
             return np.ones(np.shape(points)[:-1], np.bool_)
-        return np.asarray(_in_boxes(points, self.boundaries).any(axis=-1))
+        floor = np.asarray(points)[..., :2]
+        return np.asarray(_in_boxes(floor, self.boundaries).any(axis=-1) | _in_areas(floor, polygons))
+
+    def excluded(self, position: NDArray[np.floating]) -> bool:
+        """Whether nothing may begin at a place, shape (2,) or (3,) in ``room`` [m], because a fan or a curtain moves there."""
+        return bool(_in_areas(position, self._areas.get("exclusion", ())))
 
     def may_enter(self, position: NDArray[np.floating], age: float) -> bool:
         """Whether a new track may begin at a place, shape (2,) or (3,) in ``room`` [m], ``age`` [s] after the tracker's first cloud.
 
-        Never outside the boundaries. Inside, anywhere without entries and during the first ``settle`` seconds, else in an entry.
+        Never outside the boundaries, nor where it is `excluded`. Elsewhere anywhere without entries and during the first ``settle``
+        seconds, else in an entry.
         """
-        if not bool(self.inside(position)):
+        if not bool(self.inside(position)) or self.excluded(position):
             return False
-        if not len(self.entries) or age <= self.config.settle:
+        entrances = self._areas.get("entrance", ())
+        if not (len(self.entries) or entrances) or age <= self.config.settle:
             return True
-        return bool(_in_boxes(position, self.entries).any())
+        return bool(_in_boxes(position, self.entries).any() or _in_areas(np.asarray(position)[:2], entrances))
 
     def process(self, tracks: Tracks) -> dict[str, int]:
         """Count the people in each counted zone, in the order of ``counted``.
@@ -108,6 +130,14 @@ def _in_boxes(points: NDArray[np.floating], boxes: Float64Array) -> BoolArray:
     p = np.asarray(points, np.float64)
     x, y = p[..., 0, None], p[..., 1, None]
     return np.asarray((x >= boxes[:, 0]) & (x <= boxes[:, 1]) & (y >= boxes[:, 2]) & (y <= boxes[:, 3]))
+
+
+def _in_areas(points: NDArray[np.floating], areas: Sequence[Area]) -> BoolArray:
+    """Whether positions, shape (..., 2) or (..., 3), lie in any of some areas, shape (...)."""
+    found = np.zeros(np.shape(points)[:-1], np.bool_)
+    for area in areas:
+        found |= area.inside(points)
+    return found
 
 
 class View:

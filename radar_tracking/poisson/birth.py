@@ -50,7 +50,8 @@ class Birth:
         if len(table) and float(np.hypot(*(table.mean[:, :2] - place).T).min()) < config.body_width:
             return
         at = np.array([[place[0], place[1], self._view.origin[2]]])
-        if not bool(self._view.sees(at)[0]) or not self._zones.may_enter(place, now):
+        middle_height = float(weight @ np.nan_to_num(measured.points.position[:, 2], nan=config.body_height))
+        if not bool(self._view.sees(at)[0]) or not self._zones.may_enter(np.array([*place, middle_height]), now):
             return
         speed = float(weight @ np.nan_to_num(measured.speed))
         noise = config.torso_speed**2 + _LIMB_SPEED_STD**2 + measured.still_speed**2 / 3.0

@@ -31,8 +31,7 @@ _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
 _PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
 _JUST: Final = 0.2  # s: who is unseen for longer gives no look to judge
-_NO_PERSON: Final = -1.0  # log odds below which a confirmed track ends
-_DOUBT: Final = 6.0  # nat/s: so fast
+_NO_PERSON: Final = -1.0  # log odds below which a confirmed track is no person any more
 _LEAST_HITS: Final = 0.2
 _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
@@ -116,7 +115,7 @@ class Decisions:
         inside = self._view.sees(place) & self._zones.inside(place)
         gaps = table.gaps()
         new = self._confirm(table, gaps, inside, now, ends)
-        self._join(table, gaps, dt, ends)
+        self._join(table, self._coarse(table), gaps, dt, ends)
         for row in np.flatnonzero(rows["odds"] < -CONFIRM_ODDS):
             ends.setdefault(int(row), Reason.UNSEEN if rows["confirmed"][row] else Reason.NOT_CONFIRMED)
         for row in np.flatnonzero(~inside & (now - rows["seen"] > _OUT_AFTER)):
@@ -125,20 +124,19 @@ class Decisions:
             return (), new
         ended = [(rows[row], why) for row, why in ends.items()]
         deleted = tuple(Deleted(abs(int(row["id"])), why, bool(row["confirmed"] and row["id"] > 0)) for row, why in ended)
-        stay = ~np.isin(np.arange(len(table)), list(ends))
+        stay = np.setdiff1d(np.arange(len(table)), list(ends))
+        stay = stay[np.argsort(rows["id"][stay], kind="stable")]
         table.keep(stay)
-        order = np.argsort(table.rows["id"], kind="stable")
-        table.rows, table.mean, table.covariance = table.rows[order], table.mean[order], table.covariance[order]
-        renamed = {int(old): int(position) for position, old in enumerate(np.flatnonzero(stay)[order])}
+        renamed = {old: position for position, old in enumerate(stay.tolist())}
         return deleted, [renamed[row] for row in new if row in renamed]
 
     def _judge(self, table: Table, dt: float, now: float) -> None:
-        """Average the odds of being a person while a track is seen; who loses them ends soon."""
+        """Average the odds of being a person while a track is seen; who loses them is no person any more, and keeps its points."""
         rows = table.rows
         odds = person_odds(table)
         share = 1.0 - np.exp(-dt / np.minimum(now - rows["born"] + 0.1, _PERSON_TIME))
         rows["person"] += np.where(now - rows["seen"] < _JUST, share, 0.0) * (odds - rows["person"])
-        rows["odds"] -= np.where(rows["confirmed"] & (rows["person"] < _NO_PERSON), dt * _DOUBT, 0.0)
+        rows["confirmed"] &= rows["person"] >= _NO_PERSON
 
     def _confirm(self, table: Table, gaps: Float64Array, inside: BoolArray, now: float, ends: dict[int, Reason]) -> list[int]:
         rows, config, found = table.rows, self._config, []
@@ -173,18 +171,29 @@ class Decisions:
             return
         old = min(lost, key=lambda k: float(gaps[row, k]))
         rows["id"][row], rows["id"][old] = rows["id"][old], -rows["id"][row]
-        for name in ("born", "presence"):
+        for name in ("born", "presence", "total"):
             rows[name][row] = rows[name][old]
+        table.ways[row] = np.maximum(table.ways[row], table.ways[old])
         ends[old] = Reason.DUPLICATE
 
-    def _join(self, table: Table, gaps: Float64Array, dt: float, ends: dict[int, Reason]) -> None:
+    def _coarse(self, table: Table) -> Float64Array:
+        """Distances between tracks in body widths, or in range cells along the line of sight where these are larger; shape (n, n)."""
+        step = table.mean[:, None, :2] - table.mean[None, :, :2]
+        sight = table.rows["sight"][:, None] + table.rows["sight"][None, :]
+        sight /= np.maximum(np.hypot(sight[..., 0], sight[..., 1]), 1e-6)[..., None]
+        along, across = (step * sight).sum(axis=-1), step[..., 0] * sight[..., 1] - step[..., 1] * sight[..., 0]
+        gap = np.hypot(along / max(self._config.body_width, self._view.range_cell), across / self._config.body_width)
+        np.fill_diagonal(gap, np.inf)
+        return np.asarray(gap)
+
+    def _join(self, table: Table, coarse: Float64Array, gaps: Float64Array, dt: float, ends: dict[int, Reason]) -> None:
         """End tracks on top of others: tentative ones at once, confirmed ones when they stay there."""
         rows = table.rows
         table.part(dt)
         people = rows["confirmed"]
         for one, other in np.argwhere(np.triu(people[:, None] & people[None, :] & (gaps > _APART) & np.isfinite(gaps))).tolist():
             table.note_apart(one, other)
-        for one, other in np.argwhere(np.triu(gaps < self._config.body_width)).tolist():
+        for one, other in np.argwhere(np.triu(coarse < 1.0)).tolist():
             if one in ends or other in ends:
                 continue
             if people[one] and people[other]:

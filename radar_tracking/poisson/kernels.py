@@ -17,6 +17,8 @@ _FAR: Final = 3.0  # m: nobody has points beyond
 _OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, error of direction, least distance
 _SHARPER = 4.0
 _SAME_DIRECTION, _APART = 0.35, 0.3  # rad, m: of a reflection and its cause
+_FLOOR_STD, _FLOOR_TURN = 0.2, 0.1  # m, rad: spread of echoes by way of the floor, since bodies echo at all heights
+_NEAREST: Final = 0.3  # m: strengths fall with the distance from here on
 _jit = numba.njit(cache=True, nogil=True)
 
 
@@ -240,15 +242,30 @@ def hidden(distance: Any, azimuth: Any, confirmed: Any) -> Any:
 
 
 @_jit
-def behind(distance: Any, azimuth: Any, strength: Any, likely: Any, moves: Any) -> Any:
-    """Which tracks lie behind a likely, stronger one, in its direction, and while it moves; shape (n_tracks,) each."""
+def behind(distance: Any, azimuth: Any, strength: Any, likely: Any, ways: Any, height: float, body: float) -> Any:
+    """Which tracks lie behind a likely, stronger one, and which in its direction, shape (n_tracks,) each.
+
+    Of those: how well they fit the echo of one of these by way of the floor, for a sensor and bodies so high [m]; how much weaker they are
+    than the strongest of these would be at their distance [dB]; and the least of ``ways``, shape (n_tracks, n_tracks), to any of these.
+    """
     n = len(distance)
-    far, same, copies = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    far, same, floor, law, least = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n), np.zeros(n), np.zeros(n)
     for i in range(n):
         for k in range(n):
             if k != i and likely[k] and distance[i] > distance[k] + _APART and strength[k] > strength[i]:
+                weaker = strength[k] - strength[i] - 40.0 * math.log10(distance[i] / max(distance[k], _NEAREST))
+                law[i] = max(law[i], weaker) if far[i] else weaker
+                least[i] = min(least[i], ways[i, k]) if far[i] else ways[i, k]
                 far[i] = True
-                copies[i] = copies[i] or moves[k]
-                if abs((azimuth[i] - azimuth[k] + math.pi) % (2.0 * math.pi) - math.pi) < _SAME_DIRECTION:
-                    same[i] = True
-    return far, same, copies
+                turn = (azimuth[i] - azimuth[k] + math.pi) % (2.0 * math.pi) - math.pi
+                same[i] = same[i] or abs(turn) < _SAME_DIRECTION
+                step = distance[i] - _by_the_floor(distance[k], height, body)
+                floor[i] = max(floor[i], math.exp(-0.5 * ((step / _FLOOR_STD) ** 2 + (turn / _FLOOR_TURN) ** 2)))
+    return far, same, floor, law, least
+
+
+@_jit
+def _by_the_floor(distance: float, height: float, body: float) -> float:
+    """Where an echo appears that takes the straight way and the one by the floor, on the floor plane [m]."""
+    straight, mirrored = math.hypot(distance, height - body), math.hypot(distance, height + body)
+    return math.sqrt(max((0.5 * (straight + mirrored)) ** 2 - (height - body) ** 2, 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core.types import BoolArray, Float64Array
+from radar_core.types import Float64Array, IndexArray
 
 N_STATES = 7
 RECORD = np.dtype(
@@ -31,7 +31,10 @@ RECORD = np.dtype(
         ("pace", np.float64),  # largest speed of the torso just now [m/s]
         ("behind", np.bool_),  # a stronger track, and in its direction
         ("same", np.bool_),
-        ("alone", np.float64),  # way, by range rates, while no such track moved [m]
+        ("floor", np.float64),  # how well it fits the echo of such a track by way of the floor, 0 to 1
+        ("law", np.float64),  # how much weaker it is than a body as strong as such a track would be at its distance [dB]
+        ("alone", np.float64),  # way, by range rates, while such a track did not move; the least of all such tracks [m]
+        ("total", np.float64),  # way, by range rates [m]
         ("sight", np.float64, 2),  # unit vector from the sensor
         ("offset", np.float64, 2),  # variances along and across it that no number of points takes away [m^2]
         ("spread", np.float64, 3),  # recent mean square of the points about the centre [m^2]; NaN: not known
@@ -54,12 +57,15 @@ class Table:
         what of a body echoes best changes slowly, and in range rate, because it swings with each step [m, m/s].
     covariance : ndarray of float64, shape (n_tracks, 7, 7)
         Of the same.
+    ways : ndarray of float64, shape (n_tracks, n_tracks)
+        Way of the first track, by range rates, while the second did not move [m].
     """
 
     def __init__(self) -> None:
         self.rows: NDArray[np.void] = np.zeros(0, RECORD)
         self.mean: Float64Array = np.zeros((0, N_STATES))
         self.covariance: Float64Array = np.zeros((0, N_STATES, N_STATES))
+        self.ways: Float64Array = np.zeros((0, 0))
         self._apart: set[tuple[int, int]] = set()
         self._together: dict[tuple[int, int], float] = {}
 
@@ -72,7 +78,12 @@ class Table:
         return np.asarray(1.0 / (1.0 + np.exp(-self.rows["odds"])))
 
     def add(self, row: NDArray[np.void], mean: Float64Array, covariance: Float64Array) -> None:
-        """Append one track: a row of shape (1,), a mean of shape (7,), a covariance of shape (7, 7)."""
+        """Append one track: a row of shape (1,), a mean of shape (7,), a covariance of shape (7, 7).
+
+        Who went anywhere before it was there did so without it; who was behind another, as far as without that one.
+        """
+        before = np.where(self.rows["behind"], self.rows["alone"], self.rows["total"])
+        self.ways = np.pad(np.column_stack([self.ways, before]), ((0, 1), (0, 0)))
         self.rows = np.concatenate([self.rows, row])
         self.mean = np.concatenate([self.mean, mean[None]])
         self.covariance = np.concatenate([self.covariance, covariance[None]])
@@ -84,9 +95,10 @@ class Table:
         A[:, 2:, 6] = self.rows["sight"]
         return np.einsum("nij,nj->ni", A, self.mean), A @ self.covariance @ A.transpose(0, 2, 1)
 
-    def keep(self, mask: BoolArray) -> None:
-        """Remove the tracks that a mask leaves out."""
-        self.rows, self.mean, self.covariance = self.rows[mask], self.mean[mask], self.covariance[mask]
+    def keep(self, rows: IndexArray) -> None:
+        """Keep some rows, in this order."""
+        self.rows, self.mean, self.covariance = self.rows[rows], self.mean[rows], self.covariance[rows]
+        self.ways = self.ways[np.ix_(rows, rows)]
         alive = set(self.rows["id"].tolist())
         self._apart = {pair for pair in self._apart if alive.issuperset(pair)}
         self._together = {pair: time for pair, time in self._together.items() if alive.issuperset(pair)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -51,9 +52,16 @@ class PoissonTracker:
         self.reset()
 
     def change(self, config: TrackerConfig) -> None:
-        """Refuse another configuration: ConfigError, unless it is the same."""
-        if config != self.config:
-            raise ConfigError("the tracker poisson_bernoulli cannot change while people are tracked; make a new one")
+        """Go on with other ``zones.areas`` and keep the tracks; ConfigError when anything else differs, see `check`."""
+        self.check(config)
+        self.config = config
+        self._zones.change(config.zones)
+        self._admission.change(config)
+
+    def check(self, config: TrackerConfig) -> None:
+        """Raise `ConfigError` when a configuration differs in more than ``zones.areas``, without which `change` keeps the tracks."""
+        if replace(config, zones=replace(config.zones, areas=self.config.zones.areas)) != self.config:
+            raise ConfigError("but for zones.areas the tracker poisson_bernoulli cannot change while people are tracked; make a new one")
 
     def reset(self) -> None:
         """Forget everything; ids start again. For a new recording."""
@@ -129,7 +137,7 @@ class PoissonTracker:
         weigh(table, measured, shares, dt, now, knobs, self._view.origin[:2])
         update = motion.Update(table, measured, shares, knobs)
         note_motion(table, update, measured, dt, now, knobs)
-        note_look(table, measured, shares, dt, self._view.origin[:2], CONFIRM_ODDS)
+        note_look(table, measured, shares, dt, self._view.origin, CONFIRM_ODDS, knobs.body_height)
         self._shape(measured, shares, dt)
         return shares
 

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines", "person_odds", "probe"}  # no choices to compare
+FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines", "one_channel", "person_odds", "probe"}  # no choices to compare
 
 
 def machines(found):
@@ -49,6 +49,23 @@ def person_odds(found):
     assert found["used_auc"] > 0.8
 
 
+def zones(found):
+    """Counts, nights and every stage of a graph whose driver was killed."""
+    assert 0.5 < found["zone_count_accuracy"] <= 1.0
+    assert 0 < found["latency_added_median_ms"] <= found["latency_added_ms"]
+    assert found["hours"] > 0
+    assert found["default_hours_without_exclusion"] > 0
+    assert {"baseband", "tracking", "gestures", "hand", "zones", "topic zones"} == found["stale_detected_by_stage_s"].keys()
+
+
+def one_channel(found):
+    """Nobody is nobody, who sits is there, and of six gestures most are named."""
+    assert found["empty_rooms_with_presence"] == 0
+    assert found["sitting_people_always_there"] == 1
+    assert found["gestures"] == 6
+    assert found["right"] >= 0.5
+
+
 def boards(found):
     """Nothing is lost on a machine that is not overloaded; of ways from real to complex samples the driver's has the weakest ghosts."""
     assert found["usb_frames"] == 60
@@ -81,6 +98,15 @@ def test_quick_run(name, tmp_path):
     if name not in FIGURES_ONLY:
         assert len(found["choices"]) >= 2
         assert picture.read_bytes().startswith(b"\x89PNG")
-    check = {"machines": machines, "house": house, "boards": boards, "fuzz": fuzz, "person_odds": person_odds, "probe": probe}.get(name)
+    check = {
+        "machines": machines,
+        "house": house,
+        "boards": boards,
+        "fuzz": fuzz,
+        "one_channel": one_channel,
+        "person_odds": person_odds,
+        "probe": probe,
+        "zones": zones,
+    }.get(name)
     if check is not None:
         check(found)

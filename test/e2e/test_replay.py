@@ -29,7 +29,8 @@ def test_replay_recognises_and_tells_the_time(raw):
     from rclpy.executors import SingleThreadedExecutor
 
     domain = str(100 + (os.getpid() + 3) % 130)
-    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), "--domain", domain]
+    slower = ["--rate", "0.5"]  # other tests share the machine
+    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), *slower, "--domain", domain]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=int(domain))

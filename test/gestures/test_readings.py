@@ -69,7 +69,7 @@ def test_an_event_is_found_with_its_times_and_signals():
     assert reading.event is not None
     assert abs(reading.event.event.start_ns - STROKE.start_ns) <= 20_000_000
     assert abs(reading.event.event.end_ns - STROKE.end_ns) <= 20_000_000
-    assert (reading.label, reading.person) == (PUSH, 4)
+    assert (reading.gesture, reading.person) == ("push", 4)
     assert reading.features[FEATURE_NAMES.index("min_speed")] == pytest.approx(-1.5, abs=0.01)
     # 25 frames with motion, and 0.1 s of margin on each side.
     assert len(reading.clouds) == len(reading.samples) == 35

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -177,9 +179,20 @@ def test_a_model_of_fewer_gestures_in_another_order():
     assert np.flatnonzero(gesture.probabilities).tolist() == sorted([PULL, PUSH, GESTURES.index("wave")])
 
 
-def test_a_model_of_other_gestures_or_features_is_refused():
-    with pytest.raises(ConfigError, match="names knock; a recogniser"):
-        GestureRecognizer(SETTINGS, sign_model(("push", "pull", "knock")), MOUNT)
+def test_a_gesture_of_one_s_own_follows_the_ten():
+    """The ten keep their numbers; probabilities have one more."""
+    recognizer = GestureRecognizer(
+        SETTINGS, dataclasses.replace(sign_model(("push", "wave", "pull")), labels=("knock", "wave", "pull")), MOUNT
+    )
+    assert recognizer.labels == (*GESTURES, "knock")
+    (gesture,) = run(recognizer, burst(1.0, 1.5, -2.0))
+    assert (gesture.label, gesture.name, gesture.labels) == (10, "knock", recognizer.labels)
+    assert np.flatnonzero(gesture.probabilities).tolist() == [PULL, GESTURES.index("wave"), 10]
+
+
+def test_a_model_of_other_features_or_with_strange_names_is_refused():
+    with pytest.raises(ConfigError, match="'a knock' cannot be the name of a gesture"):
+        GestureRecognizer(SETTINGS, dataclasses.replace(sign_model(("push", "pull", "wave")), labels=("push", "pull", "a knock")), MOUNT)
     model = sign_model()
     other = GestureModel(model.mean, model.scale, model.weights, model.biases, names=tuple(f"curve_{i}" for i in range(13)))
     with pytest.raises(ConfigError, match="takes other features"):

@@ -75,6 +75,7 @@ def truth(stamp, gesture, index, person=(3, 4)):
         position=np.array([[2.0, 0.0, 1.0], [2.0, 1.0, 1.0]]),
         gesture=np.array(gesture, np.uint8),
         gesture_index=np.array(index, np.uint32),
+        labels=GESTURES,
     )
 
 

@@ -183,6 +183,56 @@ def test_mars_joints_become_truth_in_the_room(tmp_path, hand, rise):
         assert t.person_id == [3]
 
 
+def write_mars_tables(folder, data, name="test"):
+    """The two tables of an original: a row for each point, with its frame's number, and a row of joints for each frame."""
+    frame = np.repeat(np.arange(len(data["offset"]) - 1), np.diff(data["offset"]).astype(int)) + 926
+    rows = np.column_stack([frame, frame, data["xyz"], data["doppler"], data["intensity"], np.full(len(frame), 1.6171e9)])
+    head = "Frame #,# Obj,X,Y,Z,Doppler,Intensity,Abs Time"
+    np.savetxt(folder / f"radar_data_{name}.csv", rows, "%.9g", ",", header=head, comments="")
+    head = ",".join(f"{joint}_{axis}" for axis in "XYZ" for joint in data["joints"])
+    places = data["joint_xyz"].transpose(0, 2, 1).reshape(len(data["joint_xyz"]), -1)
+    np.savetxt(folder / f"kinect_data_{name}.csv", places, "%.9g", ",", header=head, comments="")
+    return folder / f"radar_data_{name}.csv"
+
+
+def test_mars_originals_are_the_packed_ones(tmp_path):
+    """The same clouds and the same truth."""
+    folder = tmp_path / "subject3" / "timesplit"
+    folder.mkdir(parents=True)
+    data = write_mars(tmp_path / "subject3_test.npz")
+    table = write_mars_tables(folder, data)
+    for source, bag in ((tmp_path / "subject3_test.npz", "packed"), (table, "original")):
+        import_recording("mars", source, tmp_path / bag, hand="left")
+    for one, other in zip(items(tmp_path / "packed"), items(tmp_path / "original"), strict=True):
+        for name in ("x", "y", "z", "radial_speed", "snr"):
+            np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6)
+    for one, other in zip(truths(tmp_path / "packed"), truths(tmp_path / "original"), strict=True):
+        np.testing.assert_allclose(one.hand_position, other.hand_position, rtol=1e-6, atol=1e-9)
+        assert (one.stamp_ns, one.person_id) == (other.stamp_ns, other.person_id)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("kinect_data_test.csv", None, "have to lie beside it, in kinect_data_test.csv"),
+        ("kinect_data_test.csv", "a,b\n1,2\n", "lacks the columns of joints"),
+        ("kinect_data_test.csv", "SpineBase_X,SpineBase_Y\n1,2\n", "lacks the columns SpineBase_Z"),
+        ("radar_data_test.csv", "a,b\n1,2\n", "has the columns a, b, expected Frame #"),
+        ("radar_data_test.csv", "Frame #,# Obj,X,Y,Z,Doppler,Intensity\n1,2,x\n", "cannot be read as a table of numbers"),
+        ("radar_data_test.csv", "Frame #,# Obj,X,Y,Z,Doppler,Intensity\n1,2,3\n", "7 names and rows of shape"),
+        ("radar_data_test.csv", "Frame #,# Obj,X,Y,Z,Doppler,Intensity\n1,1,1,1,nan,0,1\n", "not finite"),
+    ],
+)
+def test_mars_originals_that_are_spoilt(tmp_path, name, text, message):
+    """File and reason are named."""
+    table = write_mars_tables(tmp_path, write_mars(tmp_path / "x.npz"))
+    (tmp_path / name).unlink()
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(DataError, match=message):
+        import_recording("mars", table, tmp_path / "bag")
+
+
 def spoil(path, **changes):
     """Change or remove fields of an .npz file."""
     with np.load(path) as data:

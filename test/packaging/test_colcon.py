@@ -1,6 +1,7 @@
 """`colcon build` in a workspace: messages, Python packages, executables and shared files arrive where ROS tools look."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,20 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILT = ("package.xml", "CMakeLists.txt", "setup.py", "cmake", "msg", "srv", "launch", "config", "rviz", "scripts")
+BUILT = (
+    "package.xml",
+    "CMakeLists.txt",
+    "setup.py",
+    "cmake",
+    "msg",
+    "srv",
+    "launch",
+    "config",
+    "rviz",
+    "scripts",
+    "test",
+    "pyproject.toml",
+)
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +40,17 @@ def workspace(tmp_path_factory):
     colcon = shutil.which("colcon", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     if colcon is None:
         pytest.skip("colcon is not installed: pip install '.[workspace]'")
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    environment.pop("PIP_CONSTRAINT", None)
-    done = subprocess.run([colcon, "build"], cwd=root, env=environment, capture_output=True, text=True, timeout=280)
-    assert done.returncode == 0, done.stdout + done.stderr
+    _run(root, "colcon", "build")
     return root
+
+
+def _run(folder, tool, *words):
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {name: value for name, value in os.environ.items() if name != "PIP_CONSTRAINT"} | {"PATH": path}
+    command = [shutil.which(tool, path=path), *words]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 @pytest.mark.long
@@ -66,3 +86,15 @@ def test_messages_and_packages_import_from_the_workspace(workspace):
     assert done.returncode == 0, done.stderr
     for line in done.stdout.split():
         assert line.startswith(str(workspace / "install")), done.stdout
+
+
+@pytest.mark.long
+def test_colcon_test_runs_what_needs_no_processes(workspace):
+    """The rooms that the build names, each with a result that colcon reads; one of them is run here."""
+    listed = _run(workspace / "build" / "handwave", "ctest", "-N")
+    assert set(re.findall(r"Test +#\d+: (\w+)", listed)) == {"core", "sim", "dsp", "tracking"}
+    _run(workspace, "colcon", "test", "--ctest-args", "-R", "core")
+    told = _run(workspace, "colcon", "test-result", "--verbose")
+    total, errors, failures = (int(n) for n in re.search(r"(\d+) tests, (\d+) errors, (\d+) failures", told).groups())
+    assert total > 100
+    assert (errors, failures) == (0, 0)

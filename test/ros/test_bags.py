@@ -19,6 +19,7 @@ from radar_driver.health import probe
 from radar_ros import bags
 from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import cloud_from_msg
+from radar_ros.messages.gestures import gesture_from_msg
 from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.offline import open_recording, parse, simulate, simulators
 from radar_sim import Simulator, load_scene
@@ -158,7 +159,7 @@ def test_recorder_survives_sigint_with_a_complete_bag(tmp_path):
     specs = graph(
         "demo",
         parameters={"driver": {"scene": "single_target", "at_end": "loop"}, "recorder": {"bag": str(tmp_path / "rec")}},
-        without=("evaluation", "visualisation", "gestures", "hand", "baseband", "tracking"),
+        without=("evaluation", "visualisation", "gestures", "hand", "zones", "baseband", "tracking"),
     )
     with Supervisor(specs, log=lambda name, line: lines.append(f"{name}: {line}")) as supervisor:
         end = time.monotonic() + 20
@@ -220,6 +221,33 @@ def test_a_hand_track_recorded_before_its_velocity_was_judged(tmp_path):
     (bag / "metadata.yaml").unlink()  # as if its writer had been killed
     assert bags.repair(bag) == {"/hand": 1}
     assert [(again.stamp_ns, again.data) for again in bags.read(bag)] == [(99, item.data)]
+
+
+GESTURE = {"topic": "/gestures", "track_id": 3, "label": 4, "name": "swipe_down", "confidence": 0.5, "known": True, "latency_s": 0.25}
+GESTURE |= {"probabilities": np.eye(10)[4], "features": np.arange(13.0), "start": lambda types, header: header.stamp}
+GESTURE |= {"end": lambda types, header: header.stamp}
+
+
+def test_a_gesture_recorded_before_it_said_where(tmp_path):
+    """What it held is read; where it was is not known."""
+    lines = [line for line in definition("Gesture") if not line.startswith(("float64[3] position", "string[] zones", "string[] labels"))]
+    assert len(lines) == len(definition("Gesture")) - 3
+    bag = recorded_before(tmp_path / "old", "handwave/msg/Gesture", lines, **GESTURE)
+    (item,) = bags.read(bag, ("gestures",))
+    gesture = gesture_from_msg(parse(item.data, "gestures"))
+    assert (gesture.track_id, gesture.label, gesture.name, gesture.start_ns, gesture.zones) == (3, 4, "swipe_down", 7 * 10**9 + 5, ())
+    np.testing.assert_array_equal(gesture.features, GESTURE["features"])
+    assert np.isnan(gesture.position).all()
+
+
+def test_a_status_recorded_before_stages_said_that_they_are_stale(tmp_path):
+    """A stage that said nothing of it was not."""
+    lines = [line for line in definition("StageStatus") if not line.startswith("bool stale")]
+    counts = {"sequence": 3, "processed": 4, "dropped": 1, "compute_s": 0.5, "monotonic_ns": 9}
+    bag = recorded_before(tmp_path / "old", "handwave/msg/StageStatus", lines, topic="/stage_status", stage="tracking", **counts)
+    (item,) = bags.read(bag, ("stage_status",))
+    status = parse(item.data, "stage_status")
+    assert (status.stage, status.processed, status.stale) == ("tracking", 4, False)
 
 
 def before_strides(name):

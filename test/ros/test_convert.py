@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from radar_core import AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
+from radar_core import GESTURES, AntennaArray, DataError, PointCloud, Pose, Quality, RadarFrame, RadarInfo, Waveform, merge
 from radar_core.cloud import ARRAY_FIELDS
 from radar_driver.clouds import cloud_from_ti
 from radar_driver.foreign import ForeignConfig, foreign_cloud
@@ -200,7 +200,10 @@ def test_gesture(stamp, start, seed):
     """A gesture with all its probabilities and features."""
     rng = np.random.default_rng(seed)
     gesture = Gesture(stamp, "room", 3, 4, "swipe_down", 0.5, numbers(rng, 10), start, stamp, numbers(rng, 13))
+    gesture = dataclasses.replace(gesture, position=numbers(rng, 3), zones=("sofa", "by the door")[: seed % 3])
     same(gesture_from_msg(through(gesture_to_msg(gesture))), gesture)
+    own = dataclasses.replace(gesture, label=10, name="clap", probabilities=numbers(rng, 11), labels=(*GESTURES, "clap"))
+    same(gesture_from_msg(through(gesture_to_msg(own))), own)
 
 
 @settings(max_examples=20, deadline=None)
@@ -230,6 +233,8 @@ def test_truth(stamp, n, seed):
         scatterer_rcs=rng.random(5 * n).astype(np.float32),
     )
     same(truth_from_msg(through(truth_to_msg(truth))), truth)
+    own = dataclasses.replace(truth, labels=(*GESTURES, "clap"))
+    same(truth_from_msg(through(truth_to_msg(own))), own)
 
 
 def test_frame_whose_size_contradicts_itself():

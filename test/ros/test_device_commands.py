@@ -215,7 +215,7 @@ def test_up_takes_the_graph_that_suits_a_board(monkeypatch, tmp_path):
         driver = next(spec for spec in started[-1] if spec.name == "driver")
         assert driver.parameters["source"] == board
         assert nodes in {spec.name for spec in started[-1]}
-    assert len(started[-1]) == 2
+    assert {spec.name for spec in started[-1]} == {"driver", "zones", "visualisation"}
     assert "there is no Python file" in str(run("up", "--board", tmp_path / "gone.py").exception)
 
 

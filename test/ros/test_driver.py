@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import rclpy
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -15,7 +16,9 @@ from rclpy.parameter import Parameter
 from tf2_msgs.msg import TFMessage
 
 import radar_ros.nodes.driver
+from radar_app.graph import arguments, graph
 from radar_core import DataError
+from radar_driver.sources import meant
 from radar_ros import bags, qos
 from radar_ros.bag_source import BagFrames
 from radar_ros.messages.convert import from_time
@@ -156,6 +159,67 @@ def test_radars_of_one_bag_are_not_mixed(two_radars):
         source.close()
     with pytest.raises(DataError, match="holds the radars /left/, /right/; give the driver the namespace"):
         BagFrames(two_radars)
+
+
+def test_frames_wait_for_nodes_that_are_awaited(ros, scene, monkeypatch):
+    """A node that is there but has not subscribed yet, because it compiles, is waited for; the log says for whom; then frame 0 comes."""
+    monkeypatch.setattr(radar_ros.nodes.driver, "_PATIENCE_NS", 0)
+    frames = ros.collect(RadarFrameMsg, "/hall/radar/frame", qos.sensor(reliable=True))
+    late = ros.add(rclpy.create_node("late", namespace="/hall"))
+    settings = {"scene": str(scene), "wait_for_nodes": ["late", "/hall/later"]}
+    overrides = [Parameter(name, value=value) for name, value in settings.items()]
+    driver = ros.add(radar_ros.nodes.driver.make_node(namespace="hall", parameter_overrides=overrides))
+    said = []
+    driver.caution = said.append
+    assert ros.spin_until(lambda: said)
+    assert said[0] == "no frames yet: waiting for late, /hall/later"
+    ros.add(rclpy.create_node("later", namespace="/hall")).create_subscription(RadarInfoMsg, "radar/info", lambda msg: None, qos.LATCHED)
+    assert ros.spin_until(lambda: said[-1] == "no frames yet: waiting for late")
+    assert not frames
+    late.create_subscription(RadarInfoMsg, "radar/info", lambda msg: None, qos.LATCHED)
+    assert ros.spin_until(lambda: frames)
+    assert frames[0].sequence == 0
+
+
+def test_a_namespace_around_the_graph_changes_no_radar(two_radars):
+    """In the house of which the bag is one room the radars are the same; a part of a name is none."""
+    source = BagFrames(two_radars, "/house/hall/right")
+    assert source.n_frames == 5
+    source.close()
+    for other in ("hall", "bright", "left/hall"):
+        with pytest.raises(DataError, match="holds the radars /left/, /right/"):
+            BagFrames(two_radars, other)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "places", "expected"),
+    [
+        ("left", ["left", "right"], "left"),
+        ("/hall/left", ["left", "right"], "left"),
+        ("left", ["hall/left", "hall/right"], "hall/left"),
+        ("left", ["hall/left", "den/left"], None),
+        ("hall/left", ["left", "hall/left"], "hall/left"),
+        ("den/hall/left", ["left", "hall/left"], "hall/left"),
+        ("", ["", "left"], ""),
+        ("", ["left", "right"], None),
+        ("cleft", ["left", "right"], None),
+    ],
+)
+def test_which_radar_a_namespace_means(namespace, places, expected):
+    """Whole names only, the longest that fits, and none where two fit alike."""
+    assert meant(namespace, places) == expected
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_two_radars_of_a_scene_in_a_room(ros, side):
+    """`two_radars.launch.py namespace:=hall`: each driver finds its radar, and names its frame with the namespace once."""
+    (spec,) = (s for s in graph("two_radars", namespace="hall") if s.label == f"{side}/driver")
+    infos = ros.collect(RadarInfoMsg, f"/hall/{side}/radar/info", qos.LATCHED)
+    node = ros.add(radar_ros.nodes.driver.make_node(cli_args=arguments(spec), use_global_arguments=False))
+    assert node.get_namespace() == f"/hall/{side}"
+    assert ros.spin_until(lambda: infos)
+    assert infos[0].header.frame_id == f"hall/{side}/radar"
+    assert infos[0].mount_y_m == {"left": 0.8, "right": -0.8}[side]
 
 
 def test_a_bag_drives_in_its_namespace(ros, two_radars):

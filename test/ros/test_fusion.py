@@ -187,7 +187,7 @@ def test_a_radar_that_falls_silent_stops_nobody(ros, fusion):
     for k in range(21, 120):  # the left one goes on; diagnostics come once a second
         f.send("left", 20 * k, k)
         ros.spin_until(lambda: False, 0.02)
-        told = [s for a in diagnostics for s in a.status if s.name == "fusion" and "right is silent: no cloud for" in s.message]
+        told = [s for a in diagnostics for s in a.status if s.name == "fusion: processing" and "right is silent: no cloud for" in s.message]
         if told:
             break
     assert told[-1].level == DiagnosticStatus.WARN

@@ -13,6 +13,8 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import StageStatus as StageStatusMsg
 from handwave.msg import TrackArray as TrackArrayMsg
+from handwave.msg import Zone as ZoneMsg
+from handwave.msg import ZoneArray as ZoneArrayMsg
 from rclpy.parameter import Parameter
 
 import radar_ros.nodes.gestures
@@ -119,6 +121,24 @@ def test_gestures_are_the_library_s(ros, tmp_path):
         assert msg.known
         assert msg.latency_s == pytest.approx((from_time(msg.header.stamp) - from_time(msg.end)) * 1e-9)
         assert 0.25 <= msg.latency_s <= 0.25 + STEP * 1e-9
+
+
+def test_gestures_say_where(ros, tmp_path):
+    """The position is the track's, and the zones are those of the topic that hold it."""
+    bench, items = Bench(ros, tmp_path), strokes()
+    places = {track.id: track.position for track in items[-1].tracks.tracks}
+    x, y, _ = places[1]
+    zones = ros.node.create_publisher(ZoneArrayMsg, "zones", qos.LATCHED)
+    about = [x - 0.3, y - 0.3, x + 0.3, y - 0.3, x, y + 0.3]
+    told = [ZoneMsg(name=name, polygon=about, z_low=low, z_high=10.0) for name, low in (("desk", -10.0), ("loft", 2.0), ("rug", 0.0))]
+    assert ros.spin_until(lambda: zones.get_subscription_count())
+    zones.publish(ZoneArrayMsg(zones=told))
+    assert ros.spin_until(lambda: len(bench.node._zones) == 3)
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) >= 2)
+    assert {msg.track_id: list(msg.zones) for msg in bench.gestures} == {1: ["desk", "rug"], 2: []}
+    for msg in bench.gestures:
+        np.testing.assert_array_equal(msg.position, places[msg.track_id])
 
 
 def slow_strokes(seed, n):
@@ -264,3 +284,30 @@ def test_tracks_that_end_and_stamps_that_go_back(ros, tmp_path):
     bench.send([item(k, {2: 2.0 * (k < 5)}) for k in range(40)])
     assert bench.node.processed == 52
     assert bench.gestures == []
+
+
+def test_another_model_while_it_runs(ros, tmp_path):
+    """The next gestures are the new model's, with labels of its own; its events come along, and are shown; the wrong one is refused."""
+    bench, items = Bench(ros, tmp_path), strokes(people=(1,))
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) == 1)
+    config = GestureConfig(events=dataclasses.replace(GestureConfig().events, quiet=0.3))
+    labels = ("zig", *bench.model.labels[1:])
+    other = dataclasses.replace(bench.model, labels=labels, settings=feature_settings(config))
+    other = dataclasses.replace(other, weights=(other.weights[0], np.roll(other.weights[1], -1, axis=1)))
+    save_model(other, tmp_path / "other.npz")
+    (refused,) = bench.node.set_parameters([Parameter("model", value=str(tmp_path / "none.npz"))])
+    assert not refused.successful
+    assert "none.npz" in refused.reason
+    (refused,) = bench.node.set_parameters([Parameter("events.quiet", value=0.4)])
+    assert "set model instead" in refused.reason
+    (done,) = bench.node.set_parameters([Parameter("model", value=str(tmp_path / "other.npz"))])
+    assert done.successful, done.reason
+    assert bench.node.get_parameter("events.quiet").value == 0.3
+    later = [item(k + 200, {1: 2.0 * (20 <= k < 40)}) for k in range(80)]
+    bench.send(later)
+    assert ros.spin_until(lambda: len(bench.gestures) == 2)
+    recognizer = GestureRecognizer(config, other, INFO.mount)
+    assert bench.gestures[1] == gesture_to_msg(*[g for tracked in later for g in recognizer.process(tracked)])
+    assert list(bench.gestures[1].labels) == [*GESTURES, "zig"]
+    assert bench.gestures[1].name == "zig"

@@ -249,7 +249,7 @@ def test_the_hand_says_how_well_its_velocity_was_told(ros, stage):
 
 
 def _shares(array):
-    values = {v.key: v.value for s in array.status if s.name == "hand" for v in s.values if v.key.startswith("velocity_")}
+    values = {v.key: v.value for s in array.status if s.name == "hand: processing" for v in s.values if v.key.startswith("velocity_")}
     return {key: float(value) for key, value in values.items() if value != "unknown"}
 
 
@@ -301,3 +301,20 @@ def test_a_fused_cloud_reaches_the_tracker_whole(ros):
     cloud = merge([measured(name, 0) for name in MOUNTS], list(MOUNTS.values()))
     anonymous = PointCloud(cloud.stamp_ns, 0, "room", **{n: getattr(cloud, n) for n in ("x", "y", "z", "range", "radial_speed", "snr")})
     assert plain.process(TrackedCloud(anonymous, tracked(anonymous, people))).velocity_rank == 1
+
+
+def test_a_hand_ends_when_clouds_stop(stage):
+    """The last message says so; with the next clouds nobody's hand is followed until somebody asks again."""
+    for k in range(20):
+        if k == 3:
+            stage.tell(True)
+        stage.send(k)
+    assert stage.hands[-1].active
+    stage.node.on_stale()
+    for k in range(20, 25):
+        stage.send(k)
+    assert [(m.sequence, m.active) for m in stage.hands[-2:]] == [(19, True), (19, False)]
+    stage.tell(True)
+    for k in range(25, 35):
+        stage.send(k)
+    assert stage.hands[-1].active

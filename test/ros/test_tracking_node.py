@@ -13,6 +13,8 @@ from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from handwave.msg import StageStatus as StageStatusMsg
 from handwave.msg import TrackArray as TrackArrayMsg
+from handwave.msg import Zone as ZoneMsg
+from handwave.msg import ZoneArray as ZoneArrayMsg
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import UInt32
@@ -110,6 +112,29 @@ def test_frames_left_out_on_purpose_are_not_drops(ros):
     for k, every in ((0, 3), (3, 3), (6, 2), (8, 2), (12, 2)):
         assert bench.send(replace(cloud(k), every=every)).every == every
     assert (bench.node.processed, bench.node.dropped) == (5, 1)  # cloud 10
+
+
+def test_zones_come_by_the_topic(ros):
+    """The node works with the zones that the zones node has: who is there stays, nothing new begins in an exclusion zone."""
+    bench = Bench(ros)
+    zones = ros.node.create_publisher(ZoneArrayMsg, "zones", qos.LATCHED)
+    assert ros.spin_until(lambda: zones.get_subscription_count())
+    for k in range(20):
+        bench.send(cloud(k, [(2.5, 0.6)]))
+    corners = [1.0, -2.0, 6.0, -2.0, 6.0, 2.0, 1.0, 2.0]
+    fan = ZoneMsg(name="fan", kind=ZoneMsg.EXCLUSION, polygon=corners, z_low=-10.0, z_high=10.0)
+    zones.publish(ZoneArrayMsg(zones=[fan]))
+    assert ros.spin_until(lambda: bench.node._config.zones.areas == ("exclusion 1 -2, 6 -2, 6 2, 1 2; -10 10",))
+    for k in range(20, 60):
+        found = bench.send(cloud(k, [(2.5, 0.6), (4.0, -0.6)]))
+    assert [one.id for one in found.tracks] == [1]
+    zones.publish(ZoneArrayMsg())  # the file holds no zones any longer
+    assert ros.spin_until(lambda: bench.node._config.zones.areas == ())
+    for k in range(60, 90):
+        found = bench.send(cloud(k, [(2.5, 0.6), (4.0, -0.6)]))
+    assert [one.id for one in found.tracks] == [1, 2]
+    zones.publish(ZoneArrayMsg(zones=[ZoneMsg(name="broken", polygon=[1.0, 2.0])]))
+    assert ros.spin_until(lambda: any("'broken': a polygon needs three corners" in text for text in bench.problems))
 
 
 def test_who_walks_out_of_view_has_left(ros):

@@ -85,8 +85,8 @@ def test_a_radar_is_killed_and_starts_again(ros, seen):
     assert len({m.parent_id for m in seen.hands}) == 1
     lonely = [m for m in seen.clouds if len(m.sources) == 1 and from_time(m.header.stamp) > killed]
     assert {m.sources[0].header.frame_id for m in lonely} == {"left/radar"}
-    assert any("right is silent" in s.message for array in seen.diagnostics for s in array.status if s.name == "fusion")
-    hand = [{v.key: v.value for v in s.values} for array in seen.diagnostics for s in array.status if s.name == "hand"]
+    assert any("right is silent" in s.message for array in seen.diagnostics for s in array.status if s.name == "fusion: processing")
+    hand = [{v.key: v.value for v in s.values} for array in seen.diagnostics for s in array.status if s.name == "hand: processing"]
     shares = [float(values["velocity_none_percent"]) for values in hand if values["velocity_none_percent"] != "unknown"]
     assert shares
     assert all(0.0 <= share <= 100.0 for share in shares)

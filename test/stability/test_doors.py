@@ -32,6 +32,7 @@ from radar_dsp.unfold import Unfolder
 from radar_gestures import FEATURE_NAMES, EventConfig, EventDetector, GestureConfig, GestureRecognizer
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import CurveConfig, EventMaps
+from radar_gestures.one_channel import ChannelGestures
 from radar_gestures.stage import EventStage
 from radar_lab.alignment import Trajectory, align_points
 from radar_lab.alignment.pair import PairConfig, Walker
@@ -51,6 +52,7 @@ from radar_tracking.clustering import optics, split
 from radar_tracking.estimators import EstimatorConfig, Measurement, Snapshot, from_polar, make_estimator
 from radar_tracking.estimators.config import ESTIMATORS
 from radar_tracking.metrics import ConsistencyMonitor, ObjectSet, nees
+from radar_tracking.presence import Presence, PresenceConfig, PresenceDetector
 from radar_tracking.targets import TargetTracker
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -155,6 +157,10 @@ REFUSED: dict[str, Callable[[float], object]] = {
     "Baseband fixed": lambda bad: Baseband(BasebandConfig(spectrum=SpectrumConfig(fft="fixed")), INFO).process(
         RadarFrame(spoilt(noise(INFO, np.random.default_rng(0)), bad), 0, 0, "radar")
     ),
+    "PresenceDetector": lambda bad: PresenceDetector(PresenceConfig(), INFO).process(
+        RadarFrame(spoilt(noise(INFO, np.random.default_rng(0)), bad), 0, 0, "radar")
+    ),
+    "ChannelGestures": lambda bad: ChannelGestures().process(Presence(0, 0, True, True, False, 1.0, bad, math.nan, 10.0)),
     "Calibrator": lambda bad: Calibrator(Calibration(), INFO).process(snapshots(bad)),
     "Refiner": lambda bad: Refiner(INFO).process(
         spoilt(np.ones(INFO.cube_shape, np.complex64), bad), *np.array([[2.0], [0.0], [0.0], [0.0]])
@@ -310,6 +316,7 @@ BEHIND = {
     **dict.fromkeys(("GroupTracking", "GroupTrackingWithClustering", "ClusterFirstTrackLater"), "PeopleTracker"),
     **dict.fromkeys(("HandMeter", "ControlValue"), "HandTracker"),
     "Zones": "its own test of whatever a cloud holds",
+    "ZoneMonitor": "test/tracking/test_zone_monitor.py: places and covariances that are no numbers",
     "PostureFeatures": "PostureTracker",
     **dict.fromkeys(("GospaMetric", "OspaMetric", "ClearMot"), "ObjectSet"),
     "HandResiduals": "TrackSample, ReferenceSample",

@@ -176,16 +176,25 @@ def test_who_hides_whom(seed, m):
 @often
 @given(seed=seeds, m=st.integers(0, 8))
 def test_who_lies_behind_whom(seed, m):
-    """By loops as the definition says: behind a likely and stronger track, in its direction, and while one of those moves."""
+    """By the definition: behind a likely, stronger track, in its direction, at its echo by the floor, weaker than a body, the least way."""
     rng = np.random.default_rng(seed)
     distance, azimuth, strength = rng.uniform(0.1, 6, m), rng.uniform(-math.pi, math.pi, m), rng.uniform(-5, 40, m)
-    likely, moves = rng.random(m) < 0.6, rng.random(m) < 0.5
-    expected = np.zeros((3, m), bool)
+    likely, ways = rng.random(m) < 0.6, rng.uniform(0, 5, (m, m))
+    height, body = rng.uniform(0, 2.5), rng.uniform(0.5, 1.5)
+    mirrored = np.hypot(distance, height + body)
+    by_floor = np.sqrt(np.maximum((np.hypot(distance, height - body) + mirrored) ** 2 / 4 - (height - body) ** 2, 0))
+    far, same, floor, law, least = (np.zeros(m) for _ in range(5))
     for i in range(m):
         causes = [k for k in range(m) if likely[k] and distance[i] > distance[k] + kernels._APART and strength[k] > strength[i]]
-        line = any(abs(math.remainder(azimuth[i] - azimuth[k], 2 * math.pi)) < kernels._SAME_DIRECTION for k in causes)
-        expected[:, i] = bool(causes), line, any(moves[k] for k in causes)
-    np.testing.assert_array_equal(behind(distance, azimuth, strength, likely, moves), expected)
+        if causes:
+            turn = np.array([math.remainder(azimuth[i] - azimuth[k], 2 * math.pi) for k in causes])
+            off = ((distance[i] - by_floor[causes]) / kernels._FLOOR_STD) ** 2 + (turn / kernels._FLOOR_TURN) ** 2
+            far[i], least[i], same[i] = True, ways[i, causes].min(), (np.abs(turn) < kernels._SAME_DIRECTION).any()
+            floor[i] = np.exp(-off / 2).max()
+            law[i] = max(strength[k] - strength[i] + 40 * math.log10(max(distance[k], kernels._NEAREST) / distance[i]) for k in causes)
+    found = behind(distance, azimuth, strength, likely, ways, height, body)
+    for one, other in zip(found, (far, same, floor, law, least), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 @often

@@ -27,11 +27,12 @@ def test_features_are_their_definition():
     """One track of 4 points at 12 dB, of which one is fast, 1 m high on average and 0.6 m tall, 1.5 m from its birthplace."""
     table, row = Table(), np.zeros(1, RECORD)
     row["look"] = [4.0, 48.0, 1.0, 4.0, 4.0, 4.0 * (1.0 + 0.36)]
-    row["behind"], row["alone"], row["hits"], row["moved"], row["birthplace"], row["haunt"] = True, 0.6, 0.5, 4.0, (1.5, 0.0), (3.0, 0.0)
+    row["behind"], row["floor"], row["law"], row["alone"] = True, 0.3, 30.0, 0.6
+    row["hits"], row["moved"], row["birthplace"], row["haunt"] = 0.5, 4.0, (1.5, 0.0), (3.0, 0.0)
     table.add(row, np.array([3.0, 0, 0, 0, 0, 0, 0]), np.eye(N_STATES))
     expected = {
         "points": math.log(4.1), "snr": 12.0, "height": 0.0, "tall": 0.1, "fast": 0.2, "behind": 1.0, "same": 0.0,
-        "alone": math.log(2.0), "hits": 0.0, "went": 1.5, "stuck": 1.5,
+        "floor": 0.3, "law": 20.0, "alone": math.log(2.0), "hits": 0.0, "went": 1.5, "stuck": 1.5,
     }  # fmt: skip
     assert dict(zip(FEATURES, features(table)[0].tolist(), strict=True)) == pytest.approx(expected)
 
@@ -44,3 +45,54 @@ def test_what_creeps_on_the_floor_looks_less_like_a_person():
     assert person_odds(walker)[0] > 2.0
     assert person_odds(creeps).max() < person_odds(walker)[0] - 2.0
     assert features(walker)[0][FEATURES.index("stuck")] == 0.0
+
+
+def in_turns(k: int, first: int) -> tuple[float, float]:
+    """Way [m] and speed [m/s] after ``k`` steps of 50 ms of who walks a metre away and back, in every other two seconds."""
+    turn, phase = divmod(0.05 * k, 2.0)
+    walks, away = int(turn) % 2 == first, int(turn - first) // 2 % 2 == 0
+    way = 0.5 * (1.0 - math.cos(math.pi * phase / 2.0)) if walks else 1.0
+    speed = 0.25 * math.pi * math.sin(math.pi * phase / 2.0) if walks else 0.0
+    return (way, speed) if away else (1.0 - way, -speed)
+
+
+def test_ways_that_tell_people_from_reflections():
+    """Two people walk in turns, one behind the other; a copy does what the first does, weaker: it is never alone."""
+    tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(4)
+    for k in range(40, 440):
+        (near, fast), (far, slow) = in_turns(k, 0), in_turns(k, 1)
+        places = [[2.0 + near, -1.5, 1.0]] * 8 + [[4.0 + far, 1.5, 1.0]] * 6 + [[4.5 + near, -3.0, 1.0]] * 4
+        points = (np.array(places) + rng.normal(0, [0.08, 0.08, 0.15], (18, 3))).astype(np.float32)
+        speed = np.repeat([fast, slow, fast], [8, 6, 4]) + rng.normal(0, 0.02, 18)
+        snr = np.repeat(np.float32([25.0, 15.0, 10.0]), [8, 6, 4])
+        columns = {"radial_speed": speed.astype(np.float32), "snr": snr}
+        tracker.process(PointCloud(k * 50_000_000, k, "room", *points.T.copy(), **columns))
+    table = tracker.table
+    rows = {
+        name: table.rows[np.hypot(*(table.mean[:, :2] - place).T) < 0.7] for name, place in (("person", (4.5, 1.5)), ("copy", (5.0, -3.0)))
+    }
+    assert len(rows["person"]) == len(rows["copy"]) == 1
+    person, copy = rows["person"][0], rows["copy"][0]
+    assert person["behind"]
+    assert copy["behind"]
+    assert person["alone"] > 4.0
+    assert copy["alone"] < 0.5
+    assert copy["law"] > person["law"] + 3.0
+
+
+def test_who_is_no_person_any_more_is_tentative_and_keeps_its_points():
+    """A walker whose odds of being a person are taken away is not ended: it is not shown until they come back, under the same id."""
+    tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5)
+    seen: list[tuple[bool, int]] = []
+    for k in range(160):
+        t = 0.05 * k
+        points = (np.array([3.0 - np.cos(t), 0.0, 1.0]) + rng.normal(0, [0.08, 0.08, 0.15], (8, 3))).astype(np.float32)
+        columns = {"radial_speed": (np.sin(t) + rng.normal(0, 0.2, 8)).astype(np.float32), "snr": np.full(8, 15.0, np.float32)}
+        if k == 80:
+            tracker.table.rows["person"] = -4.0
+        tracks = tracker.process(PointCloud(k * 50_000_000, k, "room", *points.T.copy(), **columns))
+        assert not tracks.deleted
+        seen.append((bool(tracker.table.rows["confirmed"][0]), int(tracker.table.rows["id"][0])))
+    assert seen[79][0]
+    assert not seen[80][0]
+    assert seen[-1] == (True, seen[79][1])

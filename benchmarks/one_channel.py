@@ -1,0 +1,125 @@
+"""Presence and gestures from one channel, as an A121 has it: simulated people, seen without any angle.
+
+Thresholds were chosen on the scenes from number `DEVELOPED` on; the figures are about those from 0 on.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.gesture_scenes import body, effects, stroke
+from benchmarks.report import rate, share
+from radar_core import GESTURES, AntennaArray, Pose, RadarInfo, Waveform
+from radar_gestures.one_channel import ChannelGestures
+from radar_gestures.recognizer import Gesture
+from radar_sim import Action, Person, Scene, Simulator
+from radar_sim.scene import SceneRadar
+from radar_tracking.presence import Presence, PresenceConfig, PresenceDetector
+
+DEVELOPED: Final = 100  # number of the first scene that was looked at
+_WANTED: Final = ("push", "pull", "wave")
+_OTHERS: Final = ("swipe_up", "swipe_down", "swipe_left", "swipe_right", "rotate", "push_pull")
+_AROUND_NS: Final = 200_000_000  # by which what is seen may begin and end beside what is done
+_SETTLED: Final = 8.0  # s: then a sitting person's breath may be known
+RADAR: Final = RadarInfo(
+    waveform=Waveform(
+        carrier=60.5e9,
+        bandwidth=2.5e9,
+        chirp_duration=64e-6,
+        chirp_pause=436e-6,
+        frame_interval=0.05,
+        n_tx=1,
+        n_chirp=32,
+        n_sample=64,
+    ),
+    array=AntennaArray(tx=((0.0, 0.0),), rx=((0.0, 0.0),), fov_azimuth=1.13, fov_elevation=0.92),
+    mount=Pose(z=1.2),
+)
+"""Distances, speeds and channel of an A121 with the driver's default settings; its noise and its pulse are those of a chirp radar."""
+
+
+def see(number: int, people: tuple[Person, ...], duration: float) -> tuple[list[Presence], list[Gesture], dict[int, tuple[int, int, int]]]:
+    """Simulate people; what was seen, what was named, and for each gesture done its label, start and end [ns]."""
+    scene = Scene(duration=duration, seed=number, radars=(SceneRadar.of(RADAR),), people=people, effects=effects(_rng(number, 1)))
+    simulator, detector, naming = Simulator(scene), PresenceDetector(PresenceConfig(), RADAR), ChannelGestures()
+    seen: list[Presence] = []
+    named: list[Gesture] = []
+    done: dict[int, tuple[int, int, int]] = {}
+    for k in range(simulator.n_frames):
+        made = simulator.process(k)
+        seen.append(detector.process(made.frame))
+        gesture = naming.process(seen[-1])
+        named += [] if gesture is None else [gesture]
+        for label, index in zip(made.truth.gesture.tolist(), made.truth.gesture_index.tolist(), strict=True):
+            if label < len(GESTURES):
+                stamp = made.truth.stamp_ns
+                done[index] = (label, done.get(index, (0, stamp, 0))[1], stamp)
+    return seen, named, done
+
+
+def _rng(number: int, part: int) -> np.random.Generator:
+    return np.random.default_rng([28, part, number])
+
+
+def _sitting(number: int) -> Person:
+    """Somebody who sits all the time, in view, 1 to 3 m away."""
+    rng = _rng(number, 2)
+    place = float(rng.uniform(1.0, 3.0)), float(rng.uniform(-0.3, 0.3))
+    return Person(id=1, height=float(rng.uniform(1.55, 1.9)), position=place, script=(Action(sit=60.0),))
+
+
+def _gesturing(number: int) -> Person:
+    """Somebody who performs each wanted gesture twice and all others once, in random order."""
+    rng = _rng(number, 3)
+    script = [Action(stand=2.0)]
+    for name in rng.permutation((*_WANTED, *_WANTED, *_OTHERS)):
+        script += [Action(stand=float(rng.uniform(1.5, 2.5))), stroke(rng, str(name))]
+    return body(rng, 1, (float(rng.uniform(1.0, 2.2)), float(rng.uniform(-0.3, 0.3))), script)
+
+
+def _gestures(numbers: range) -> dict[str, Any]:
+    """Count what became of the gestures of some scenes."""
+    counts: Counter[str] = Counter()
+    for number in numbers:
+        _, named, done = see(number, (_gesturing(number),), 85.0)
+        free = set(range(len(named)))
+        counts["seconds"] += 85
+        for label, start, end in done.values():
+            over = [k for k, one in enumerate(named) if one.start_ns < end + _AROUND_NS and one.end_ns > start - _AROUND_NS]
+            free -= set(over)
+            wanted = GESTURES[label] in _WANTED
+            counts["wanted" if wanted else "others"] += 1
+            counts["right" if wanted else "taken"] += bool(over) and (not wanted or named[over[0]].label == label)
+            counts["wrong"] += wanted and bool(over) and named[over[0]].label != label
+        counts["nothing"] += len(free)
+    return {
+        "gestures": counts["wanted"],
+        **share("right", counts["right"], counts["wanted"]),
+        **share("wrong", counts["wrong"], counts["wanted"]),
+        "others": counts["others"],
+        **share("others_taken_for_one", counts["taken"], counts["others"]),
+        **rate("of_nothing_per_minute", counts["nothing"], counts["seconds"] / 60),
+    }
+
+
+def _presence(numbers: range) -> dict[str, Any]:
+    """Rooms with nobody and with somebody who sits; a room counts as one, because its frames are alike."""
+    empty = [any(one.present for one in see(number, (), 20.0)[0]) for number in numbers]
+    settled = round(_SETTLED / RADAR.waveform.frame_interval)
+    sitting = [see(number, (_sitting(number),), 30.0)[0][settled:] for number in numbers]
+    breath = sum(any(np.isfinite(one.breathing) for one in seen) for seen in sitting)
+    return {
+        "rooms": len(numbers),
+        **share("empty_rooms_with_presence", sum(empty), len(empty)),
+        **share("sitting_people_always_there", sum(all(one.present for one in seen) for seen in sitting), len(sitting)),
+        **share("sitting_people_with_breath", breath, len(sitting)),
+    }
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Twenty scenes of each kind; quick: one."""
+    numbers = range(1 if quick else 20)
+    return {"scenes": [numbers.start, numbers.stop], **_presence(numbers), **_gestures(numbers), "choices": []}

@@ -1,0 +1,1 @@
+"""Acconeer's A121 over its exploration server: pulses, one channel, IQ values at chosen distances."""

@@ -1,0 +1,1 @@
+"""Infineon's BGT60TR13C through the maker's own library, where that is installed."""
