@@ -76,7 +76,7 @@ def test_a_walker_is_tracked_through_the_line(ros, board, walk):
     clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(depth=100))
     infos = ros.collect(RadarInfoMsg, "radar/info", qos.LATCHED)
     nodes = start(ros, board.link)
-    assert set(nodes) == {"driver", "tracking", "gestures", "hand", "visualisation"}
+    assert set(nodes) == {"driver", "tracking", "gestures", "hand", "zones", "visualisation"}
     assert ros.spin_until(lambda: infos and nodes["driver"].count_subscribers("radar/points") >= 4)
 
     def send():

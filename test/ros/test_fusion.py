@@ -366,7 +366,7 @@ def test_settings_that_make_no_sense(ros):
 @pytest.mark.long
 def test_two_radars_in_processes_of_their_own(ros):
     """Fusion and tracking as `handwave up two_radars` starts them; radars 3 ms apart from here; every topic is connected first."""
-    specs = graph("two_radars", parameters={"*": {"reliable": True}}, without=("driver", "baseband", "gestures", "hand", "visualisation"))
+    specs = graph("two_radars", parameters={"*": {"reliable": True}}, without=("driver", "baseband", "gestures", "hand", "zones", "visualisation"))
     assert {spec.label for spec in specs} == {"fusion", "tracking"}
     lines = []
     clouds = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.sensor(reliable=True)) for name in MOUNTS}
