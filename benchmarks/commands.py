@@ -27,7 +27,7 @@ def tradeoff(
     domain: Annotated[int | None, typer.Option(help="ROS domain of stage graph; default: ROS_DOMAIN_ID, else 0", min=0, max=232)] = None,
     note: Annotated[str, typer.Option(help="a sentence for the head of the report")] = "",
     tune: Annotated[
-        bool, typer.Option("--tune", help="instead: measure the levels that nodes with frame_budget_ms choose from (docs/budget.md)")
+        bool, typer.Option("--tune", help="instead: measure the levels that nodes with frame_budget_ms choose from (docs/how-to/budget.md)")
     ] = False,
 ) -> None:
     """Measure accuracy and time of every choice that buys one with the other, and say which are worth it.

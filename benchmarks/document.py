@@ -1,4 +1,4 @@
-"""Measure everything and write docs/benchmarks.md with one picture per benchmark: ``python -m benchmarks.document [NAME[=FILE] ...]``.
+"""Measure everything and write docs/research/benchmarks.md a picture each: ``python -m benchmarks.document [NAME[=FILE] ...]``.
 
 ``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring, and
 ``gestures=speed.json,tables.json`` what its parts printed. It needs a checkout of the project: that is where the document lies.
@@ -89,14 +89,14 @@ def measured(name: str, file: str) -> dict[str, Any]:
 def main() -> None:
     """Run each benchmark (all, or those named), and write its section."""
     docs = checkout("docs")
-    path = docs / "benchmarks.md"
+    path = docs / "research" / "benchmarks.md"
     parts = path.read_text(encoding="utf-8").split("\n## ")[1:] if path.exists() else []
     kept = dict(part.split("\n", 1) for part in parts)
     for argument in track(sys.argv[1:] or NAMES, description="measuring"):
         name, _, file = argument.partition("=")
         result = measured(name, file)
         draw(result["choices"], docs / "img" / f"choices_{name}.png")
-        kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](img/choices_{name}.png)\n"
+        kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](../img/choices_{name}.png)\n"
         body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)
         path.write_text(HEAD.format(machine=machine()) + body, encoding="utf-8")  # after each: the slow ones come last
 

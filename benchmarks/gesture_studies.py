@@ -82,7 +82,7 @@ def read(kind: str, limit: int = 0) -> RealSet:
     """Read a data set through the importer, or ``limit`` segments of it, and make its feature maps; raise DataError without recordings."""
     path = folder() / kind / "segments.npz"
     if not path.is_file():
-        raise DataError(f"{path}: not there; docs/recordings.md says where the original is")
+        raise DataError(f"{path}: not there; docs/reference/recordings.md says where the original is")
     recording = open_original(kind, path, limit=limit, idle=0.0)
     found = recording.tally.segments
     maps, thirteen = [], []

@@ -157,7 +157,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     absent = [kind for kind in GATES if not (folder() / kind / "segments.npz").is_file()]
     if absent:
-        raise AbsentError(f"the recordings of {', '.join(absent)} are not there; docs/recordings.md says where they are")
+        raise AbsentError(f"the recordings of {', '.join(absent)} are not there; docs/reference/recordings.md says where they are")
     if importlib.util.find_spec("torch") is None:
         raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
     result: dict[str, Any] = {"enrolment_development": list(DEVELOPMENT)}

@@ -1,4 +1,4 @@
-"""The shipped model before real people and a radar that it was not made for: mHomeGes and mTransSee (docs/recordings.md)."""
+"""The shipped model before real people and a radar that it was not made for: mHomeGes and mTransSee (docs/reference/recordings.md)."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def cube(quick: bool) -> NDArray[np.complex64]:
 
 
 def audited(quick: bool) -> str:
-    """Make the table of effects of docs/effects.md, quick: some of its columns."""
+    """Make the table of effects of docs/research/effects.md, quick: some of its columns."""
     return table([audit(*each) for each in ours() if not quick or each[0] in AUDITED])
 
 

@@ -1,4 +1,4 @@
-"""Real recordings of which the number of people is known, and what each of them is for (docs/recordings.md)."""
+"""Real recordings of which the number of people is known, and what each of them is for (docs/reference/recordings.md)."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class _Crossing:
 def _file(path: str) -> Any:
     found = folder() / path
     if not found.is_file():
-        raise AbsentError(f"{found}: there is no such recording; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
+        raise AbsentError(f"{found}: there is no such recording; HANDWAVE_DATA names their folder (docs/reference/recordings.md)")
     return found
 
 

@@ -4,8 +4,9 @@ The tracker runs through random rooms for development; each half second its like
 and of each its people and its other tracks by the root of their number. ``auc`` is of rooms that the regression has not seen: five groups
 of rooms and recordings are left out in turn.
 
-Recordings of one person for development are used, too, where they are there (docs/recordings.md): their truth is no place, so that the
-track with the most points of all is the person, and those far from it are not. All recordings together count as `RECORDED` of the rooms.
+Recordings of one person for development are used, too, where they are there (docs/reference/recordings.md): their truth is no place, so
+the track with the most points of all is the person, and those far from it are not. All recordings together count as `RECORDED` of the
+rooms.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Real recordings: people trackers on walkers without truth and on exercises beside a Kinect. Needs the recordings (docs/recordings.md)."""
+"""Real recordings: people trackers on walkers without truth and on exercises beside a Kinect (docs/reference/recordings.md)."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def folder() -> Path:
     """Folder of the recordings: ``HANDWAVE_DATA``, or shared/data beside the project. Raises AbsentError when there is none."""
     place = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not place.is_dir():
-        raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names the folder that holds them (docs/recordings.md)")
+        raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names their folder (docs/reference/recordings.md)")
     return place
 
 

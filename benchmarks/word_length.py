@@ -1,4 +1,4 @@
-"""What short words cost the Fourier transforms in integers (thesis, figure A.13); docs/make_fixed_point_plot.py draws it."""
+"""What short words cost the Fourier transforms in integers (thesis, figure A.13); docs/research/make_fixed_point_plot.py draws it."""
 
 from __future__ import annotations
 

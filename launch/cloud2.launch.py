@@ -9,7 +9,7 @@ ARGUMENTS = {
     "cloud2.doppler_sign": (1, "1: receding is positive; -1: approaching is positive"),
     "cloud2.intensity": ("intensity", "field with the strength of an echo"),
     "cloud2.axes": ("ros", "ros: forward, left, up; ti: right, forward, up", ("ros", "ti")),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

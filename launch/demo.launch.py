@@ -8,7 +8,7 @@ ARGUMENTS = {
     "driver.at_end": ("exit", "after the last frame; exit also ends the launch", ("stop", "loop", "exit")),
     "recorder.bag": ("handwave_demo", "folder to record into; must not exist"),
     "evaluation.report": ("handwave_demo.json", "file for the report at the end"),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

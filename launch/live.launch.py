@@ -7,7 +7,7 @@ ARGUMENTS = {
     "driver.source": ("sim", "where frames come from: sim or bag"),
     "driver.scene": ("demo", "source sim: scene file, or one of ours by name"),
     "driver.at_end": ("loop", "after the last frame; exit also ends the launch", ("stop", "loop", "exit")),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

@@ -5,7 +5,7 @@ from radar_app.launching import launch_description
 VARIANT = "replay"
 ARGUMENTS = {
     "*.use_sim_time": (True, "take the time from /clock"),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

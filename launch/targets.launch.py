@@ -5,7 +5,7 @@ from radar_app.launching import launch_description
 VARIANT = "targets"
 ARGUMENTS = {
     "driver.source": ("ld2450", "board that gives targets; handwave devices --boards lists them"),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

@@ -8,7 +8,7 @@ ARGUMENTS = {
     "driver.scene": ("two_radars", "source sim: scene file, or one of ours by name, with a radar left and a radar right"),
     "driver.at_end": ("loop", "after the last frame; exit also ends the launch", ("stop", "loop", "exit")),
     "fusion.slop": (0.02, "clouds whose stamps differ by less than this many seconds belong together"),
-    "zones.zones_file": ("", "YAML file of the zones (docs/zones.md); empty: only the whole room"),
+    "zones.zones_file": ("", "YAML file of the zones (docs/how-to/zones.md); empty: only the whole room"),
 }
 
 

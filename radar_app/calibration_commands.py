@@ -28,7 +28,7 @@ def calibrate(
     offsets: Annotated[bool, typer.Option("--offsets", help="also fit constant mounting offsets")] = False,
     method: Annotated[str, typer.Option(help="fit; or outer: also the thesis's table of both sweeps")] = "fit",
 ) -> None:
-    """Find gain, phase and position of every channel from a corner reflector on a turntable (docs/calibration.md).
+    """Find gain, phase and position of every channel from a corner reflector on a turntable (docs/how-to/calibration.md).
 
     Examples: `handwave calibrate chamber -o array.npz` · `handwave calibrate az el -o a.npz --azimuth -60:60:1 --elevation -30:30:1`
     """
@@ -67,7 +67,7 @@ def calibrate_coupling(
     seconds: Annotated[float, typer.Option(help="of the recording's beginning that are used", min=0.1, max=3600.0)] = 5.0,
     as_json: Json = False,
 ) -> None:
-    """Measure how far a radar hears itself, and suppress that much (docs/calibration.md).
+    """Measure how far a radar hears itself, and suppress that much (docs/how-to/calibration.md).
 
     The file goes to the graph: `handwave up live --config baseband=coupling.yaml`.
 
@@ -106,7 +106,7 @@ def calibrate_pair(
     domain: Domain = None,
     namespace: Namespace = "",
 ) -> None:
-    """Find where the second radar stands, from one person who walks before both for a minute (docs/calibration.md).
+    """Find where the second radar stands, from one person who walks before both for a minute (docs/how-to/calibration.md).
 
     Walk alone, 1 to 5 m in front of the radars, to and fro and across, where both see you. Height and tilt are taken as given. The file
     goes to the drivers: `handwave up two_radars --param driver.calibration=right.yaml`. Raw frames of a recording go through basebands that

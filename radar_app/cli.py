@@ -84,16 +84,16 @@ def demo(
 @app.command()
 def up(
     variant: Annotated[
-        str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/graph.md), or a file of rooms")
+        str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/reference/graph.md); or rooms.yaml")
     ] = "",
     board: Annotated[str | None, typer.Option(help="where frames come from: a board, or a Python file with one of your own")] = None,
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
-    mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/home.md)")] = None,
+    mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/how-to/home.md)")] = None,
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
-    osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/home.md)")] = None,
+    osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/how-to/home.md)")] = None,
     zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
@@ -103,8 +103,8 @@ def up(
     """Start a graph: every node as its own process, logs with names, Ctrl-C stops all.
 
     Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
-    · `handwave up --board my_board.py` (docs/adding-a-board.md) · `handwave up --zones living_room.yaml` (docs/zones.md)
-    · `handwave up --mqtt homeassistant.local` · `handwave up rooms.yaml` (docs/home.md)
+    · `handwave up --board my_board.py` (docs/how-to/adding-a-board.md) · `handwave up --zones living_room.yaml` (docs/how-to/zones.md)
+    · `handwave up --mqtt homeassistant.local` · `handwave up rooms.yaml` (docs/how-to/home.md)
     """
     from radar_app.graph import graph
     from radar_app.outputs import outputs
@@ -249,7 +249,9 @@ def import_(
     ],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
-    option: Annotated[list[str] | None, typer.Option("--option", "-o", help="name=value, see docs/recordings.md; may be repeated")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--option", "-o", help="name=value (docs/reference/recordings.md); repeatable")
+    ] = None,
     waveform: Annotated[str, typer.Option(help="of npy: YAML file with the Waveform")] = "",
     array: Annotated[str, typer.Option(help="of npy: YAML file with the AntennaArray")] = "",
 ) -> None:

@@ -30,7 +30,7 @@ def devices(
     """List the boards that are plugged in, how to use each, and what is in the way.
 
     Looking changes nothing on a board, and another program may be using it meanwhile. The exit status is 0 when a board is there that can
-    be used, 1 when there is none. Boards of other Python packages are found too (docs/adding-a-board.md).
+    be used, 1 when there is none. Boards of other Python packages are found too (docs/how-to/adding-a-board.md).
 
     Examples: `handwave devices` · `handwave devices --boards` · `handwave devices --json`
     """
@@ -145,7 +145,7 @@ def probe(
     duration: Annotated[float, typer.Option(help="how long to listen [s]", min=0.5, max=3600.0)] = 5.0,
     waveform: Annotated[str, typer.Option(help="of a .npy: YAML file with the Waveform")] = "",
     array: Annotated[str, typer.Option(help="of a .npy: YAML file with the AntennaArray")] = "",
-    axes: Annotated[str, typer.Option(help="of a .npy, in its order (docs/recordings.md)")] = "frame tx chirp rx sample",
+    axes: Annotated[str, typer.Option(help="of a .npy, in its order (docs/reference/recordings.md)")] = "frame tx chirp rx sample",
     walked: Annotated[
         str, typer.Option(help="of raw frames: left or right, to which side of the radar's view somebody walks in them")
     ] = "",

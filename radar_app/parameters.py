@@ -20,7 +20,7 @@ Configs = Annotated[
     list[str] | None,
     typer.Option("--config", "-c", help="node=file, or one of ours by name, e.g. tracking=dense; --param goes before it; may be repeated"),
 ]
-ZonesFile = Annotated[Path | None, typer.Option("--zones", help="YAML file with the zones of the room (docs/zones.md)")]
+ZonesFile = Annotated[Path | None, typer.Option("--zones", help="YAML file with the zones of the room (docs/how-to/zones.md)")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 

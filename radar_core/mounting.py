@@ -75,7 +75,7 @@ class MountCalibration:
         """
         x, y, yaw = np.sqrt(np.maximum(np.diagonal(np.array(self.covariance)), 0.0)).tolist()
         head = (
-            f"# Where {self.radar} stands in the room, measured beside {self.reference}: handwave calibrate-pair (docs/calibration.md)\n"
+            f"# Where {self.radar} stands in the room, beside {self.reference}: handwave calibrate-pair (docs/how-to/calibration.md)\n"
             f"# standard deviations: x {x * 1e3:.1f} mm, y {y * 1e3:.1f} mm, yaw {math.degrees(yaw):.3f} degrees\n"
         )
         try:

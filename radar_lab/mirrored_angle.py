@@ -61,5 +61,5 @@ def name_mirrored(cubes: Cubes, info: RadarInfo, walked: Side) -> Fault | None:
         return None
     found = f"somebody walked to the {walked}, but by the angles they went {abs(way):.1f} m to the {'left' if way > 0 else 'right'}"
     return Fault(
-        "mirrored angle", found, "change the signs of all y of the array: it was entered as seen from the front (docs/conventions.md)"
+        "mirrored angle", found, "change the signs of all y: the array was entered as seen from the front (docs/reference/conventions.md)"
     )

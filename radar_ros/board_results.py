@@ -38,7 +38,7 @@ class BoardResults:
         """Begin with a board that stands there."""
         self._tracker = TargetTracker(self._config, info.mount)
         if self._alone:
-            self._node.get_logger().warning(f"{NO_POINTS} (docs/boards_targets.md)")
+            self._node.get_logger().warning(f"{NO_POINTS} (docs/how-to/boards-targets.md)")
 
     def publish(self, targets: Targets, stamp_ns: int) -> None:
         """Publish one report, stamped with the node's clock [ns]."""

@@ -1,4 +1,4 @@
-"""Quality of service per topic; docs/graph.md repeats the table for users."""
+"""Quality of service per topic; docs/reference/graph.md repeats the table for users."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ Purpose = Literal["samples", "detections", "tracks", "gestures"]
 
 @config
 class Fidelity:
-    """How exactly, and how fast, echoes are computed: docs/simulator.md shows what each choice costs and gives."""
+    """How exactly, and how fast, echoes are computed: docs/explanation/simulator.md shows what each choice costs and gives."""
 
     model: Model = knob(
         "auto",

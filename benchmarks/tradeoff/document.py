@@ -43,13 +43,13 @@ REASONS: Final[dict[str, str]] = {
     "clustering": "On clouds of the size of a frame's DBSCAN is the simplest that has no number of clusters to guess.",
     "tracker": (
         "On people who stay apart trackers hardly differ; where two meet the default keeps identities that the others "
-        "swap (docs/tracking.md)."
+        "swap (docs/explanation/tracking.md)."
     ),
     "estimator": "The linear filter costs least and needs no range rate; what the others gain is one or two centimetres.",
     "clustering within the tracker": (
         "On points of one person's gate the methods give nearly the same clusters; DBSCAN has no grid whose cells could split a body."
     ),
-    "frame rate": "People are followed as well at a lower rate; fewer gestures are found and recognised (docs/gestures.md).",
+    "frame rate": "People are followed as well at a lower rate; fewer gestures are found and recognised (docs/explanation/gestures.md).",
     "number of transmitters": (
         "People are followed as well with one transmitter; with both, bounds of the azimuth are a third (0.20 instead of 0.58 degrees at "
         "20 dB), which the hand and people beside each other need."
@@ -58,16 +58,16 @@ REASONS: Final[dict[str, str]] = {
     "hand filter": ("Only mm_vel_est takes the velocities that two radars measure; in a short scene with a slow hand that gains little."),
     "feature source": (
         "On 1,500 strokes of ten simulated people 50 Hz and both transmitters recognise most, and people beside each other are told "
-        "apart by the default's angles and medians (docs/gestures.md); these strokes are far fewer."
+        "apart by the default's angles and medians (docs/explanation/gestures.md); these strokes are far fewer."
     ),
-    "classifier": "A smaller or larger network changes microseconds of an event, not of a frame; see docs/gestures.md for its accuracy.",
+    "classifier": "A smaller or larger network changes microseconds of an event, not of a frame; accuracy: docs/explanation/gestures.md.",
     "levels of the baseband": (
         "People are followed as well at a lower rate, which this figure is about; gestures are not. Two echoes in a cell: see the panel "
         "of the DoA method."
     ),
     "levels of the tracking": (
         "People are followed as well at a lower rate; gestures and the hand are not. What the group tracker saves it pays for where "
-        "people meet (docs/tracking.md)."
+        "people meet (docs/explanation/tracking.md)."
     ),
     "processes": (
         "A process of its own for every node keeps the others alive when one dies, and uses all cores; composed is for "

@@ -1,7 +1,7 @@
 """Sources that Handwave knows, by name. Each module of this package says what it is in ``BOARD``; a new board is one new module.
 
-Boards of other people's packages are found by their entry points in the group ``handwave.boards`` (docs/adding-a-board.md). A later room
-calls `register`.
+Boards of other people's packages are found by their entry points in the group ``handwave.boards`` (docs/how-to/adding-a-board.md). A later
+room calls `register`.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _from_file(path: Path) -> Board:
     """Load the ``BOARD`` of a Python file, whose folder may hold what it imports."""
     spec = importlib.util.spec_from_file_location(f"handwave_board_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ConfigError(f"there is no Python file {path}: name the .py file that has your BOARD (docs/adding-a-board.md)")
+        raise ConfigError(f"there is no Python file {path}: name the .py file that has your BOARD (docs/how-to/adding-a-board.md)")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their types up there
     sys.path.append(str(path.parent))

@@ -2,7 +2,8 @@
 
 In direction u the reflector gives channel c the amplitude A_m g_c exp(j phi_c - j 2 pi / lambda (p_c + d_c).u), with an unknown A_m per
 snapshot, the nominal position p_c, and gain g_c, phase phi_c and shift d_c to be found. A common gain, phase and shift of all channels goes
-into A_m: it cannot be seen, and no direction depends on it; here their means are zero. docs/calibration.md says what else cannot be seen.
+into A_m: it cannot be seen, and no direction depends on it; here their means are zero. docs/how-to/calibration.md says what else
+cannot be seen.
 """
 
 from __future__ import annotations

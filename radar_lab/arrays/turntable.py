@@ -228,8 +228,8 @@ def sweeps_of(recordings: Sequence[Path], options: Sequence[Sweep]) -> list[tupl
     missing = [path for path in recordings if not (path / SWEEPS_FILE).exists()]
     if missing:
         raise ConfigError(
-            f"{missing[0]}: nothing says which angles the turntable went through; put a {SWEEPS_FILE} there (docs/calibration.md), or give "
-            "--azimuth START:STOP:STEP, --elevation START:STOP:STEP and --dwell SECONDS"
+            f"{missing[0]}: nothing says which angles the turntable took; put a {SWEEPS_FILE} there (docs/how-to/calibration.md), or "
+            "give --azimuth START:STOP:STEP, --elevation START:STOP:STEP and --dwell SECONDS"
         )
     return [load_file(Sweeps, path / SWEEPS_FILE).sweeps for path in recordings]
 

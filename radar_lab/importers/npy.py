@@ -106,7 +106,7 @@ def open_described(path: Path, options: NpyOptions) -> tuple[NDArray[Any], Radar
     """Map a .npy, and describe its radar; a `ConfigError` says that nobody has said what it is."""
     data = open_array(path)
     if not (options.waveform and options.array):
-        raise ConfigError("say what the radar is: --waveform w.yaml --array a.yaml (docs/recordings.md)")
+        raise ConfigError("say what the radar is: --waveform w.yaml --array a.yaml (docs/reference/recordings.md)")
     waveform, array = load_file(Waveform, options.waveform), load_file(AntennaArray, options.array)
     return data, described(data, options.axes, waveform, array, options)
 

@@ -217,7 +217,7 @@ class FusionNode(StageNode):
         way = "ahead of" if found.offset > 0 else "behind"
         text = (
             f"the clock of {found.name} is {abs(found.offset) * 1e3:.1f} ms {way} that of {found.reference}: clouds of different moments "
-            "are fused; synchronise the clocks (PTP: ptp4l and phc2sys, see docs/timing.md)"
+            "are fused; synchronise the clocks (PTP: ptp4l and phc2sys, see docs/explanation/timing.md)"
         )
         self.caution(text)
         return text

@@ -26,7 +26,7 @@ _AT_LEAST = 1.0  # s of tracks: without news, zones are said again after this lo
 class ZonesNodeConfig:
     """Where the zones are."""
 
-    zones_file: str = knob("", doc="YAML file of the zones (docs/zones.md); empty: only the whole room")
+    zones_file: str = knob("", doc="YAML file of the zones (docs/how-to/zones.md); empty: only the whole room")
 
 
 class ZonesNode(StageNode):

@@ -20,7 +20,7 @@ from radar_driver import boards as registry
 from radar_driver.health import Verdict, probe
 from radar_driver.live import Reader
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding-a-board.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "adding-a-board.md"
 
 
 def page_board(*, whole=False):

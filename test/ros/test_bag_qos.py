@@ -55,7 +55,7 @@ def raw_bag(tmp_path_factory):
 
 
 def test_every_topic_that_we_write_has_its_offer(tmp_path):
-    """Durability and reliability of the table in docs/graph.md, for each topic and in a namespace too; in metadata and in the file."""
+    """Durability and reliability of the table in docs/reference/graph.md, each topic, in a namespace too; in metadata and in the file."""
     with bags.BagWriter(tmp_path / "all") as writer:
         for topic, msgtype in bags.TYPES.items():
             writer.write(f"/left/{topic}", msgtype, 1, serialize_message(qos.message_class(msgtype)()))

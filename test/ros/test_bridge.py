@@ -20,7 +20,7 @@ from radar_ros import qos
 from radar_ros.messages import people
 from radar_tracking.tracks import Track, Tracks, TrackStatus
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "ros.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "ros.md"
 # Fields of the messages as their packages document them (vision_msgs 4, hri_msgs 2): name, and what it begins with.
 DOCUMENTED = {
     "Detection3DArray": {"header": std_msgs.msg.Header, "detections": list},
@@ -124,7 +124,7 @@ def told():
 
 
 def test_the_node_of_the_page_runs(ros):
-    """The example for nodes that consume people, as it stands in docs/ros.md, hears the graph and ends with Ctrl-C."""
+    """The example for nodes that consume people, as it stands in docs/how-to/ros.md, hears the graph and ends with Ctrl-C."""
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", DOCS.read_text(), re.DOTALL) if "class Watcher" in block)
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ)
     try:
@@ -149,5 +149,5 @@ def test_the_reader_of_the_page_runs(tmp_path, monkeypatch, capsys):
     assert "radar_" not in code
     assert "handwave" not in code
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, "docs/ros.md", "exec"), {})
+    exec(compile(code, "docs/how-to/ros.md", "exec"), {})
     assert "11 [(4, " in capsys.readouterr().out

@@ -42,7 +42,7 @@ def test_one_recording_two_recordings_and_options_agree(recordings, tmp_path):
     given = calibrate([recordings / "both"], tmp_path / "given.npz", options)
     assert given.result.array == one.result.array
     for report in (one, two):
-        # 30 dB less 3 dB of the range window, 94 frames: the table in docs/calibration.md has 5 and 12 micrometres for twice as many.
+        # 30 dB less 3 dB of the range window, 94 frames: the table in docs/how-to/calibration.md has 5 and 12 um for twice as many.
         assert np.abs(shifts_found(report)).max() < 6e-5
         assert report.result.notes() == []
         assert report.result.n_snapshot == 94
@@ -77,7 +77,7 @@ def test_wrong_angles_are_refused_with_advice(recordings, tmp_path):
     bare = tmp_path / "bare"
     shutil.copytree(recordings / "azimuth", bare)
     (bare / SWEEPS_FILE).unlink()
-    with pytest.raises(ConfigError, match=r"docs/calibration\.md"):
+    with pytest.raises(ConfigError, match=r"docs/how-to/calibration\.md"):
         calibrate([bare], out)
     (bare / SWEEPS_FILE).write_text("sweeps:\n  - {axis: roll}\n")
     with pytest.raises(ConfigError, match=r"turntable.yaml:2: .*'azimuth', 'elevation'"):

@@ -193,7 +193,7 @@ def test_a_board_in_one_file(tmp_path, ros):
     from radar_ros import qos
     from radar_ros.nodes.driver import make_node
 
-    page = (Path(__file__).resolve().parents[2] / "docs" / "adding-a-board.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "adding-a-board.md").read_text(encoding="utf-8")
     path, counts = tmp_path / "my_board.py", tmp_path / "frames.i16"
     path.write_text(re.search(r"```python\n(.*?)```", page, re.S)[1])
     np.random.default_rng(1).integers(-300, 300, (20, 32, 2, 64, 2)).astype("<i2").tofile(counts)

@@ -303,7 +303,7 @@ def test_a_clock_that_is_a_frame_ahead_is_told(fusion):
     assert offset < 25.0
     assert re.fullmatch(
         r"the clock of right is \d+\.\d ms ahead of that of left: clouds of different moments are fused; "
-        r"synchronise the clocks \(PTP: ptp4l and phc2sys, see docs/timing\.md\)",
+        r"synchronise the clocks \(PTP: ptp4l and phc2sys, see docs/explanation/timing\.md\)",
         told,
     )
     assert told in f.problems  # logged as well
@@ -366,7 +366,9 @@ def test_settings_that_make_no_sense(ros):
 @pytest.mark.long
 def test_two_radars_in_processes_of_their_own(ros):
     """Fusion and tracking as `handwave up two_radars` starts them; radars 3 ms apart from here; every topic is connected first."""
-    specs = graph("two_radars", parameters={"*": {"reliable": True}}, without=("driver", "baseband", "gestures", "hand", "zones", "visualisation"))
+    specs = graph(
+        "two_radars", parameters={"*": {"reliable": True}}, without=("driver", "baseband", "gestures", "hand", "zones", "visualisation")
+    )
     assert {spec.label for spec in specs} == {"fusion", "tracking"}
     lines = []
     clouds = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.sensor(reliable=True)) for name in MOUNTS}

@@ -1,4 +1,4 @@
-"""The tutorial of docs/own-gestures.md, command by command: samples of a circle and a clap, a model, and its use in a graph that runs.
+"""The tutorial of docs/how-to/own-gestures.md, command by command: samples of a circle and a clap, a model, its use in a running graph.
 
 The radar gives ten clouds a second. Samples of the circle are recorded from the running graph, those of the clap without one.
 """

@@ -154,7 +154,7 @@ def test_the_command_starts_what_is_asked_for(monkeypatch, tmp_path):
     assert len(started) == count  # a mistake starts nothing
 
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "home.md").read_text()
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "home.md").read_text()
 BLOCKS = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)
 
 

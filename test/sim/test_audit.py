@@ -19,7 +19,7 @@ from radar_sim.effects.chain import NAMES, is_named
 from radar_sim.effects.config import PHYSICS
 from radar_sim.probe import displacement, places
 
-DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
+DOCS = Path(__file__).parents[2] / "docs" / "research" / "effects.md"
 NUMBER = re.compile(r"[0-9][0-9.e+-]*|inf")
 OURS = {label: (label, scene, radar) for label, scene, radar in ours()}
 
@@ -39,7 +39,7 @@ def test_the_published_table_has_every_scene_and_every_effect():
 
 @pytest.mark.parametrize("label", OURS)
 def test_the_published_table_is_what_the_code_says(label):
-    """On or off, and what each effect changes: `python docs/make_effects.py` writes it anew.
+    """On or off, and what each effect changes: `python docs/research/make_effects.py` writes it anew.
 
     Sizes are the same to 5 % and 0.0005: where two directions are equally strong, another machine's rounding may prefer the other one.
     """

@@ -1,0 +1,71 @@
+"""Run the demo; draw its display and its report for the README: ``python docs/research/make_demo_picture.py``.
+
+Writes docs/img/demo.svg and the report between the demo-output marks of README.md.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import rclpy
+from rich.console import Console
+
+from radar_app.demo import show_report
+from radar_app.live import Monitor
+from radar_app.supervisor import environment
+
+ROOT = Path(__file__).resolve().parents[2]
+DOMAIN = 179
+BEGIN, END = "<!-- demo-output -->", "<!-- /demo-output -->"
+
+
+def main() -> None:
+    """Watch one demo from outside and draw what it showed."""
+    os.environ.update(environment(DOMAIN))
+    display = Console(record=True, width=100, file=io.StringIO())
+    report = Console(record=True, width=100, file=io.StringIO())
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable,
+            "-m",
+            "radar_app.cli",
+            "demo",
+            "--headless",
+            "--json",
+            "--bag",
+            f"{folder}/demo",
+            "--domain",
+            str(DOMAIN),
+        ]
+        demo = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        rclpy.init(args=[])
+        monitor = Monitor()
+        drawing = 0
+        while demo.poll() is None:
+            monitor.spin(0.1)
+            drawing += monitor.hand is not None
+            if drawing == 40:  # four seconds into the drawing: something of everything is on the display
+                display.print(monitor.render("handwave demo"))
+        monitor.close()
+        rclpy.try_shutdown()
+        assert demo.stdout is not None
+        figures = json.loads(demo.stdout.read())
+    figures["bag"] = "out/demo"
+    show_report(figures, report)
+    show_report(figures, display)
+    (ROOT / "docs" / "img").mkdir(exist_ok=True)
+    display.save_svg(str(ROOT / "docs" / "img" / "demo.svg"), title="make demo")
+    readme = ROOT / "README.md"
+    before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    readme.write_text(f"{before}{BEGIN}\n```text\n{report.export_text().rstrip()}\n```\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Pictures of gesture recognition for docs/explanation/gestures.md: confusion matrices, rates, transmitters, real people, learning curve.
+
+    python -m benchmarks gestures --json --keep FOLDER > gestures.json
+    python -m benchmarks gestures --real --json --keep FOLDER > real.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json
+
+Either may be left out, and with it its pictures. The same versions of the libraries give the same files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+IMG = Path(__file__).resolve().parents[1] / "img"
+COLOURS = ("#0072B2", "#E69F00", "#009E73")  # Okabe and Ito: told apart by everybody
+THESIS = {"50 Hz": {"2 Tx": 0.943, "1 Tx": 0.903}, "25 Hz": {"2 Tx": 0.920, "1 Tx": 0.883}, "17 Hz": {"2 Tx": 0.876}}  # table 4.1
+
+
+def confusion(axes: Axes, found: dict[str, Any], title: str) -> None:
+    """Draw a matrix: rows are what was performed, numbers are per cent of a row."""
+    counts = np.array(found["confusion"], float)
+    share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    names = [name.replace("_", " ") for name in found["labels"]]
+    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+    axes.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    for row, column in np.argwhere(share >= 0.005):
+        shade = "white" if share[row, column] > 0.5 else "black"
+        axes.text(column, row, f"{100 * share[row, column]:.0f}", ha="center", va="center", fontsize=6, color=shade)
+    total = counts.trace() / max(counts.sum(), 1.0)
+    axes.set_title(f"{title}\n{100 * total:.1f} % of {counts.sum():.0f}", fontsize=8)
+    axes.set_xlabel("named", fontsize=7)
+    axes.set_ylabel("performed", fontsize=7)
+
+
+def matrices(found: dict[str, dict[str, Any]], titles: dict[str, str]) -> Figure:
+    """Draw those matrices that there are, side by side."""
+    names = [name for name in titles if name in found]
+    figure, axes = plt.subplots(1, len(names), figsize=(4.0 * len(names), 4.2), layout="constrained", squeeze=False)
+    for one, name in zip(axes[0], names, strict=True):
+        confusion(one, found[name], titles[name])
+    return figure
+
+
+def rates(table: dict[str, dict[str, dict[str, float]]]) -> Figure:
+    """Draw accuracy against the time of one second of frames, as table 4.1 has it, with the thesis's figures."""
+    figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    for number, transmitters in enumerate(("2 Tx", "1 Tx")):
+        ours = [(1e3 * row[transmitters]["busy"], 100 * row[transmitters]["recognised"], name) for name, row in table.items()]
+        time, accuracy, names = zip(*ours, strict=True)
+        axes.plot(time, accuracy, "o-", color=COLOURS[number], label=f"{transmitters}, people held out")
+        for x, y, name in zip(time, accuracy, names, strict=True):
+            axes.annotate(name, (x, y), textcoords="offset points", xytext=(4, 5), fontsize=7)
+        theirs = [(x, 100 * THESIS[name][transmitters]) for x, _, name in ours if transmitters in THESIS[name]]
+        axes.plot(*zip(*theirs, strict=True), "x--", color=COLOURS[number], label=f"{transmitters}, thesis (random split, real people)")
+    axes.set_xlabel("computing for one second of radar frames [ms]")
+    axes.set_ylabel("gestures recognised [%]")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7)
+    return figure
+
+
+def learning(rows: list[dict[str, float]]) -> Figure:
+    """Draw accuracy on four people of mHomeGes against the number of other people in the training."""
+    figure, axes = plt.subplots(figsize=(5.0, 3.2), layout="constrained")
+    axes.plot([row["people"] for row in rows], [100 * row["accuracy"] for row in rows], "o-", color=COLOURS[0])
+    for row in rows:
+        axes.annotate(
+            f"{row['samples']:.0f} samples", (row["people"], 100 * row["accuracy"]), textcoords="offset points", xytext=(4, -10), fontsize=7
+        )
+    axes.set_xlabel("people in the training")
+    axes.set_ylabel("right for four others [%]")
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def save(name: str, make: Callable[[], Figure]) -> None:
+    """Write one picture."""
+    figure = make()
+    figure.savefig(IMG / f"{name}.png", dpi=130, metadata={"Software": None})
+    plt.close(figure)
+    print(IMG / f"{name}.png")
+
+
+def main() -> None:
+    """Draw what there are figures for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--figures", type=Path, metavar="JSON", help="what the benchmark of simulated people printed")
+    parser.add_argument("--real", type=Path, metavar="JSON", help="what the benchmark of real people printed")
+    options = parser.parse_args()
+    if options.figures:
+        found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
+        titles = {"subjects": "perceptron, two people held out", "random": "perceptron, random split", "CNN": "CNN, two people held out"}
+        save("gestures_confusion", lambda: matrices(found["confusion"], titles))
+        save("gestures_rates", lambda: rates(found["table_4_1"]))
+    if options.real:
+        real = json.loads(options.real.read_text(encoding="utf-8").splitlines()[-1])
+        titles = {
+            "mhomeges_held_out": "mHomeGes, two people held out",
+            "mtranssee_held_out": "mTransSee, two people held out",
+            "synthetic_to_real": "simulated to real, mHomeGes",
+        }
+        save("gestures_real_confusion", lambda: matrices(real["confusion"], titles))
+        save("gestures_learning", lambda: learning(real["learning_curve"]))
+
+
+if __name__ == "__main__":
+    main()

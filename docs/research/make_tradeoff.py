@@ -1,0 +1,32 @@
+"""Make accuracy-and-time.md and its pictures of what `handwave tradeoff` left: python docs/research/make_tradeoff.py FOLDER [NOTE]."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+from benchmarks.tradeoff.document import report
+from benchmarks.tradeoff.stages import STAGES
+
+HERE = Path(__file__).resolve().parent
+PICTURES = "../img/tradeoff/"
+
+
+def main() -> None:
+    folder, note = Path(sys.argv[1]), " ".join(sys.argv[2:])
+    results = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in STAGES]
+    quick, factor = results[0]["quick"], results[0]["device_factor"]
+    if {(one["quick"], one["device_factor"]) for one in results} != {(quick, factor)}:
+        sys.exit(f"{folder} holds quick and full runs, or runs of several devices; measure again")
+    (HERE / PICTURES).mkdir(parents=True, exist_ok=True)
+    for one in results:
+        shutil.copyfile(folder / f"{one['stage']}.png", HERE / PICTURES / f"{one['stage']}.png")
+    command = "handwave tradeoff -o report" + (" --quick" if quick else "")
+    text = report(results, command=command, quick=quick, factor=factor, pictures=PICTURES, note=note)
+    (HERE / "accuracy-and-time.md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
