@@ -1,4 +1,4 @@
-"""Measure everything and write docs/research/benchmarks.md a picture each: ``python -m benchmarks.document [NAME[=FILE] ...]``.
+"""Measure everything and write docs/research/benchmarks.md with its pictures: ``python -m benchmarks.document [NAME[=FILE] ...]``.
 
 ``tracking=figures.json`` takes what ``python -m benchmarks tracking --json`` printed instead of measuring, and
 ``gestures=speed.json,tables.json`` what its parts printed. It needs a checkout of the project: that is where the document lies.

@@ -61,7 +61,7 @@ def exercises(name: str) -> Exercises:
     """Read and track one of `MARS`. Raises AbsentError when the recordings are not there."""
     path = folder() / "mars" / f"{name}.npz"
     if not path.is_file():
-        raise AbsentError(f"{path}: there is no such recording; HANDWAVE_DATA names their folder (docs/reference/recordings.md)")
+        raise AbsentError(f"{path}: there is no such recording; HANDWAVE_DATA names the folder with them (docs/reference/recordings.md)")
     recording = open_original("mars", path)
     tracker = tracker_for(PRESETS["mars"], TRACKERS[0])
     clouds = [item.to_room(recording.info.mount) for item in recording.items if isinstance(item, PointCloud)]

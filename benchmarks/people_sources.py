@@ -168,7 +168,7 @@ class _Crossing:
 def _file(path: str) -> Any:
     found = folder() / path
     if not found.is_file():
-        raise AbsentError(f"{found}: there is no such recording; HANDWAVE_DATA names their folder (docs/reference/recordings.md)")
+        raise AbsentError(f"{found}: there is no such recording; HANDWAVE_DATA names the folder with them (docs/reference/recordings.md)")
     return found
 
 

@@ -82,7 +82,7 @@ def folder() -> Path:
     """Folder of the recordings: ``HANDWAVE_DATA``, or shared/data beside the project. Raises AbsentError when there is none."""
     place = Path(os.environ.get("HANDWAVE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not place.is_dir():
-        raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names their folder (docs/reference/recordings.md)")
+        raise AbsentError(f"{place}: there are no recordings; HANDWAVE_DATA names the folder with them (docs/reference/recordings.md)")
     return place
 
 
