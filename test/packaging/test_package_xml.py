@@ -34,6 +34,8 @@ LIBRARIES = {
     "mcap": ("mcap", ""),
     "paho": ("paho-mqtt", "python3-paho-mqtt"),
     "pythonosc": ("python-osc", ""),
+    "bokeh": ("bokeh", ""),
+    "tornado": ("tornado", "python3-tornado"),
     "h5py": ("h5py", "python3-h5py"),
     "acconeer": ("acconeer-exptool", ""),
 }
