@@ -5,27 +5,31 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
 
-from radar_app.graph import STAGES, graph
+from radar_app.demo_report import missing_of, show_report
+from radar_app.graph import STAGES, VARIANTS, NodeSpec, graph
 from radar_app.live import Monitor
 from radar_app.parameters import zone_parameters
-from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
+from radar_app.supervisor import LOOK, Supervisor, environment, refuse_running
 from radar_core import ConfigError
+from radar_ros import compiling
 from radar_ros.bags import free_folder
 from radar_ros.interrupts import interruptible, ros
+from radar_ros.waiting import REMEDY, Patience
 from radar_sim import load_scene
 
-_START_TIMEOUT = 30.0  # s: for all nodes to be there; a cold disk is slow
-_GOSPA_PARTS = {"localisation": "localisation", "missed": "missed", "false_tracks": "false tracks"}
-_DRAIN = 1.0  # s: after the last frame, for results to arrive and be written
+__all__ = ["DemoOptions", "run_demo", "show_report"]
+
+_LOOKS = 0.12  # s: between two looks at the nodes
 _READERS = {
     "radar/frame": {"baseband", "recorder"},
     "radar/points": {*STAGES[1:], "recorder"},
@@ -47,110 +51,160 @@ class DemoOptions:
     zones: Path | None = None
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """What is run: the nodes, how long the scene takes [s], and where the results go."""
+
+    specs: tuple[NodeSpec, ...]
+    duration: float
+    bag: Path
+
+    @property
+    def report(self) -> Path:
+        return self.bag.with_name(f"{self.bag.name}.json")
+
+
 def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
     """Run the demo and return its report.
 
-    Of its figures ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early. A `ConfigError` says that
-    the scene makes no sense, the ROS domain is busy or nodes do not start.
+    Of its figures ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early, ``missing`` what should
+    have been seen and was not. A `ConfigError` says that the scene makes no sense, the ROS domain is busy or nodes do not start.
     """
     os.environ.update(environment(options.domain))
+    with interruptible(), ros():
+        monitor = Monitor(options.namespace)  # first: while the scene is read it finds out who else is there
+        due = time.monotonic() + LOOK
+        try:
+            plan = _plan(options)
+            monitor.spin(max(due - time.monotonic(), 0.0))
+            found = monitor.node.get_node_names_and_namespaces()
+            refuse_running(found, [spec.name for spec in plan.specs], options.namespace, options.domain)
+            return _run(plan, monitor, options, console)
+        finally:
+            monitor.close()
+
+
+def _plan(options: DemoOptions) -> _Plan:
+    """Read the scene and describe the graph; nothing runs yet."""
     scene = load_scene(options.scene)
     duration = min(options.duration or scene.duration, scene.duration)
     bag = options.bag or free_folder(Path("out") / "demo")
     if bag.exists():
         raise ConfigError(f"{bag} exists already; choose another folder with --bag")
-    report_file = bag.with_name(f"{bag.name}.json")
-    parameters = {"recorder": {"bag": str(bag)}, "evaluation": {"report": str(report_file)}}
-    driver = {"scene": str(options.scene), "duration": float(duration), "wait_for_readers": 2}
-    parameters |= zone_parameters(options.zones)
-    specs = graph("demo", namespace=options.namespace, parameters={"driver": driver, **parameters})
-    refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
-    logs: list[str] = []
-    supervisor = Supervisor(specs, domain=options.domain, log=_log_sink(logs, console, options))
-    with interruptible():
-        live = _watch(supervisor, duration, options, console, logs)
-    report = {**live, "bag": str(bag), "crashes": [f"{name} (status {status})" for name, status in supervisor.crashes]}
-    if report_file.exists():
-        report = {**json.loads(report_file.read_text(encoding="utf-8")), **report}
-        report_file.write_text(json.dumps(report, indent=1), encoding="utf-8")
+    parameters: dict[str, Any] = {"recorder": {"bag": str(bag)}, "evaluation": {"report": str(bag.with_name(f"{bag.name}.json"))}}
+    # The driver starts with the others, waits until all of them listen, and ends when the scene is over.
+    others = [name for name in VARIANTS["demo"].nodes if name != "driver"]
+    driver = {"scene": str(options.scene), "duration": float(duration), "at_end": "exit", "wait_for_readers": 2, "wait_for_nodes": others}
+    parameters |= {"driver": driver, **zone_parameters(options.zones)}
+    specs = graph("demo", namespace=options.namespace, parameters=parameters)
+    return _Plan(specs, float(duration), bag)
+
+
+class _Log:
+    """What the nodes print: kept for when something goes wrong, shown where the user wants it or has to know."""
+
+    def __init__(self, console: Console, options: DemoOptions) -> None:
+        self.lines: list[str] = []
+        self.compiling = ""  # what a node said last about compiling
+        self._console, self._options = console, options
+
+    def __call__(self, name: str, line: str) -> None:
+        self.lines.append(f"{name}: {line}")
+        about = compiling.told(line)
+        self.compiling = about or self.compiling
+        bad = "[ERROR]" in line or "Traceback" in line
+        if self._options.verbose or (self._options.headless and (bad or about)):
+            self._console.print(f"{name}: {line}" if self._options.verbose or bad else about, markup=False, highlight=False, soft_wrap=True)
+
+
+def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console) -> dict[str, Any]:
+    """Run the nodes until the scene is over or the user has seen enough; returns the report."""
+    log = _Log(console, options)
+    supervisor = Supervisor(plan.specs, domain=options.domain, log=log)
+    started, interrupted = time.monotonic(), False
+    live: dict[str, Any] = {"first_frame_s": None}
+    try:
+        supervisor.start()
+        _await_frames(supervisor, monitor, console, log, options)
+        live["first_frame_s"] = round(time.time() - psutil.Process().create_time(), 2)
+        _watch(supervisor, monitor, plan, options, console)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        wall = time.monotonic() - started
+        cpu = {name: round(100 * used / wall, 1) for name, used in supervisor.cpu_seconds().items()}
+        supervisor.stop()
+    live |= {**monitor.figures(), "cpu_percent": cpu, "received": monitor.received, "interrupted": interrupted, "bag": str(plan.bag)}
+    report = {**_judged(plan.report), **live, "crashes": [f"{name} (status {status})" for name, status in supervisor.crashes]}
+    report["missing"] = [] if interrupted else missing_of(report)
+    if plan.report.exists():
+        plan.report.write_text(json.dumps(report, indent=1), encoding="utf-8")
     return report
 
 
-def _log_sink(logs: list[str], console: Console, options: DemoOptions) -> Callable[[str, str], None]:
-    def sink(name: str, line: str) -> None:
-        logs.append(f"{name}: {line}")
-        if options.verbose or (options.headless and ("[ERROR]" in line or "Traceback" in line)):
-            console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
-
-    return sink
+def _judged(file: Path) -> dict[str, Any]:
+    """Read what the evaluation node wrote; empty: nothing."""
+    return dict(json.loads(file.read_text(encoding="utf-8"))) if file.exists() else {}
 
 
-def _watch(supervisor: Supervisor, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> dict[str, Any]:
-    """Run the nodes until the scene is over or the user has seen enough; show what happens."""
-    with ros():
-        monitor = Monitor(options.namespace)
-        started = time.monotonic()
-        interrupted, cpu = False, {}
-        try:
-            _show(supervisor, monitor, duration, options, console, logs)
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            wall = time.monotonic() - started
-            cpu = {name: round(100 * used / wall, 1) for name, used in supervisor.cpu_seconds().items()}
-            supervisor.stop()
-            monitor.close()
-    return {**monitor.figures(), "cpu_percent": cpu, "interrupted": interrupted}
+def _await_frames(supervisor: Supervisor, monitor: Monitor, console: Console, log: _Log, options: DemoOptions) -> None:
+    """Wait for the first tracks, as long as nodes work towards them; say who is waited for."""
+    patience = Patience(work=supervisor.cpu_seconds)
+    nodes = {spec.name for spec in supervisor.specs} - {"driver"}
+    told = "starting"
+    with nullcontext() if options.headless else console.status(told) as status:
+        while not monitor.received and not supervisor.poll() and not patience.over():
+            monitor.spin(_LOOKS)
+            missing = _missing(monitor, nodes)
+            names = [name for name in missing if " " not in name]
+            text = log.compiling or (f"starting: waiting for {', '.join(names)}" if names else "starting: waiting for the first frame")
+            if status is not None and text != told:
+                status.update(text)
+                told = text
+    if "driver" not in supervisor.running and not monitor.received and not supervisor.crashes:
+        return  # a scene of a moment
+    if not monitor.received:
+        raise ConfigError(_in_vain(_missing(monitor, nodes), supervisor.crashes, log.lines))
 
 
-def _show(supervisor: Supervisor, monitor: Monitor, duration: float, options: DemoOptions, console: Console, logs: list[str]) -> None:
-    """Start the nodes, the driver last, and show what they do until the scene is over."""
-    supervisor.start(without=("driver",))
-    _await_nodes(supervisor, monitor, logs)
-    supervisor.start()
-    title = f"handwave demo: {options.scene}"
-    if options.headless:
-        _run(supervisor, monitor, duration, _plain_lines(monitor, console))
-    else:
-        with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
-            _run(supervisor, monitor, duration, lambda: display.update(monitor.render(title)))
-
-
-def _await_nodes(supervisor: Supervisor, monitor: Monitor, logs: list[str]) -> None:
-    """Wait until every node is there and reads what it works on: nodes compile before they subscribe."""
-    end = time.monotonic() + _START_TIMEOUT
-    others = {spec.name for spec in supervisor.specs} - {"driver"}
-    missing = _missing(monitor, others)
-    while missing and time.monotonic() < end and not supervisor.poll():
-        monitor.spin(0.1)
-        missing = _missing(monitor, others)
-    if missing:
-        raise ConfigError(f"the graph did not start: {', '.join(missing)} missing.\n" + "\n".join(logs[-20:]))
+def _in_vain(missing: Sequence[str], crashes: Sequence[tuple[str, int]], lines: Sequence[str]) -> str:
+    """Say why no frame came, and what to do."""
+    died = [f"{name} ended with status {status}" for name, status in crashes]
+    what = ", ".join(died) or (f"{', '.join(missing)} missing" if missing else "all nodes are there, but no tracks come")
+    return f"the graph did not start: {what}; {REMEDY}. The nodes said last:\n" + "\n".join(lines[-20:])
 
 
 def _missing(monitor: Monitor, nodes: set[str]) -> list[str]:
-    """Name the nodes that are not there yet, and those that do not read their input yet."""
+    """Name the nodes that are not there yet, and those that do not read their input yet: nodes compile before they subscribe."""
     missing = sorted(nodes - set(monitor.node.get_node_names()))
     for topic, readers in _READERS.items():
         present = {reader.node_name for reader in monitor.node.get_subscriptions_info_by_topic(topic)}
-        missing += [f"{name} as a reader of {topic}" for name in sorted(readers & nodes - present)]
+        missing += [f"{name} as a reader of {topic}" for name in sorted(readers & nodes - present - set(missing))]
     return missing
 
 
-def _run(supervisor: Supervisor, monitor: Monitor, duration: float, show: Callable[[], None]) -> None:
-    """Until the driver has been through the scene: listen, look for dead nodes, show."""
-    end = time.monotonic() + duration + _START_TIMEOUT
-    last = (0, time.monotonic())
-    while time.monotonic() < end:
-        monitor.spin(0.12)
+def _watch(supervisor: Supervisor, monitor: Monitor, plan: _Plan, options: DemoOptions, console: Console) -> None:
+    """Show what the nodes do until the driver has been through the scene and ended."""
+    title = f"handwave demo: {options.scene}"
+    if options.headless:
+        _until_the_end(supervisor, monitor, _plain_lines(monitor, console))
+    else:
+        with Live(monitor.render(title), console=console, refresh_per_second=8, transient=True) as display:
+            _until_the_end(supervisor, monitor, lambda: display.update(monitor.render(title)))
+
+
+def _until_the_end(supervisor: Supervisor, monitor: Monitor, show: Callable[[], None]) -> None:
+    """Listen, look for dead nodes, show. A pause of the frames is no end; only when nothing works any more is it given up."""
+    patience, seen = Patience(work=supervisor.cpu_seconds), -1
+    while "driver" in supervisor.running and not patience.over():
+        monitor.spin(_LOOKS)
         supervisor.poll()
         show()
-        if monitor.frames + monitor.skipped > last[0]:
-            last = (monitor.frames + monitor.skipped, time.monotonic())
-        elif last[0] and time.monotonic() - last[1] > _DRAIN:
-            return
-        if "driver" not in supervisor.running:
-            return
+        if monitor.frames + monitor.skipped != seen:
+            seen = monitor.frames + monitor.skipped
+            patience.again()
+            supervisor.cpu_seconds()  # while the driver lives
+    supervisor.poll()
 
 
 def _plain_lines(monitor: Monitor, console: Console) -> Callable[[], None]:
@@ -171,54 +225,3 @@ def _plain_lines(monitor: Monitor, console: Console) -> Callable[[], None]:
         console.print(line, highlight=False)
 
     return show
-
-
-def show_report(report: dict[str, Any], console: Console) -> None:
-    """Print the table of what was recognised and the figures of the run."""
-    table = Table("time [s]", "person", "performed", "recognised", "", title="gestures: performed and recognised")
-    outcomes = report.get("gestures", {}).get("outcomes", [])
-    first = outcomes[0]["time_s"] if outcomes else 0.0
-    for row in outcomes:
-        verdict = "[green]right" if row["performed"] == row["recognised"] else "[red]wrong"
-        time_s = f"{row['time_s'] - first:+.1f}"
-        table.add_row(time_s, str(row["person"]), row["performed"], row["recognised"] or "-", verdict)
-    console.print(table)
-    figures = Table(title="figures", show_header=False)
-    for name, value in _figures(report):
-        figures.add_row(name, value)
-    console.print(figures)
-
-
-def _number(value: Any, form: str, unit: str = "") -> str:
-    """Format a figure; "-" where nothing is known of it."""
-    return "-" if value is None else f"{value:{form}}{unit}"
-
-
-def _figures(report: dict[str, Any]) -> list[tuple[str, str]]:
-    rows = []
-    for name, person in report.get("people", {}).items():
-        seen, switches = _number(person["tracked_fraction"], ".0%"), person["identity_switches"]
-        text = f"tracked {seen} of the time in view, {switches} identity switches, "
-        rows.append((f"person {name}", text + f"position {_number(person['position_rms_m'], '.2f', ' m')} rms"))
-    gestures, hand = report.get("gestures", {}), report.get("hand", {})
-    if gestures:
-        share = f" ({gestures['hits'] / gestures['total']:.0%})" if gestures["total"] else ""
-        text = f"{gestures['hits']} of {gestures['total']} right{share}, {gestures['wrong']} wrong, {gestures['misses']} missed, "
-        rows.append(("gestures", text + f"{gestures['false_gestures']} false"))
-    followed = _number(hand.get("tracked_fraction"), ".0%")
-    rows.append(("hand", f"{_number(hand.get('rms_m'), '.2f', ' m')} rms, followed {followed} of its drawing"))
-    ghosts = f"{report.get('ghost_track_frames', '-')} of {report.get('track_frames', '-')} track-frames"
-    rows.append(("ghosts", f"{ghosts} on nobody (gate {_number(report.get('gate_m'), '.1f', ' m')})"))
-    gospa = report.get("gospa", {})
-    parts = ", ".join(f"{text} {_number(gospa.get(key), '.3f')}" for key, text in _GOSPA_PARTS.items())
-    rows.append(("MOTA", _number(report.get("mota"), ".1%")))
-    rows.append(("GOSPA", f"{_number(gospa.get('mean_m'), '.2f', ' m')} mean; parts in m²: {parts}"))
-    median, p99 = _number(report.get("latency_ms_median"), ".1f"), _number(report.get("latency_ms_p99"), ".1f")
-    rows.append(("frame to tracks", f"{median} ms median, {p99} ms 99th percentile"))
-    rows.append(("dropped", f"{_number(report.get('dropped_fraction'), '.2%')} of {report.get('frames')} frames"))
-    rows.append(("processor", ", ".join(f"{name} {used:.0f} %" for name, used in report.get("cpu_percent", {}).items())))
-    if report.get("interrupted"):
-        rows.append(("interrupted", "these are the figures until then"))
-    rows.append(("crashes", ", ".join(report.get("crashes", [])) or "none"))
-    rows.append(("recording", str(report.get("bag"))))
-    return rows

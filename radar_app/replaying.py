@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +16,15 @@ from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError, DataError
 from radar_core.mounting import MountCalibration, load_mount
+from radar_ros import compiling
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.interrupts import INTERRUPTED, interruptible, ros
 from radar_ros.offline import Recording, copy_info, open_recording
 from radar_ros.replay import Lockstep, Player, play
+from radar_ros.waiting import PATIENCE, REMEDY, Patience
 
-READER_TIMEOUT = 30.0
-"""How long the player waits for a reader of its frames [s]; nodes take seconds to start."""
+READER_TIMEOUT = PATIENCE
+"""How long the player waits for a reader of its frames while no node works [s]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def run_replay(options: ReplayOptions) -> int:
     console, status = Console(), 0
 
     def errors_only(name: str, line: str) -> None:
-        if "[INFO]" not in line:
+        if "[INFO]" not in line or compiling.told(line):
             console.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
 
     supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=errors_only)
@@ -103,7 +104,7 @@ def _lockstep(options: ReplayOptions, nodes: Supervisor, recording: Recording, c
     out = BagWriter(options.out) if options.out is not None else None
     if out is not None:
         copy_info(options.bag, out, mount)
-    lockstep = Lockstep(stages, options.namespace, out, watch, mount)
+    lockstep = Lockstep(stages, options.namespace, out, watch, mount, nodes.cpu_seconds)
     try:
         with Progress(console=console) as progress:
             task = progress.add_task("lockstep", total=len(recording))
@@ -121,12 +122,13 @@ def _in_time(options: ReplayOptions, supervisor: Supervisor, topic: str, console
     player, monitor = Player(options.namespace, mount), Monitor(options.namespace)
     try:
         source = player.publisher(awaited)
-        end = time.monotonic() + READER_TIMEOUT
+        patience = Patience(READER_TIMEOUT, supervisor.cpu_seconds)
         while not source.get_subscription_count():
             if supervisor.poll():
                 raise DataError("a node did not start; its message stands above")
-            if time.monotonic() > end:
-                raise DataError(f"nobody reads {awaited}; start the graph (handwave up replay), or let replay start it (--graph)")
+            if patience.over():
+                advice = REMEDY if options.graph_too else "start the graph (handwave up replay), or let replay start it (--graph)"
+                raise DataError(f"nobody reads {awaited}; {advice}")
             monitor.spin(0.1)
         monitor.spin(0.5)
 

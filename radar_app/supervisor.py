@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -29,6 +29,9 @@ _PR_SET_PDEATHSIG = 1
 _STABLE = 10.0  # s: a node that lived that long is started again at once; one that dies sooner, after a growing pause
 _LONGEST_PAUSE = 10.0  # s
 _CONFIGURATION = 2  # exit status of a node whose configuration makes no sense, now and the next time
+_LOOK_TIMEOUT = 120.0  # s: to start an interpreter and to look; a busy machine is slow
+LOOK = 1.0
+"""How long discovery needs to find nodes that run already [s]."""
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
 LogSink = Callable[[str, str], None]
@@ -91,6 +94,7 @@ class Supervisor:
         self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
         self._environment = environment(domain)
         self._children: dict[str, _Child] = {}
+        self._used: dict[str, float] = {}
         self._due: dict[str, tuple[float, NodeSpec, int]] = {}
         self._stopping = False
 
@@ -137,13 +141,12 @@ class Supervisor:
         return self._children[name].process.pid
 
     def cpu_seconds(self) -> dict[str, float]:
-        """CPU time that each living node has used [s]."""
-        used = {}
+        """CPU time that each node has used [s]; of one that has ended, what it had used when this was asked last."""
         for name, child in self._children.items():
             with contextlib.suppress(psutil.Error):
                 times = psutil.Process(child.process.pid).cpu_times()
-                used[name] = times.user + times.system
-        return used
+                self._used[name] = times.user + times.system
+        return dict(self._used)
 
     def poll(self) -> list[tuple[str, int]]:
         """Look for nodes that ended by themselves; restart those that crashed if asked to.
@@ -235,16 +238,22 @@ def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, gra
         time.sleep(0.01)
 
 
-def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None, wait: float = 1.0) -> None:
+def refuse_busy_domain(names: Sequence[str], namespace: str, domain: int | None, wait: float = LOOK) -> None:
     """Raise `ConfigError` when nodes of these labels already run in this ROS domain: two graphs on the same topics disturb each other.
 
     ``wait`` is the time given to discovery [s].
     """
     code = "import sys, time, rclpy; rclpy.init(args=[]); n = rclpy.create_node('handwave_look', start_parameter_services=False)\n"
     code += f"time.sleep({wait}); print(*(f'{{s}}|{{m}}' for m, s in n.get_node_names_and_namespaces()), sep='\\n'); rclpy.shutdown()"
-    done = subprocess.run([sys.executable, "-c", code], env=environment(domain), capture_output=True, text=True, timeout=30)
+    done = subprocess.run([sys.executable, "-c", code], env=environment(domain), capture_output=True, text=True, timeout=_LOOK_TIMEOUT)
+    found = [tuple(reversed(line.split("|"))) for line in done.stdout.split()]
+    refuse_running([(name, space) for name, space in found], names, namespace, domain)
+
+
+def refuse_running(found: Iterable[tuple[str, str]], names: Sequence[str], namespace: str, domain: int | None) -> None:
+    """Raise `ConfigError` when nodes of these labels are among those found: pairs of name and namespace, as ROS gives them."""
     space = f"/{namespace.strip('/')}"
-    running = {found.replace("|", "/").replace("//", "/") for found in done.stdout.split()}
+    running = {f"{where.rstrip('/')}/{name}" for name, where in found}
     busy = sorted(name for name in names if f"{space.rstrip('/')}/{name}" in running)
     if busy:
         number = domain if domain is not None else int(os.environ.get("ROS_DOMAIN_ID", "0"))

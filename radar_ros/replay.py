@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from radar_ros.bags import TYPES, BagWriter, Recorded, local, read
 from radar_ros.interrupts import Visitor
 from radar_ros.messages.convert import from_time, to_time
 from radar_ros.offline import first_info, open_recording, parse, remounted
+from radar_ros.waiting import PATIENCE, REMEDY, Patience
 
 _CLOCK_INTERVAL = 0.01  # s of recording time between two /clock messages
-_READY_TIMEOUT = 30.0  # s for nodes to start and to learn what the radar is
 _SETTLE = 1.0  # s: a reader knows its writer a moment before the writer knows its reader
 _ANSWER_TIMEOUT = 10.0  # s for all stages to finish one frame
 
@@ -104,6 +104,8 @@ class Lockstep:
         Where the results go.
     watch : callable
         Called while waiting; raises when waiting is in vain.
+    work : callable
+        Tells the processor time of the nodes [s]: while one of them works, it is waited for. See `Patience`.
     """
 
     def __init__(
@@ -113,9 +115,10 @@ class Lockstep:
         out: BagWriter | None = None,
         watch: Callable[[], None] = lambda: None,
         mount: MountCalibration | None = None,
+        work: Callable[[], Mapping[str, float]] = dict,
     ) -> None:
         self.player = Player(namespace, mount)
-        self._watch = watch
+        self._watch, self._work = watch, work
         self._stages, self._out = set(stages), out
         self._ready: set[str] = set()
         self._done: set[str] = set()
@@ -143,10 +146,10 @@ class Lockstep:
             self._done.add(msg.stage)
 
     def _spin_until(self, wanted: Callable[[], bool], timeout: float, again: Callable[[], None] | None = None) -> bool:
-        end = time.monotonic() + timeout
+        patience = Patience(timeout, self._work)
         repeat = time.monotonic()
         while not wanted():
-            if time.monotonic() > end:
+            if patience.over():
                 return False
             self._watch()
             if again is not None and time.monotonic() > repeat:
@@ -166,18 +169,18 @@ class Lockstep:
         recording, info = open_recording(path), first_info(path)
         source = recording.topic
         publisher = self.player.publisher(source)  # exists before the nodes are asked: they are ready when their inputs are connected
-        if not self._spin_until(lambda: self._stages <= self._ready, _READY_TIMEOUT, lambda: self.player.publish(info)):
+        if not self._spin_until(lambda: self._stages <= self._ready, PATIENCE, lambda: self.player.publish(info)):
             missing = ", ".join(sorted(self._stages - self._ready))
-            raise DataError(f"no answer from {missing}: do the nodes run, with the parameter reliable?")
-        if not self._spin_until(lambda: publisher.get_subscription_count() > 0, _READY_TIMEOUT):
+            raise DataError(f"no answer from {missing}: do the nodes run, with the parameter reliable? {REMEDY}")
+        if not self._spin_until(lambda: publisher.get_subscription_count() > 0, PATIENCE):
             raise DataError(f"nobody reads {source}")
-        self._spin_until(lambda: False, _SETTLE)
+        self.player.spin(_SETTLE)
         half = recording.info.waveform.acquisition_ns // 2 if source == "radar/frame" else 0
         count = 0
         for count, item in enumerate(read(path, (source,)), 1):
             self._send(item, from_time(parse(item.data, source).header.stamp) + half, count - 1)
             progress(count)
-        self._spin_until(lambda: False, 0.5)  # results may travel behind the status that announces them
+        self.player.spin(0.5)  # results may travel behind the status that announces them
         return count
 
     def _send(self, item: Recorded, awaited_ns: int, number: int) -> None:

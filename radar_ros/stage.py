@@ -27,7 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
-from radar_ros import qos
+from radar_ros import compiling, qos
 from radar_ros.messages.convert import header, info_from_msg
 from radar_ros.params import declare, explained, refuse_unknown
 
@@ -136,8 +136,8 @@ class StageMixin:
 
     def start_stage(self: Any, stage: str) -> None:
         """Declare the shared parameters and make the shared publishers; call first."""
-        self.stage = stage
-        self.processed = self.dropped = 0
+        compiling.tell(stage, self.get_logger().info)
+        self.stage, self.processed, self.dropped = stage, 0, 0
         self._gaps = Gaps()
         self._stamp_ns = -1
         self.frame_interval, self.hardware_id = 0.0, "none"
@@ -373,6 +373,7 @@ def run(*makers: Callable[[], Any]) -> int:
         executor = SingleThreadedExecutor()
         for make_node in makers:
             nodes.append(make_node())
+            compiling.done()
             refuse_unknown(nodes[-1])
             executor.add_node(nodes[-1])
         # Python sees a signal only when the executor wakes up, and with simulated time nothing wakes it once /clock stands still.

@@ -19,7 +19,7 @@ from radar_driver import boards
 from radar_driver.live import Reader
 from radar_driver.sources import Context, Reading, Source
 from radar_driver.targets import Targets
-from radar_ros import bag_source, qos
+from radar_ros import bag_source, compiling, qos
 from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
@@ -146,6 +146,7 @@ class DriverNode(StageMixin, LifecycleNode):
         nap = _NAP if clock.ros_time_is_active else math.inf
         context = Context(self.get_namespace(), lambda: int(clock.now().nanoseconds), self._speed, nap)
         try:
+            compiling.tell(self.stage, self.get_logger().info, soon=self._board.name == "sim")
             self._source = self._board.source(self._config, context)
             self._source.power_up()
             self._info, measured = self._mounted(self._source.info)
