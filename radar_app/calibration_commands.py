@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from radar_app.parameters import Domain, Json, Namespace, Params, comma_separated, parse_parameters, progress_bar
+from radar_app.parameters import Domain, Json, Namespace, Params, comma_separated, parse_parameters, progress_bar, stopping
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
@@ -56,8 +56,10 @@ def turntable(
 
     chosen = load_file(Turntable, config) if config is not None else Turntable()
     total = TurntableSimulator(chosen).n_frames
-    for _ in track(record_turntable(chosen, out), total=total, description="turning"):
-        pass
+    done = 0
+    with stopping(lambda: f"stopped: {done} of {total} frames in {out}, without a turntable.yaml"):
+        for _ in track(record_turntable(chosen, out), total=total, description="turning"):
+            done += 1
     print(f"{total} frames in {out}; what the turntable did is in {out / 'turntable.yaml'}")
 
 
@@ -75,6 +77,7 @@ def calibrate_coupling(
     """
     import yaml
 
+    from radar_core.files import write_whole
     from radar_dsp import BasebandConfig
     from radar_dsp.coupling import measure_leakage
     from radar_ros.offline import open_recording, raw_frames
@@ -82,7 +85,7 @@ def calibrate_coupling(
     opened = open_recording(recording)
     found = measure_leakage(raw_frames(opened, seconds), BasebandConfig(), opened.info)
     chosen = {"range_extent": round(found.config.range_extent, 4), "speed_extent": round(found.config.speed_extent, 4)}
-    out.write_text(yaml.safe_dump({"coupling": chosen}), encoding="utf-8")
+    write_whole(out, yaml.safe_dump({"coupling": chosen}))
     if as_json:
         print(
             json.dumps(

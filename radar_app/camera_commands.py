@@ -36,6 +36,7 @@ def calibrate_camera(
     import yaml
 
     from radar_core.config import load
+    from radar_core.files import write_whole
     from radar_lab.alignment import TrajectoryConfig
     from radar_lab.camera.extrinsics import calibrate
     from radar_lab.camera.pinhole import CameraMount
@@ -52,7 +53,7 @@ def calibrate_camera(
     if not math.isnan(found.latency_std):
         after |= {"latency": round(found.latency, 5), "latency_std": round(found.latency_std, 6)}
     try:
-        out.write_text(yaml.safe_dump(after, sort_keys=False), encoding="utf-8")
+        write_whole(out, yaml.safe_dump(after, sort_keys=False))
     except OSError as error:
         raise ConfigError(f"{out}: cannot be written ({error.strerror or error}); name a file in a folder that exists") from None
     print("\n".join(lines(found)))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from radar_app import (
     calibration_commands,
@@ -21,10 +22,36 @@ from radar_app import (
     training_commands,
 )
 from radar_app.compiling import compile_loops
-from radar_app.parameters import Configs, Domain, Namespace, Params, ZonesFile, comma_separated, merged, parse_parameters, zone_parameters
+from radar_app.exits import Ended, finish
+from radar_app.parameters import (
+    Configs,
+    Domain,
+    Namespace,
+    Params,
+    ZonesFile,
+    comma_separated,
+    merged,
+    parse_parameters,
+    stopping,
+    zone_parameters,
+)
 from radar_core import ConfigError, HandwaveError
+from radar_ros.signals import stopped
+
+
+class Commands(TyperGroup):
+    """The commands; signals and faults of files reach `radar_app.exits.finish`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was chosen."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, OSError) as error:
+            raise Ended from error
+
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
@@ -34,17 +61,8 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command; what the user got wrong ends in one message and status 2, never in a traceback."""
-    try:
-        from radar_ros.interrupts import interruptible  # takes a moment, in which Ctrl-C may come
-
-        with interruptible():  # so that what a command writes is whole when it is told to stop
-            app()
-    except HandwaveError as error:
-        print(f"handwave: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Run the command; `radar_app.exits` says how it ends."""
+    finish(partial(app, prog_name="handwave"))
 
 
 @app.command()
@@ -75,10 +93,10 @@ def demo(
         print(json.dumps(report))
     else:
         show_report(report, console)
-    if report["crashes"] or not report["frames"]:
+    if report["crashes"] or report["missing"]:
         raise typer.Exit(1)
     if report["interrupted"]:
-        raise typer.Exit(130)
+        raise typer.Exit(stopped())
 
 
 @app.command()
@@ -196,11 +214,12 @@ def process(
     areas = {"tracking": zone_parameters(zones).get("tracking", {})}  # all that a zones file says to the library
     chosen = pipeline_config(merged(areas, parse_parameters(param, config)))
     mount = load_mount(chosen.driver.calibration) if chosen.driver.calibration else None
-    total, gestures = len(open_recording(bag)), 0
-    with BagWriter(out) as writer:
+    total, done, gestures = len(open_recording(bag)), 0, 0
+    with stopping(lambda: f"stopped: {done} of {total} frames; their results are in {out}"), BagWriter(out) as writer:
         copy_info(bag, writer, mount)
         for stamp_ns, result in track(process_recording(bag, chosen), total=total, description="processing"):
             write_results(writer, stamp_ns, result)
+            done += 1
             gestures += len(result.gestures)
     print(f"{total} frames, {gestures} gestures; results in {out}")
 
@@ -211,7 +230,7 @@ def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -
     from rich.console import Console
     from rich.table import Table
 
-    from radar_ros.bags import RECORDED, contents, local, open_bag
+    from radar_ros.bags import RECORDED, contents, incomplete, local, open_bag
     from radar_ros.offline import open_recording
 
     table, held = Table("topic", "messages"), contents(bag)
@@ -220,6 +239,8 @@ def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -
     Console().print(table)
     with open_bag(bag) as reader:
         print(f"{reader.duration * 1e-9:.2f} s")
+    if why := incomplete(bag):
+        print(f"incomplete: {why}")
     missing = [topic for topic in RECORDED if topic not in {local(name) for name in held}]
     print(f"not in it: {', '.join(missing) or 'nothing, it is complete'}")
     try:
@@ -266,7 +287,8 @@ def import_(
 
     options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in option or [])}
     options |= {name: value for name, value in (("waveform", waveform), ("array", array)) if value}
-    print(import_recording(kind, source, out, **options))
+    with stopping(lambda: f"stopped: nothing was imported to {out}"):
+        print(import_recording(kind, source, out, **options))
 
 
 _CALIBRATIONS = (calibration_commands.calibrate, calibration_commands.turntable)

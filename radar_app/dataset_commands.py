@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -13,8 +15,10 @@ from radar_app.parameters import Params, comma_separated, parse_parameters, stop
 from radar_core import ConfigError, DataError, PointCloud
 
 if TYPE_CHECKING:
+    from radar_app.logger.importing import MakeMoment
+    from radar_core import RadarInfo
     from radar_dsp.context import CalibratedBasebandConfig
-    from radar_lab.datasets.labelled import Moment
+    from radar_lab.datasets.labelled import ImportReport, Moment
     from radar_lab.datasets.samples import SampleSet
     from radar_lab.evaluation.scoring import TruthSegment
     from radar_ros.offline import Recording
@@ -154,7 +158,9 @@ def _contents(files: list[Path]) -> tuple[Any, list[Path]]:
 
 @app.command("import")
 def import_(
-    bag: Annotated[Path, typer.Argument(help="folder of the recording, with raw frames or point clouds")],
+    bag: Annotated[
+        Path, typer.Argument(help="folder of a recording with raw frames or point clouds, or of a session of `handwave view --log`")
+    ],
     folder: Annotated[Path, typer.Argument(help="folder of the data set; samples of several recordings of one radar may go into it")],
     labels: Annotated[Path | None, typer.Option(help="CSV with columns start,end,gesture,person; default: the recording's truth")] = None,
     own: Annotated[str, typer.Option(help="gestures of your own that --labels names beside the ten, with commas between")] = "",
@@ -163,27 +169,55 @@ def import_(
 ) -> None:
     """Cut labelled gestures out of a recording and add them to a data set, one file each.
 
-    Start and end are seconds from the recording's first frame. A simulated recording says itself what was performed, and by whom. Raw
-    frames go through the baseband, which takes parameters as in the graph: `--param baseband.calibration=array.npz`. A label that was
+    Start and end are seconds from the recording's first frame. A simulated recording says itself what was performed, and by whom; so does
+    a session that was labelled on the page. Raw frames go through the baseband, which takes parameters as in the graph:
+    `--param baseband.calibration=array.npz`; of a session they are taken with `--one-tx` or `--param`, else its clouds. A label that was
     imported before is left out.
 
     Examples: `handwave dataset import living_room people --labels labels.csv` · `handwave dataset import my_demo strokes`
+    · `handwave dataset import my_session people`
     """
+    from radar_app.logger.store import is_session
     from radar_lab.datasets.labelled import import_labelled, read_labels
     from radar_ros.offline import baseband_config, open_recording
 
     baseband = baseband_config(parse_parameters(param))
+    if is_session(bag):
+        if labels or own:
+            raise ConfigError(f"{bag}: a session has labels of its own; leave --labels and --own out")
+        _tell(_import_session(bag, folder, one_tx, baseband if one_tx or param else None), folder)
+        return
     recording = open_recording(bag)
     if one_tx and recording.topic != "radar/frame":
         raise ConfigError(f"--one-tx needs raw frames, and {bag} only has point clouds")
     wanted = _own_labels(bag) if labels is None else read_labels(labels, _first_stamp(recording), comma_separated(own) or ())
     moments = _moments(recording, one_tx, baseband)
-    report = import_labelled(folder, recording.info, moments, wanted, source=bag.resolve().name, one_tx=one_tx)
+    _tell(import_labelled(folder, recording.info, moments, wanted, source=bag.resolve().name, one_tx=one_tx), folder)
+
+
+def _tell(report: ImportReport, folder: Path) -> None:
     print(f"{report.n_written} samples added to {folder}, in {report.n_found} of them the gesture is found")
     if report.n_known:
         print(f"{report.n_known} were there already")
     if report.n_outside:
         print(f"{report.n_outside} labels lie outside of the recording")
+
+
+def _import_session(path: Path, folder: Path, one_tx: bool, config: CalibratedBasebandConfig | None) -> ImportReport:
+    """Import what was labelled on the page; from raw frames where a configuration is given."""
+    from radar_app.logger.importing import session_cuts, subject_numbers, subject_of
+    from radar_app.logger.store import read_session
+    from radar_lab.datasets.labelled import import_cuts
+
+    session = read_session(path)
+    for line in session.told:
+        print(line, file=sys.stderr)
+    if not session.labels or session.radar is None:
+        raise ConfigError(f"{path}: nothing is labelled; label events first: handwave view --log {path}")
+    make = None if config is None else _maker(session.radar, True, one_tx, config)
+    numbers = subject_numbers(folder, (subject_of(session, label.subject) for label in session.labels))
+    cuts = session_cuts(session, numbers, make)
+    return import_cuts(folder, session.radar, cuts, source=path.resolve().name, one_tx=one_tx)
 
 
 def _first_stamp(recording: Recording) -> int:
@@ -212,25 +246,33 @@ def _own_labels(bag: Path) -> tuple[TruthSegment, ...]:
 
 def _moments(recording: Recording, one_tx: bool, config: CalibratedBasebandConfig) -> Iterator[Moment]:
     """Clouds of a recording, with the truth of the same stamps where there is some."""
+    places = {truth.stamp_ns: dict(zip(truth.person_id.tolist(), truth.position, strict=True)) for truth in _truths(recording.path)}
+    make = _maker(recording.info, recording.topic == "radar/frame", one_tx, config)
+    for _, item in recording.messages():
+        moment = make(item)
+        yield replace(moment, places=places.get(moment.cloud.stamp_ns, {}))
+
+
+def _maker(info: RadarInfo, raw: bool, one_tx: bool, config: CalibratedBasebandConfig) -> MakeMoment:
+    """Say how moments are made of raw frames, which go through the baseband, or of clouds."""
     from radar_core import RadarFrame
     from radar_core.transmitters import one_transmitter, one_transmitter_frame
     from radar_dsp import Baseband
     from radar_dsp.context import load_context
     from radar_lab.datasets.labelled import Moment
 
-    places = {truth.stamp_ns: dict(zip(truth.person_id.tolist(), truth.position, strict=True)) for truth in _truths(recording.path)}
-    info = load_context(recording.info, config.calibration).radar
-    baseband = Baseband(config, info) if recording.topic == "radar/frame" else None
+    info = load_context(info, config.calibration).radar
+    baseband = Baseband(config, info) if raw else None
     single = Baseband(config, one_transmitter(info)) if one_tx else None
-    for _, item in recording.messages():
-        one: PointCloud | None = None
-        if isinstance(item, RadarFrame):
-            assert baseband is not None  # the topic says what comes
-            cloud = baseband.process(item)
-            one = None if single is None else single.process(one_transmitter_frame(item, info))
-        else:
-            cloud = item
-        yield Moment(cloud, one, places.get(cloud.stamp_ns, {}))
+
+    def make(item: RadarFrame | PointCloud) -> Moment:
+        if not isinstance(item, RadarFrame):
+            return Moment(item)
+        assert baseband is not None  # raw says what comes
+        one = None if single is None else single.process(one_transmitter_frame(item, info))
+        return Moment(baseband.process(item), one)
+
+    return make
 
 
 @app.command()
@@ -257,10 +299,11 @@ def compare(
     text = as_text(result)
     print(text)
     if out is not None:
+        from radar_core.files import write_whole
         from radar_lab.evaluation.pictures import draw_comparison
 
         made = draw_comparison(result, a, b, out, (first.name, second.name))
-        (out / "comparison.txt").write_text(text + "\n", encoding="utf-8")
+        write_whole(out / "comparison.txt", text + "\n")
         print(f"\n{len(made)} pictures and comparison.txt in {out}")
 
 

@@ -26,15 +26,15 @@ Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 @contextmanager
 def stopping(told: Callable[[], str]) -> Iterator[None]:
-    """Let Ctrl-C end a command with what ``told`` returns, and status 130."""
-    from radar_ros.interrupts import INTERRUPTED, interruptible
+    """Let Ctrl-C end a command with what ``told`` returns, and the status of the signal: 130, of a closed terminal 129."""
+    from radar_ros.signals import interruptible, stopped
 
     with interruptible():
         try:
             yield
         except KeyboardInterrupt:
             print(told())
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(stopped()) from None
 
 
 @contextmanager

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radar_core import ConfigError
+from radar_core import ConfigError, files
 
 if TYPE_CHECKING:
     from radar_sim.simulator import Simulator
@@ -64,25 +65,25 @@ def check(simulator: Simulator, out: Path, every: float | None = None) -> None:
         from radar_app.preview_video import need_av
 
         need_av(out)
-    with replacing(out, keep=False) as part:
+    with _telling(out):  # whether it can be written
+        part = out.with_name(f"{out.name}.{os.getpid()}.part")
         part.touch()
+        part.unlink()
 
 
 @contextmanager
-def replacing(out: Path, *, keep: bool = True) -> Iterator[Path]:
-    """Write a file under another name beside ``out`` and put it in its place at the end; whatever goes wrong, nothing half done is left.
+def replacing(out: Path) -> Iterator[Path]:
+    """Write a file that takes the place of ``out`` when it is complete; a `ConfigError` says that it cannot be written."""
+    with _telling(out), files.replacing(out) as part:
+        yield part
 
-    Without ``keep``, only find out whether it can be written; a `ConfigError` says that it cannot.
-    """
-    part = out.with_name(f"{out.name}.part")
+
+@contextmanager
+def _telling(out: Path) -> Iterator[None]:
     try:
         if out.is_dir():
-            raise IsADirectoryError(21, "it is a folder")
-        yield part
-        if keep:
-            os.replace(part, out)
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        yield
     except OSError as error:
         reason = error.strerror or error
         raise ConfigError(f"preview {out}: it cannot be written ({reason}); name a file in a folder that exists") from error
-    finally:
-        part.unlink(missing_ok=True)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.errors import ConfigError, DataError
+from radar_core.files import replacing
 
 _PIECE: Final = 1 << 18  # bytes read at once
 _MOST_MEMBERS: Final[int] = 64
@@ -38,15 +37,11 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], what: str) -> No
     DataError
         When the file cannot be written.
     """
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
+        with replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, **dict[str, Any](arrays))
-        partial.replace(path)
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         raise DataError(f"{path}: the {what} cannot be written ({error.strerror}); name another place") from None
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from radar_core.config import config, knob, load_file, plain
 from radar_core.errors import ConfigError
+from radar_core.files import write_whole
 from radar_core.frame import RadarInfo
 from radar_core.geometry import Pose
 
@@ -79,7 +80,7 @@ class MountCalibration:
             f"# standard deviations: x {x * 1e3:.1f} mm, y {y * 1e3:.1f} mm, yaw {math.degrees(yaw):.3f} degrees\n"
         )
         try:
-            Path(path).write_text(head + yaml.safe_dump(self._written(), sort_keys=False), encoding="utf-8")
+            write_whole(path, head + yaml.safe_dump(self._written(), sort_keys=False))
         except OSError as error:
             raise ConfigError(f"{path}: cannot be written ({error.strerror or error}); choose another place with --out") from None
 

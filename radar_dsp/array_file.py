@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from radar_core import AntennaArray, ConfigError, HandwaveError, RadarInfo
 from radar_core.checks import require_finite, require_shape
 from radar_core.config import load
+from radar_core.files import replacing
 
 Float64Array = NDArray[np.float64]
 
@@ -150,7 +151,7 @@ def save_array(result: CalibratedArray, path: str | Path) -> None:
         content |= {f"table_{name}": getattr(result.table, name) for name in _TABLE}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb") as file:
+        with replacing(path) as partial, partial.open("wb") as file:
             np.savez(file, allow_pickle=False, format=np.int64(FORMAT), about=np.array(json.dumps(about)), **content)
     except OSError as error:
         raise ConfigError(f"{path}: cannot write the calibration ({error.strerror or error}); choose another place") from None

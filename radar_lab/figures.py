@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radar_core import DataError
+from radar_core.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +24,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
+        with replacing(path) as partial:
+            figure.savefig(partial, format=path.suffix.lstrip("."), metadata={"Software": None} if path.suffix == ".png" else None)
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be written ({error}); name a file in another folder, that ends in .png, .svg or .pdf") from None

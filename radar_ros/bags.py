@@ -5,12 +5,13 @@ from __future__ import annotations
 import shutil
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
@@ -27,7 +28,7 @@ from radar_core import DataError
 from radar_core.paths import share_dir
 from radar_ros import qos
 from radar_ros.definitions import as_recorded, translator_of
-from radar_ros.interrupts import unbroken
+from radar_ros.signals import unbroken
 
 TYPES: Mapping[str, str] = {
     "radar/info": "handwave/msg/RadarInfo",
@@ -62,6 +63,10 @@ _ON_REQUEST = ("radar/points2", "gestures/maps", "camera/color/image_raw", "came
 RECORDED = tuple(topic for topic in TYPES if topic not in _ON_REQUEST)
 """What is recorded unless something else is asked for. Left out is what says nothing that radar/points and tracks do not say, and the
 images of a camera: tens of megabytes a second, of people's faces."""
+
+
+_INCOMPLETE = "handwave_incomplete"
+"""Key of the bag's own data that says why it is not all there."""
 
 
 @cache
@@ -118,10 +123,14 @@ class BagWriter:
     offered : dict
         QoS that publishers of a topic offer, by its full name, for topics that have no message yet; others are as this package offers them.
         `ros2 bag play` offers the same: without, latched topics would reach nobody who waits for them.
+    incomplete : str
+        Why the bag does not hold all that it was to hold; its metadata says so then (`incomplete`). Empty: it does. A ``with`` block that
+        ends in an exception sets it.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
+        self.incomplete = ""
         self.counts: dict[str, int] = {}
         self.offered: dict[str, Sequence[Qos]] = {}
         self._connections: dict[str, Any] = {}
@@ -140,7 +149,9 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
+        if kind is not None:
+            self.incomplete = "what wrote it was stopped before its end"
         self.close()
 
     def write(self, topic: str, msgtype: str, stamp_ns: int, data: bytes, definition: str = "") -> None:
@@ -157,7 +168,7 @@ class BagWriter:
         definition : str
             How the message is defined, where that may be another version's; empty: as here.
         """
-        with unbroken():
+        with unbroken(), self._naming():
             if topic not in self._connections:
                 store = as_recorded(msgtype, definition) if definition else typestore()
                 profiles = list(self.offered.get(topic, ())) or ([recorded_qos(qos.offered(local(topic)))] if local(topic) in TYPES else [])
@@ -172,15 +183,34 @@ class BagWriter:
 
     def flush(self) -> None:
         """Bring everything to the file; a crash from now on does not lose it."""
-        with unbroken():
+        with unbroken(), self._naming():
             if self._storage.chunk.msgs:
                 self._storage.close_chunk()
             self._storage.bio.flush()
 
     def close(self) -> None:
-        """Finish the bag; may be called twice."""
-        if self._writer.storage is not None:
-            self._writer.close()
+        """Finish the bag; may be called twice. Where the disk is full it stays without its end, for `repair`."""
+        if self._writer.storage is None:
+            return
+        if self.incomplete:
+            self._writer.set_custom_data(_INCOMPLETE, self.incomplete)
+        with unbroken(), self._naming():
+            try:
+                self._writer.close()
+            except OSError:
+                self._writer.storage = None
+                with suppress(OSError):
+                    self._storage.bio.close()  # here, because Python would try once more at its end, and complain
+                raise
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Let an `OSError` name the bag: what fails is a write, which knows no name."""
+        try:
+            yield
+        except OSError as error:
+            error.filename = error.filename or str(self.path)
+            raise
 
 
 @dataclass(frozen=True)
@@ -235,6 +265,14 @@ def local(topic: str) -> str:
     return next((name for name in names if name in TYPES), topic.strip("/"))
 
 
+def incomplete(path: Path) -> str:
+    """Say why a bag does not hold all that it was to hold, as `BagWriter` wrote it; empty: nobody says so."""
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        about = yaml.safe_load((Path(path) / "metadata.yaml").read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        return str((about.get("custom_data") or {}).get(_INCOMPLETE, ""))
+    return ""
+
+
 def contents(path: Path) -> dict[str, int]:
     """Count the messages of every topic of a bag; a `DataError` says that it cannot be read."""
     with open_bag(path) as reader:
@@ -267,18 +305,29 @@ def repair(path: Path) -> dict[str, int]:
         return {}
     rescue = path.with_name(f"{path.name}.rescue")
     shutil.rmtree(rescue, ignore_errors=True)
+    try:
+        counts = _rescue(files, rescue)
+        with unbroken():
+            for file in files:
+                file.rename(file.with_suffix(".mcap.damaged"))
+            (rescue / f"{rescue.name}_0.mcap").rename(path / f"{path.name}_0.mcap")
+            (rescue / "metadata.yaml").rename(path / "metadata.yaml")
+    finally:
+        shutil.rmtree(rescue, ignore_errors=True)
+    return counts
+
+
+def _rescue(files: Sequence[Path], rescue: Path) -> dict[str, int]:
+    """Write all that can be read of files into a new bag, whose metadata names the bag that it belongs to."""
     with BagWriter(rescue) as writer:
         for file in files:
             for schema, channel, message in _salvage(file):
                 writer.offered.setdefault(channel.topic, _offered(channel))
                 definition = schema.data.decode() if schema.encoding == "ros2msg" else ""
                 writer.write(channel.topic, schema.name, message.log_time, message.data, definition)
-    for file in files:
-        file.rename(file.with_suffix(".mcap.damaged"))
-    (rescue / f"{rescue.name}_0.mcap").rename(path / f"{path.name}_0.mcap")
-    text = (rescue / "metadata.yaml").read_text(encoding="utf-8").replace(f"{rescue.name}_0.mcap", f"{path.name}_0.mcap")
-    (path / "metadata.yaml").write_text(text, encoding="utf-8")
-    shutil.rmtree(rescue)
+    about = rescue / "metadata.yaml"
+    text = about.read_text(encoding="utf-8").replace(f"{rescue.name}_0.mcap", f"{rescue.name.removesuffix('.rescue')}_0.mcap")
+    about.write_text(text, encoding="utf-8")
     return writer.counts
 
 

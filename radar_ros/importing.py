@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from radar_core import DataError, PointCloud, RadarFrame
+from radar_core.files import write_whole
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording
 from radar_ros.bags import BagWriter
@@ -85,7 +86,7 @@ def import_recording(kind: str, source: Path, out: Path, **options: Any) -> Impo
     # JSON has no NaN, so an unknown distance is null.
     segments = [{k: None if v != v else v for k, v in asdict(segment).items()} for segment in tally.segments]
     content = {"kind": kind, "source": source.name, "options": options, "dropped": dict(tally.dropped), "warnings": warnings}
-    (out / SIDECAR).write_text(json.dumps({**content, "segments": segments}, indent=1, default=str) + "\n", encoding="utf-8")
+    write_whole(out / SIDECAR, json.dumps({**content, "segments": segments}, indent=1, default=str) + "\n")
     return ImportReport(kind, source, out, dict(writer.counts), points, duration, dict(tally.dropped), dict(labels), warnings)
 
 

@@ -12,12 +12,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import load, nest, plain
+from radar_core.files import write_whole
 from radar_core.mounting import MountCalibration
 from radar_dsp.context import CalibratedBasebandConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig, PipelineResult
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter, Recorded, contents, local, read, require_topics
-from radar_ros.interrupts import unbroken
 from radar_ros.messages.convert import (
     cloud_from_msg,
     cloud_to_msg,
@@ -31,6 +31,7 @@ from radar_ros.messages.convert import (
 from radar_ros.messages.gestures import gesture_to_msg
 from radar_ros.messages.tracks import hand_to_msg, tracks_to_msg
 from radar_ros.messages.truth import truth_to_msg
+from radar_ros.signals import unbroken
 from radar_sim import SimulatedFrame, Simulator, load_scene
 
 _FLUSH = 50
@@ -179,7 +180,7 @@ def simulate(radars: Sequence[Simulator], out: Path) -> Iterator[SimulatedFrame]
     spaces = [f"/{radar.radar.namespace}".rstrip("/") for radar in radars]
     order = sorted((round((r.radar.trigger_offset + k * r.interval) * 1e9), i, k) for i, r in enumerate(radars) for k in range(r.n_frames))
     with BagWriter(Path(out)) as writer:
-        (Path(out) / "scene.yaml").write_text(yaml.safe_dump(plain(radars[0].scene), sort_keys=False), encoding="utf-8")
+        write_whole(Path(out) / "scene.yaml", yaml.safe_dump(plain(radars[0].scene), sort_keys=False))
         for radar, space in zip(radars, spaces, strict=True):
             writer.put(f"{space}/radar/info", 0, info_to_msg(radar.info, 0))
         for stamp, i, sequence in order:

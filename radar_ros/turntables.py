@@ -8,6 +8,7 @@ from pathlib import Path
 import yaml
 
 from radar_core import ConfigError, DataError, RadarFrame
+from radar_core.files import write_whole
 from radar_dsp.array_file import save_array
 from radar_lab.arrays.ambiguity import plot
 from radar_lab.arrays.calibration import Calibration, CalibrationReport, Calibrator
@@ -85,4 +86,4 @@ def record_turntable(turntable: Turntable, out: Path) -> Iterator[int]:
     names = ("axis", "start", "stop", "step", "cross", "dwell", "settle")
     sweeps = zip(turntable.sweeps, begins(turntable.sweeps), strict=True)
     said = [{name: getattr(sweep, name) for name in names} | {"begin": begin} for sweep, begin in sweeps]
-    (Path(out) / SWEEPS_FILE).write_text(yaml.safe_dump({"sweeps": said}, sort_keys=False), encoding="utf-8")
+    write_whole(Path(out) / SWEEPS_FILE, yaml.safe_dump({"sweeps": said}, sort_keys=False))

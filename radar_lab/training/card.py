@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from radar_core import DataError
+from radar_core.files import write_whole
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
 from radar_lab.training.calibration import calibration_error
@@ -91,7 +92,7 @@ def write_card(text: str, path: str | Path) -> None:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise DataError(f"{path}: the card cannot be written ({error.strerror}); name another file") from None
 

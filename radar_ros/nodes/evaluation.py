@@ -10,6 +10,7 @@ from typing import Any
 import handwave.msg
 
 from radar_core import RadarInfo
+from radar_core.files import write_whole
 from radar_lab.evaluation.run import EvaluationConfig, Evaluator
 from radar_ros import qos
 from radar_ros.messages.convert import header
@@ -81,7 +82,7 @@ class EvaluationNode(StageNode):
         if self._report and self._evaluator is not None:
             path = Path(self._report)
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(self._evaluator.report(), indent=1), encoding="utf-8")
+            write_whole(path, json.dumps(self._evaluator.report(), indent=1))
 
 
 make_node = EvaluationNode

@@ -14,6 +14,7 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from radar_core import ConfigError, HandwaveError
+from radar_core.files import write_whole
 from radar_lab.camera.report import budget, collect
 from radar_lab.camera.residual import HandResiduals, ReferenceSample, Residual, ResidualConfig, TrackSample
 from radar_lab.camera.truth import reference_of
@@ -136,7 +137,7 @@ class HandEvaluationNode(StageNode):
             if self._report:
                 path = Path(self._report)
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(json.dumps(self.report(), indent=1), encoding="utf-8")
+                write_whole(path, json.dumps(self.report(), indent=1))
                 written.append(self._report)
             if self._figure:
                 from radar_lab.camera.report import draw

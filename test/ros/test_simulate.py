@@ -88,7 +88,7 @@ def test_a_run_that_is_stopped_leaves_a_bag_that_can_be_read(tmp_path, number):
     if number == signal.SIGKILL:
         repair(bag)
     else:
-        assert process.returncode == 130
+        assert process.returncode == 128 + number
         assert "stopped: " in output
     frames = contents(bag)["/radar/frame"]
     assert 100 <= frames < 1499
