@@ -137,12 +137,28 @@ def import_labelled(
     """
     if not labels:
         raise ConfigError(f"{source}: there is no label, so there is nothing to import")
+    return import_cuts(folder, info, cut_out(moments, labels), source=source, config=config, one_tx=one_tx)
+
+
+def import_cuts(
+    folder: str | Path,
+    info: RadarInfo,
+    cuts: Iterable[tuple[TruthSegment, list[Moment]]],
+    *,
+    source: str,
+    config: GestureConfig | None = None,
+    one_tx: bool = False,
+) -> ImportReport:
+    """Add gestures to a data set that are cut out already.
+
+    ``cuts`` are labels, each with the moments around it; the rest is as of `import_labelled`.
+    """
     config = config or GestureConfig()
     place = open_recorded(folder, info, config, one_tx)
     known = {str(read_sample(path)["hash"]) for path in sorted(place.glob("sample_*.npz"))}
     number = next_number(place)
     written = found = outside = repeated = 0
-    for label, cut in cut_out(moments, labels):
+    for label, cut in cuts:
         inside = [moment for moment in cut if label.start_ns <= moment.cloud.stamp_ns <= label.end_ns]
         digest = _digest(source, label, info, config)
         if not inside or digest in known:
