@@ -249,6 +249,11 @@ class Feed:
         """Number of the newest entry; as long as it stays the same nothing is new."""
         return self._number
 
+    @property
+    def radars(self) -> Mapping[str, RadarInfo]:
+        """What is known of the radars, by their frames."""
+        return self._radars
+
     def put(self, channel: Channel, stamp_ns: int, value: Any) -> None:
         """Take something in: of the type that `History` names for the channel, with its time [ns].
 
