@@ -5,7 +5,6 @@ VENV ?= .venv
 PYTHON ?= python3
 # A worker per core; files are not split between them (test/conftest.py).
 PARALLEL = -n logical --no-loadscope-reorder
-PIP = $(VENV)/bin/python -m pip --disable-pip-version-check
 STAMP = $(VENV)/.handwave-setup
 export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 # One thread per pool: at these sizes second threads only fight, and results stay the same bit for bit.
@@ -20,12 +19,8 @@ help:
 
 ## make setup      create .venv, install pinned dependencies, build the messages into it, compile the loops (under 3 s when done already)
 setup: $(STAMP)
-$(STAMP): pyproject.toml constraints.txt CMakeLists.txt benchmarks/setup.cfg package.xml scripts/check_system.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
-	@PYTHON=$(PYTHON) sh scripts/check_system.sh
-	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) install --quiet --upgrade pip
-	$(PIP) install --quiet --editable '.[test,lint,workspace]'
-	$(VENV)/bin/handwave compile
+$(STAMP): pyproject.toml constraints.txt CMakeLists.txt benchmarks/setup.cfg package.xml scripts/check_system.sh scripts/setup.sh $(wildcard cmake/*) $(wildcard cmake/*/*) $(wildcard msg/*.msg) $(wildcard srv/*.srv)
+	@VENV=$(VENV) PYTHON=$(PYTHON) sh scripts/setup.sh
 	@touch $@
 
 ## make demo       the whole graph on a simulated room (options: make demo ARGS="--headless --duration 20")
