@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_app.logger.journal import write_whole
+from radar_app.logger.journal import write_synced
 from radar_core import DataError, PointCloud, RadarFrame, RadarInfo
 from radar_core.config import plain
 from radar_core.types import Float64Array
@@ -82,7 +82,7 @@ def write_event(path: Path, number: int, event: LoggedEvent) -> None:
         "position": np.asarray(event.position, np.float64).reshape(-1, 3),
         **_pack_frames(event.frames),
     }
-    write_whole(path, lambda file: np.savez(file, **columns))
+    write_synced(path, lambda file: np.savez(file, **columns))
 
 
 def read_event(path: Path, *, raw: bool = False) -> LoggedEvent:

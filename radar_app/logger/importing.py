@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final
 
 from radar_app.logger.event import LoggedEvent, read_event
-from radar_app.logger.journal import write_whole
 from radar_app.logger.store import Session
 from radar_core import GESTURES, OWN_GESTURE, DataError, PointCloud, RadarFrame
+from radar_core.files import write_whole
 from radar_lab.datasets.labelled import Moment
 from radar_lab.datasets.samples import read_sample
 from radar_lab.evaluation.scoring import TruthSegment
@@ -40,9 +40,9 @@ def subject_numbers(folder: Path, names: Iterable[str]) -> dict[str, int]:
         known |= {name: number for number, name in enumerate(new, max(taken, default=-1) + 1)}
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            write_whole(path, json.dumps(known, indent=1, ensure_ascii=False) + "\n")
         except OSError as error:
-            raise DataError(f"{folder}: this folder cannot be made ({error.strerror}); name another one") from None
-        write_whole(path, lambda file: file.writelines([json.dumps(known, indent=1, ensure_ascii=False).encode(), b"\n"]))
+            raise DataError(f"{path}: cannot be written ({error.strerror}); name another folder") from None
     return known
 
 

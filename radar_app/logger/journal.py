@@ -12,28 +12,23 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from radar_core import DataError
+from radar_core.files import replacing
 
-PART: Final = ".part"
-"""How names of files end that are not yet whole."""
 _ADVICE: Final = "make room or rights there; nothing of it was kept"
 
 
-def write_whole(path: Path, write: Callable[[IO[bytes]], None]) -> None:
+def write_synced(path: Path, write: Callable[[IO[bytes]], None]) -> None:
     """Write a file so that it is on the disk, under its name and whole, when this returns; after a crash it is whole or not there.
 
     Raises `DataError` when it cannot be written; nothing that is half written is left then.
     """
-    part = path.with_name(path.name + PART)
     try:
-        with part.open("wb") as file:
+        with replacing(path) as partial, partial.open("wb") as file:
             write(file)
             file.flush()
             os.fsync(file.fileno())
-        part.replace(path)
         sync_folder(path.parent)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
         raise DataError(f"{path}: cannot be written ({error.strerror}); {_ADVICE}") from None
 
 

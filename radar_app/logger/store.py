@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from radar_app.logger.event import LoggedEvent, read_event, write_event
-from radar_app.logger.journal import PART, Journal, read_journal
+from radar_app.logger.journal import Journal, read_journal
 from radar_core import ConfigError, DataError, RadarInfo, check_label
 from radar_core.config import load, plain
 
@@ -53,6 +53,7 @@ class Decision:
 class _History:
     """What the entries of a journal come to."""
 
+    folder: Path
     subject: str = ""
     radar: RadarInfo | None = None
     decisions: dict[int, Decision] = field(default_factory=dict)  # in force, in the order in which they were made
@@ -66,13 +67,13 @@ class _History:
         except DataError:
             raise
         except (KeyError, TypeError, ValueError) as error:
-            self.wrong.append(f"the entry {dict(entry)} makes no sense ({error!r}) and is left out")
+            self.wrong.append(f"{self.folder / JOURNAL}: the entry {dict(entry)} makes no sense ({error!r}) and is left out")
 
     def _take(self, entry: Mapping[str, Any]) -> None:
         did = entry["did"]
         if did == _OPENED:
             if entry["format"] != FORMAT:
-                raise DataError(f"this session has format {entry['format']}, this version reads {FORMAT}")
+                raise DataError(f"{self.folder}: this session has format {entry['format']}, this version reads {FORMAT}")
             self.subject = str(entry["subject"])
             return
         if did == _RADAR:
@@ -117,14 +118,14 @@ def read_session(folder: Path) -> Session:
     if not is_session(folder):
         raise DataError(f"{folder}: holds no session ({JOURNAL} is missing); record one with: handwave view --log {folder}")
     entries, _, told = read_journal(folder / JOURNAL)
-    history, files = _replayed(entries), event_files(folder)
+    history, files = _replayed(entries, folder), event_files(folder)
     labels = tuple(decision for decision in history.decisions.values() if decision.gesture)
     gone = [f"{folder}: the file of event {one.event} ({one.gesture}) is missing" for one in labels if one.event not in files]
     return Session(folder, history.radar, tuple(one for one in labels if one.event in files), files, (*told, *history.wrong, *gone))
 
 
-def _replayed(entries: Sequence[Mapping[str, Any]]) -> _History:
-    history = _History()
+def _replayed(entries: Sequence[Mapping[str, Any]], folder: Path) -> _History:
+    history = _History(folder)
     for entry in entries:
         history.take(entry)
     return history
@@ -169,9 +170,9 @@ class SessionStore:
             raise
 
     def _begin(self, subject: str) -> None:
-        for part in self.folder.glob(f"*{PART}"):  # the process that wrote it is gone: the journal is ours
+        for part in self.folder.glob("*.part"):  # the process that wrote it is gone: the journal is ours
             part.unlink(missing_ok=True)
-        self._history = _replayed(self._journal.entries)
+        self._history = _replayed(self._journal.entries, self.folder)
         self._files = event_files(self.folder)
         self._next = max(self._history.last, *self._files, -1) + 1
         self.told = [*self._journal.told, *self._history.wrong]
