@@ -20,6 +20,7 @@ from radar_app import (
     gesture_commands,
     scene_commands,
     training_commands,
+    watch_commands,
 )
 from radar_app.compiling import compile_loops
 from radar_app.exits import Ended, finish
@@ -37,6 +38,8 @@ from radar_app.parameters import (
 )
 from radar_core import ConfigError, HandwaveError
 from radar_ros.signals import stopped
+
+_GRAPH, _WATCH, _BAGS, _SETUP, _MORE = "Run a graph", "Watch it", "Recordings", "Set up", "More"
 
 
 class Commands(TyperGroup):
@@ -65,7 +68,20 @@ def main() -> None:
     finish(partial(app, prog_name="handwave"))
 
 
-@app.command()
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"handwave {importlib.metadata.version('handwave')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")] = False,
+) -> None:
+    """Take the options that stand before a command."""
+
+
+@app.command(rich_help_panel=_GRAPH)
 def demo(
     scene: Annotated[str, typer.Option(help="scene file, or one of ours by name (see: handwave scenes)")] = "demo",
     duration: Annotated[float | None, typer.Option(help="end after so many seconds", min=1.0)] = None,
@@ -99,7 +115,7 @@ def demo(
         raise typer.Exit(stopped())
 
 
-@app.command()
+@app.command(rich_help_panel=_GRAPH)
 def up(
     variant: Annotated[
         str, typer.Argument(help="live, clouds, targets, cloud2, demo, two_radars, replay, camera (docs/reference/graph.md); or rooms.yaml")
@@ -147,7 +163,7 @@ def up(
     raise typer.Exit(start_graph(specs, domain, composed=composed, respawn=respawn))
 
 
-@app.command()
+@app.command(rich_help_panel=_BAGS)
 def record(
     out: Annotated[Path, typer.Argument(help="folder of the new bag")],
     topics: Annotated[str | None, typer.Option(help="comma-separated names; default: everything of the graph")] = None,
@@ -163,7 +179,7 @@ def record(
     raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=default_log_sink(8))))
 
 
-@app.command()
+@app.command(rich_help_panel=_BAGS)
 def replay(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
     lockstep: Annotated[bool, typer.Option("--lockstep", help="send each frame only after the last result; a drop is an error")] = False,
@@ -190,7 +206,7 @@ def replay(
     raise typer.Exit(run_replay(options))
 
 
-@app.command()
+@app.command(rich_help_panel=_BAGS)
 def process(
     bag: Annotated[Path, typer.Argument(help="folder of the recording")],
     out: Annotated[Path, typer.Option(help="folder of a new bag for clouds, tracks, gestures and hand")],
@@ -224,7 +240,7 @@ def process(
     print(f"{total} frames, {gestures} gestures; results in {out}")
 
 
-@app.command()
+@app.command(rich_help_panel=_BAGS)
 def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -> None:
     """Show what a recording holds, and what can be done with it."""
     from rich.console import Console
@@ -251,7 +267,7 @@ def info(bag: Annotated[Path, typer.Argument(help="folder of the recording")]) -
         print(f"can be replayed from {recording.topic}")
 
 
-@app.command()
+@app.command(rich_help_panel=_BAGS)
 def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that a crash cut off")]) -> None:
     """Recover a recording that was cut off; the damaged file is kept beside it."""
     from radar_ros.bags import repair as recover
@@ -263,7 +279,7 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
     print(f"recovered {sum(counts.values())} messages: " + ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items())))
 
 
-@app.command("import")
+@app.command("import", rich_help_panel=_BAGS)
 def import_(
     kind: Annotated[
         str, typer.Argument(help="npy, bgt60, a121, crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")
@@ -291,22 +307,43 @@ def import_(
         print(import_recording(kind, source, out, **options))
 
 
-_CALIBRATIONS = (calibration_commands.calibrate, calibration_commands.turntable)
-_SCENES = (scene_commands.scenes, scene_commands.explain, scene_commands.simulate)
-_DEVICES = (device_commands.devices, device_commands.probe)
-_TRAINING = (training_commands.train, training_commands.evaluate)
-_COMMANDS = (*_CALIBRATIONS, *_SCENES, *_DEVICES, *_TRAINING)
-for command in _COMMANDS:
-    app.command()(command)
-app.command("compile")(compile_loops)
-app.command("calibrate-coupling")(calibration_commands.calibrate_coupling)
-app.command("calibrate-pair")(calibration_commands.calibrate_pair)
-app.command("calibrate-camera")(camera_commands.calibrate_camera)
-app.add_typer(dataset_commands.app, name="dataset")
-app.add_typer(gesture_commands.app, name="gesture")
+lab = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Commands for studies: what effects do, calibration in a chamber, data sets, training, accuracy against time.",
+)
+_WATCHING = (watch_commands.watch, watch_commands.status, watch_commands.listen)
+_PANELS = {
+    _WATCH: _WATCHING,
+    _BAGS: (scene_commands.scenes, scene_commands.simulate),
+    _SETUP: (device_commands.devices, device_commands.probe),
+}
+for panel, commands in _PANELS.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
+app.command("compile", rich_help_panel=_SETUP)(compile_loops)
+app.command("calibrate-coupling", rich_help_panel=_SETUP)(calibration_commands.calibrate_coupling)
+app.command("calibrate-pair", rich_help_panel=_SETUP)(calibration_commands.calibrate_pair)
+app.add_typer(gesture_commands.app, name="gesture", rich_help_panel=_MORE)
+app.add_typer(lab, name="lab", rich_help_panel=_MORE)
+
 _ENTRIES = {entry.name: entry for entry in importlib.metadata.entry_points(group="handwave.commands")}  # one of each name
-for name in sorted(_ENTRIES):
-    app.command(name)(_ENTRIES[name].load())
+_STUDIES = {
+    "calibrate": calibration_commands.calibrate,
+    "calibrate-camera": camera_commands.calibrate_camera,
+    "evaluate": training_commands.evaluate,
+    "explain": scene_commands.explain,
+    "train": training_commands.train,
+    "turntable": calibration_commands.turntable,
+    **{name: entry.load() for name, entry in sorted(_ENTRIES.items()) if entry.module.startswith("benchmarks.")},
+}
+for name, study in _STUDIES.items():
+    lab.command(name)(study)
+    app.command(name, hidden=True)(study)  # as it was called before there was `lab`; it goes on working
+lab.add_typer(dataset_commands.app, name="dataset")
+app.add_typer(dataset_commands.app, name="dataset", hidden=True)
+for name in sorted(_ENTRIES.keys() - _STUDIES.keys()):
+    app.command(name, rich_help_panel=_MORE)(_ENTRIES[name].load())
 
 
 if __name__ == "__main__":

@@ -5,21 +5,28 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
-import handwave.msg
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.panel import Panel
-from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from radar_ros import qos
-from radar_ros.interrupts import Visitor
-from radar_ros.messages.convert import stride
+from radar_app.watching.listener import Listener
+from radar_app.watching.people import is_gesture, is_person, place
+from radar_app.watching.room_map import RoomMap, style_of
+from radar_core import HandwaveError
+from radar_ros.messages.convert import from_time, info_from_msg, stride
+from radar_ros.messages.zones import areas_from_msg
 
-_WINDOW = 2.0  # s: rates and latencies on the display are those of the last while
+_WINDOW: Final = 2.0  # s: rates and latencies on the display are those of the last while
+_FRESH: Final = 4.0  # s: how long a gesture stands beside its person
+_WIDTH: Final = 80  # columns of the display
+_MAP: Final = (34, 14)  # columns and lines of the map
+_PEOPLE: Final = 6  # most that have a line of their own
+_GESTURES: Final = 4
+_STAGES: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence")
 
 
 @dataclass
@@ -28,6 +35,7 @@ class Stage:
 
     processed: int = 0
     dropped: int = 0
+    stale: bool = False
     times: deque[float] = field(default_factory=lambda: deque(maxlen=200))
     compute: deque[float] = field(default_factory=lambda: deque(maxlen=200))
 
@@ -36,36 +44,64 @@ class Stage:
         return sum(now - t < _WINDOW for t in self.times) / _WINDOW
 
 
-class Monitor(Visitor):
-    """Listens to a graph."""
+class Monitor(Listener):
+    """Listens to a graph.
+
+    Attributes
+    ----------
+    stages : dict of str to Stage
+        By name; of a radar in a namespace of its own with that before it: ``left/driver``.
+    latencies : list of float
+        From a frame's publication to the arrival of its tracks here, on CLOCK_MONOTONIC [s].
+    frames, skipped : int
+        Frames that the driver has published, and left out, since the first one heard of.
+    received : int
+        Frames that the track arrays which arrived here stand for.
+    gestures : deque of (int, str, float)
+        The last ones: track, name, confidence.
+    tracks, hand : message or None
+        The last ones; None: there are none.
+    duration : float or None
+        How long the source is going to send [s], so that the display can say what is left of it; None: nobody knows.
+    """
 
     def __init__(self, namespace: str = "") -> None:
-        super().__init__("handwave_monitor", namespace)
+        super().__init__("monitor", namespace)
         self.stages: dict[str, Stage] = {}
-        self.latencies: list[float] = []  # from a frame's publication to the arrival of its tracks here, CLOCK_MONOTONIC [s]
-        self.frames = self.skipped = 0  # frames that the driver has published, and left out, since the first one heard of
-        self.received = 0  # frames that the track arrays which arrived here stand for
+        self.latencies: list[float] = []
+        self.frames = self.skipped = 0
+        self.received = 0
         self.gestures: deque[tuple[int, str, float]] = deque(maxlen=6)
         self.tracks: Any = None
         self.hand: Any = None
+        self.duration: float | None = None
+        self._map = RoomMap()
+        self._seen: deque[tuple[float, int, str, float]] = deque(maxlen=_GESTURES)  # gestures with when they arrived
+        self._first_ns = self._last_ns = 0  # stamps of frames
         self._published: dict[int, int] = {}
         self._arrived: dict[int, int] = {}
-        self.node.create_subscription(handwave.msg.StageStatus, "stage_status", self._status, qos.sensor(reliable=True))
-        self.node.create_subscription(handwave.msg.TrackArray, "tracks", self._tracks, qos.RESULT)
-        self.node.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
-        self.node.create_subscription(handwave.msg.HandTrack, "hand", self._hand, qos.RESULT)
+        self.hear_each("stage_status", self._status, reliable=True)
+        self.hear_each("radar/info", self._info)
+        self.hear("tracks", self._tracks)
+        self.hear("gestures", self._gesture)
+        self.hear("hand", self._hand)
+        self.hear("zones", self._zones)
 
-    def _status(self, msg: Any) -> None:
-        if msg.header.stamp.sec == 0 and msg.header.stamp.nanosec == 0:
+    def _status(self, space: str, msg: Any) -> None:
+        stamp = from_time(msg.header.stamp)
+        if stamp == 0:
             return  # says only that the stage is ready
+        below = space[len(self.node.get_namespace()) :].strip("/")
+        stage = self.stages.setdefault(f"{below}/{msg.stage}".strip("/"), Stage())
+        stage.stale = msg.stale
         if msg.stale:
             return  # says only that nothing comes any more
-        stage = self.stages.setdefault(msg.stage, Stage())
         stage.processed, stage.dropped = msg.processed, msg.dropped
         stage.times.append(time.monotonic())
         stage.compute.append(msg.compute_s)
-        if msg.stage == "driver":
+        if msg.stage == "driver" and not below:
             self.frames, self.skipped = msg.processed, msg.dropped
+            self._first_ns, self._last_ns = min(self._first_ns or stamp, stamp), stamp
             self._published[msg.sequence] = msg.monotonic_ns
             self._pair(msg.sequence)
 
@@ -84,11 +120,24 @@ class Monitor(Visitor):
                     del waiting[old]
 
     def _gesture(self, msg: Any) -> None:
-        if msg.label != handwave.msg.Gesture.RANDOM:
+        if is_gesture(msg):
             self.gestures.append((msg.track_id, msg.name, msg.confidence))
+            self._seen.append((time.monotonic(), msg.track_id, msg.name.replace("_", " "), msg.confidence))
 
     def _hand(self, msg: Any) -> None:
         self.hand = msg if msg.active else None
+
+    def _info(self, space: str, msg: Any) -> None:
+        try:
+            self._map.radars[space] = info_from_msg(msg)
+        except (HandwaveError, ValueError):
+            return  # the nodes complain; here it is only not drawn
+
+    def _zones(self, msg: Any) -> None:
+        try:
+            self._map.zones = [(name, list(area.corners)) for name, area in areas_from_msg(msg)]
+        except HandwaveError:
+            return
 
     def figures(self) -> dict[str, Any]:
         """Latency in milliseconds and the fraction of frames whose tracks never came."""
@@ -102,33 +151,80 @@ class Monitor(Visitor):
             "dropped": {name: stage.dropped for name, stage in sorted(self.stages.items())},
         }
 
-    def render(self, title: str) -> RenderableType:
-        """Draw the state of the graph for a terminal."""
-        return Panel(Group(self._people(), Text(), self._rates()), title=title, border_style="cyan")
+    @property
+    def people(self) -> list[Any]:
+        """Tracks that count as people."""
+        return [track for track in self.tracks.tracks if is_person(track)] if self.tracks is not None else []
 
-    def _people(self) -> Table:
-        columns = ("track", "x  y [m]", "speed [m/s]", "points", "last gesture")
-        table = Table(*columns, expand=True, box=None, title="people", title_justify="left")
-        last = {track: f"{name} {confidence:.0%}" for track, name, confidence in self.gestures}
-        for track in self.tracks.tracks if self.tracks is not None else ():
-            if track.status == handwave.msg.Track.TENTATIVE:
-                continue
-            x, y, _ = track.position
-            speed = float(np.hypot(track.velocity[0], track.velocity[1]))
-            table.add_row(str(track.id), f"{x:5.2f} {y:5.2f}", f"{speed:.2f}", str(track.n_points), last.get(track.id, ""))
+    def left(self) -> float | None:
+        """Time until the source ends [s]; None: nobody knows."""
+        if self.duration is None:
+            return None
+        return max(self.duration - (self._last_ns - self._first_ns) * 1e-9, 0.0)
+
+    def line(self) -> str:
+        """Say in one line what the display shows, for logs."""
+        parts = [f"{self.frames} frames" if self.frames else "no frames yet", f"{len(self.people)} people"]
+        if self.latencies:
+            parts.append(f"{np.median(self.latencies[-50:]) * 1e3:.1f} ms from frame to people")
         if self.hand is not None:
-            bar = ProgressBar(total=1.0, completed=self.hand.value, width=24)
-            table.add_row("hand", f"z {self.hand.position[2]:.2f}", "", str(self.hand.n_points), bar)
-        return table
+            parts.append(f"hand at {self.hand.value:.0%}")
+        if self.gestures:
+            parts.append("last gestures " + ", ".join(f"{track}: {name.replace('_', ' ')}" for track, name, _ in list(self.gestures)[-2:]))
+        return ", ".join(parts)
 
-    def _rates(self) -> Table:
-        table = Table("stage", "rate [Hz]", "compute [ms]", "dropped", expand=True, box=None, title="stages", title_justify="left")
+    def render(self, title: str) -> RenderableType:
+        """Draw the state of the graph for a terminal of 80 columns and 24 lines."""
+        left = self.left()
+        ends = f"{left:.0f} s left" if left is not None else "Ctrl-C ends it"
+        upper = Table.grid(padding=(0, 1))
+        upper.add_column(width=_WIDTH - _MAP[0] - 5)
+        upper.add_column(width=_MAP[0])
+        places = {track.id: track.position for track in self.people}
+        upper.add_row(self._people(), self._map.draw(places, *_MAP))
+        return Panel(Group(upper, self._rates()), title=title, subtitle=ends, border_style="cyan", width=_WIDTH)
+
+    def _people(self) -> RenderableType:
+        now, people = time.monotonic(), self.people
+        lines = [Text(f"{len(people)} {'person' if len(people) == 1 else 'people'}", style="bold")]
+        fresh = {person: f"{name} {sure:.0%}" for at, person, name, sure in self._seen if now - at < _FRESH}
+        for track in people[:_PEOPLE]:
+            speed = float(np.hypot(track.velocity[0], track.velocity[1]))
+            line = Text(f"{track.id:>3} ", style=style_of(track.id))
+            line.append(f"{place(track.position)}, {speed:.1f} m/s", style="default")
+            lines.append(line)
+            if track.id in fresh:
+                lines[-1:] = [line, Text(f"    {fresh[track.id]}", style="bold green")]
+        if len(people) > _PEOPLE:
+            lines.append(Text(f"    and {len(people) - _PEOPLE} more", style="dim"))
+        if self.hand is not None:
+            filled = round(20 * min(max(self.hand.value, 0.0), 1.0))
+            lines.append(Text(f"hand [{'#' * filled}{'.' * (20 - filled)}] {self.hand.value:.0%}"))
+        lines.append(Text("last gestures", style="bold"))
+        lines += [Text(f"{person:>3} {name}, {sure:.0%} sure, {now - at:.0f} s ago") for at, person, name, sure in reversed(self._seen)]
+        if not self._seen:
+            lines.append(Text("    none yet", style="dim"))
+        return Text("\n", no_wrap=True, overflow="ellipsis").join(lines[: _MAP[1]])
+
+    def _rates(self) -> RenderableType:
+        if not self.stages:
+            return Text(self._nothing(), style="yellow")
+        table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+        table.add_column("node", width=18, no_wrap=True)
+        for column in ("per second", "work [ms]", "lost", ""):
+            table.add_column(column, justify="right" if column else "left")
         now = time.monotonic()
-        for name in ("driver", "baseband", "tracking", "gestures", "hand"):
-            stage = self.stages.get(name, Stage())
+        known = [name for stage in _STAGES for name in sorted(self.stages) if name.rpartition("/")[2] == stage]
+        for name in known[:6]:
+            stage = self.stages[name]
             compute = f"{np.median(stage.compute) * 1e3:.2f}" if stage.compute else ""
-            table.add_row(name, f"{stage.rate(now):.0f}", compute, str(stage.dropped))
+            state = Text("no data any more", style="bold red") if stage.stale else Text()
+            table.add_row(name, f"{stage.rate(now):.0f}", compute, str(stage.dropped), state)
         recent = self.latencies[-100:]
-        latency = f"{np.median(recent) * 1e3:.1f} ms median" if recent else "-"
-        table.add_row("frame to tracks", "", latency, "")
-        return table
+        latency = f"{np.median(recent) * 1e3:.1f} ms from frame to people" if recent else ""
+        return Group(table, Text(latency))
+
+    def _nothing(self) -> str:
+        """Say where there is something, when nothing is here."""
+        spaces = sorted({name.rpartition("/")[0].strip("/") for name in self.publishers("tracks")} - {""})
+        return f"nothing here; there are graphs in {', '.join(spaces)}: --namespace {spaces[0]}" if spaces else "waiting for a graph ..."

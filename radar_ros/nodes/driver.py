@@ -116,6 +116,7 @@ class DriverNode(StageMixin, LifecycleNode):
         self._feed: Feed | None = None
         self._timer: Any = None
         self._failure: HandwaveError = ConfigError("")
+        self._over = False  # whether the source has ended, or the wanted duration is over
         self._frames = self.create_publisher(handwave.msg.RadarFrame, "radar/frame", qos.stream_out())
         self._own: BoardResults | None = None
         if self._board.targets or self._board.clouds:
@@ -164,6 +165,7 @@ class DriverNode(StageMixin, LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Resume: frames come from now on, or from when they are read."""
         self._first_ns: int | None = None  # stamp of the first frame since
+        self._over = False
         if self._readers or self._awaited:
             self._met_ns = 0  # when all readers were there for the first time
             self._since_ns = time.monotonic_ns()
@@ -240,6 +242,7 @@ class DriverNode(StageMixin, LifecycleNode):
             self.get_logger().info(f"the source ends after {self._count} frames")
             assert self._feed is not None
             self._feed.stop()
+            self._over = True
             if self._at_end == "exit":
                 self.create_timer(_LEAVE, self._leave, clock=Clock(clock_type=ClockType.STEADY_TIME))
         return over
@@ -253,7 +256,8 @@ class DriverNode(StageMixin, LifecycleNode):
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Say what the source reports of itself."""
-        return ({}, []) if self._feed is None else self._feed.figures()
+        values, warnings = ({}, []) if self._feed is None else self._feed.figures()
+        return {**values, **({"source": "ended"} if self._over else {})}, warnings
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Suspend: no more frames; the source keeps its place."""

@@ -1,0 +1,1 @@
+"""A running graph, seen from outside: who is there, which gestures, how the nodes are doing."""

@@ -1,0 +1,170 @@
+"""How the nodes of a graph are doing: what they say of themselves, and how long a frame takes to each of them."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from radar_app.watching.listener import Ears
+from radar_ros.messages.convert import from_time
+
+_SILENT: Final = 3.0  # s: nodes say once a second how they are; who says nothing for so long hangs, or was killed
+_KEPT: Final = 200  # latencies of each stage that the median is made of
+_WAITING: Final = 500  # frames whose stages may still come
+_WHAT: Final = ": processing"  # how the statuses of stages are named in diagnostics
+_OK, _WARN, _STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.STALE
+_LEVELS: Final = {_OK: "ok", _WARN: "warn", DiagnosticStatus.ERROR: "error", _STALE: "waiting"}
+
+
+@dataclass(frozen=True)
+class NodeState:
+    """How one node is doing.
+
+    Attributes
+    ----------
+    name : str
+        Full name without the first slash: ``hall/left/driver``.
+    state : str
+        ``running``; ``warning``; ``error``; ``waiting``: no data yet; ``idle``: no data any more, as it should be; ``ended``: its source
+        has; ``stale``: no data any more, which nobody ordered; ``silent``: it is there and says nothing.
+    message : str
+        What it says of itself.
+    rate : float or None
+        Messages finished in a second; None: not known.
+    latency : float or None
+        Median time from a frame's publication to this node's result [s].
+    compute : float or None
+        Mean time spent on a message [s].
+    dropped : int or None
+        Messages lost or refused since it started.
+    wrong : str
+        What is wrong, in words; empty: nothing.
+    """
+
+    name: str
+    state: str
+    message: str = ""
+    rate: float | None = None
+    latency: float | None = None
+    compute: float | None = None
+    dropped: int | None = None
+    wrong: str = ""
+
+
+@dataclass
+class _Said:
+    level: str
+    message: str
+    values: Mapping[str, str]
+    time: float  # on CLOCK_MONOTONIC [s]
+
+
+@dataclass
+class _Space:
+    """Frames of one driver that are on their way through the stages of its namespace."""
+
+    published: dict[int, int] = field(default_factory=dict)  # sequence to CLOCK_MONOTONIC [ns]
+    finished: dict[int, list[tuple[str, int]]] = field(default_factory=dict)  # of frames whose publication is not heard of yet
+
+
+class Health:
+    """Collects what nodes say, of the namespace of ``ears`` and those below."""
+
+    def __init__(self, ears: Ears) -> None:
+        self._ears = ears
+        self._space = ears.node.get_namespace().strip("/")
+        self._said: dict[str, _Said] = {}
+        self._spaces: dict[str, _Space] = {}
+        self._latencies: dict[str, deque[float]] = {}
+        ears.hear("diagnostics", self._diagnostics)
+        ears.hear_each("stage_status", self._status)
+
+    @property
+    def heard(self) -> set[str]:
+        """Full names of the nodes that have said how they are."""
+        return set(self._said)
+
+    def present(self) -> set[str]:
+        """Full names of the nodes that are there, whether they say something or not."""
+        return {name.strip("/") for name in self._ears.publishers("stage_status")}
+
+    def value(self, name: str, key: str) -> str:
+        """Give one value that a node said of itself; empty: it did not."""
+        return self._said[name].values.get(key, "") if name in self._said else ""
+
+    def states(self) -> list[NodeState]:
+        """Say how all nodes are doing, in the order of their names."""
+        now = time.monotonic()
+        return [self._state(name, now) for name in sorted(self.present() | self.heard)]
+
+    def _state(self, name: str, now: float) -> NodeState:
+        said = self._said.get(name)
+        if said is None or now - said.time > _SILENT:
+            wrong = "it is there but says nothing: it hangs, or was killed a moment ago"
+            return NodeState(name, "silent", wrong=wrong)
+        rate, compute, dropped = (_number(said.values.get(key)) for key in ("rate_hz", "compute_ms", "dropped_total"))
+        state, wrong = _judged(said, rate)
+        latencies = self._latencies.get(name)
+        return NodeState(
+            name,
+            state,
+            said.message,
+            rate,
+            median(latencies) if latencies else None,
+            None if compute is None else compute * 1e-3,
+            None if dropped is None else int(dropped),
+            wrong,
+        )
+
+    def _diagnostics(self, msg: Any) -> None:
+        for status in msg.status:
+            name, what, rest = status.name.partition(_WHAT)
+            if what and not rest and (not self._space or name.startswith(f"{self._space}/")):
+                values = {pair.key: pair.value for pair in status.values}
+                self._said[name] = _Said(_LEVELS.get(status.level, "error"), status.message, values, time.monotonic())
+
+    def _status(self, space: str, msg: Any) -> None:
+        if msg.stale or from_time(msg.header.stamp) == 0:
+            return  # says that nothing comes, or only that it is ready
+        frames = self._spaces.setdefault(space, _Space())
+        if msg.stage == "driver":
+            frames.published[msg.sequence] = msg.monotonic_ns
+            for stage, finished_ns in frames.finished.pop(msg.sequence, []):
+                self._late(space, stage, finished_ns - msg.monotonic_ns)
+        elif msg.sequence in frames.published:
+            self._late(space, msg.stage, msg.monotonic_ns - frames.published[msg.sequence])
+        else:
+            frames.finished.setdefault(msg.sequence, []).append((msg.stage, msg.monotonic_ns))
+        for waiting in (frames.published, frames.finished):
+            for old in list(waiting)[:-_WAITING]:
+                del waiting[old]
+
+    def _late(self, space: str, stage: str, late_ns: int) -> None:
+        if late_ns >= 0:
+            self._latencies.setdefault(f"{space.strip('/')}/{stage}".strip("/"), deque(maxlen=_KEPT)).append(late_ns * 1e-9)
+
+
+def _judged(said: _Said, rate: float | None) -> tuple[str, str]:
+    """Say in what state a node is, and what is wrong with it."""
+    if said.values.get("source") == "ended":
+        return "ended", "the source has ended: nothing more comes; start it again, or set driver.at_end=loop"
+    if said.level == "error":
+        return "stale" if said.values.get("stale") == "True" else "error", said.message
+    if said.level == "waiting":
+        return "waiting", "no data has come yet"
+    if said.level == "warn":
+        return "warning", said.message
+    return ("idle" if said.message == "idle" and not rate else "running"), ""
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
