@@ -1,0 +1,6 @@
+"""Clouds of strokes are those of the tests of gestures."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "gestures"))
