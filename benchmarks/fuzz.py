@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import signal
 import struct
 import tempfile
@@ -18,7 +19,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from radar_core import HandwaveError
+from radar_core import ConfigError, HandwaveError
+from radar_core.files import write_whole
 from radar_core.ladder import load_ladders
 from radar_core.mounting import load_mount
 from radar_core.paths import find_config
@@ -37,11 +39,14 @@ from radar_ros.messages.pointcloud2 import read_fields
 from radar_sim import load_scene
 from radar_sim.motions.bvh import load_bvh
 
-_SECONDS: Final = 600.0  # for each parser; quick runs take `_QUICK`
+_SECONDS: Final = 600.0  # of the processor, for each parser; quick runs take `_QUICK`
 _QUICK: Final = 0.5
-_HANG: Final = 2.0  # s: whatever takes longer over one input hangs
+_PIECE: Final = 20.0  # s: what an interrupted run may lose
+_HANG: Final = 2.0  # s of the processor: whatever takes longer over one input hangs
+_WAIT: Final = 120.0  # s by the clock: whatever waits longer for something hangs too
 _LARGEST: Final = 1 << 17  # bytes of an input
 _EDGES: Final = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
+_NOTHING: Final = {"inputs": 0, "refused": 0, "crashes": 0, "hangs": 0, "peak_mb": 0.0, "worst_ms": 0.0, "next": 0}
 _CFG: Final = b"""sensorStop\nchannelCfg 15 5 0\nadcCfg 2 1\nprofileCfg 0 77 429 7 57.14 0 0 70 1 32 5209 0 0 30
 chirpCfg 0 0 0 0 0 0 0 1\nchirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1 4 0 100 1 0\nsensorStart\n"""
 
@@ -79,28 +84,47 @@ def mutate(seeds: list[bytes], rng: np.random.Generator) -> bytes:
 
 
 def fuzz(name: str, seconds: float, first: int = 0, most: int = 1 << 62) -> dict[str, Any]:
-    """Feed one parser for so long, or with so many inputs; number k is the same at every run: `mutate` of the seeds with ``[name, k]``."""
+    """Feed one parser for so much processor time, or with so many inputs.
+
+    Input k is the same at every run: `mutate` of the seeds with ``[name, k]``, so that pieces with other numbers are other inputs.
+
+    Parameters
+    ----------
+    name : str
+        Key of `PARSERS`.
+    seconds : float
+        Processor time, the making of the inputs included [s]; one input is fed in any case.
+    first, most : int
+        Number of the first input; at most so many.
+    """
     parser = PARSERS[name]
     seeds = parser.seeds()
     for good in seeds:
         _each(good, parser.read)  # what is slow at the first time only
-    row: dict[str, Any] = {"inputs": 0, "refused": 0, "crashes": 0, "hangs": 0, "peak_mb": 0.0, "worst_ms": 0.0}
-    signal.signal(signal.SIGALRM, _stop)
+    row: dict[str, Any] = {**_NOTHING, "next": first}
+    before = {number: signal.signal(number, _stop) for number in (signal.SIGPROF, signal.SIGALRM)}
     tracemalloc.start()
-    end = time.monotonic() + seconds
-    while row["inputs"] < most and (time.monotonic() < end or not row["inputs"]):
-        number = first + row["inputs"]
-        _one(parser, mutate(seeds, np.random.default_rng([zlib.crc32(name.encode()), number])), number, row)
-    tracemalloc.stop()
-    return row
-
-
-def _one(parser: Parser, data: bytes, number: int, row: dict[str, Any]) -> None:
-    row["inputs"] += 1
-    tracemalloc.reset_peak()
-    base, start = tracemalloc.get_traced_memory()[0], time.perf_counter()
+    start = time.process_time()
     try:
-        signal.setitimer(signal.ITIMER_REAL, _HANG)
+        while row["inputs"] < most and (time.process_time() - start < seconds or not row["inputs"]):
+            _one(parser, mutate(seeds, np.random.default_rng([zlib.crc32(name.encode()), row["next"]])), row)
+    finally:
+        tracemalloc.stop()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return row | {"seconds": time.process_time() - start}
+
+
+def _one(parser: Parser, data: bytes, row: dict[str, Any]) -> None:
+    """Feed one input. Its time is the processor's, because a busy machine makes everything late; who waits without working gets `_WAIT`."""
+    number = row["next"]
+    row["inputs"] += 1
+    row["next"] += 1
+    tracemalloc.reset_peak()
+    base, start = tracemalloc.get_traced_memory()[0], time.process_time()
+    try:
+        signal.setitimer(signal.ITIMER_PROF, _HANG)
+        signal.setitimer(signal.ITIMER_REAL, _WAIT)
         parser.read(data)
     except HandwaveError:
         row["refused"] += 1
@@ -111,13 +135,50 @@ def _one(parser: Parser, data: bytes, number: int, row: dict[str, Any]) -> None:
         row["crashes"] += 1
         row.setdefault("crashing", {})[f"{type(error).__name__}: {error}"[:100]] = number
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
-    row["worst_ms"] = max(row["worst_ms"], 1e3 * (time.perf_counter() - start))
+    row["worst_ms"] = max(row["worst_ms"], 1e3 * (time.process_time() - start))
     row["peak_mb"] = max(row["peak_mb"], (tracemalloc.get_traced_memory()[1] - base) * 1e-6)
 
 
 def _stop(*_: Any) -> None:
     raise _HangError
+
+
+def fuzz_on(name: str, seconds: float, keep: Path | None, piece: float = _PIECE) -> dict[str, Any]:
+    """Feed one parser in pieces, and go on where the file of an earlier run stopped, as long as the seeds are the same.
+
+    Parameters
+    ----------
+    name : str
+        Key of `PARSERS`.
+    seconds : float
+        Processor time of all pieces together [s].
+    keep : Path or None
+        Folder in which a file for each parser is kept, written after each piece; None: nothing is kept.
+    piece : float
+        Processor time of one piece [s].
+    """
+    path, seeds = None if keep is None else keep / f"{name}.json", zlib.crc32(b"".join(PARSERS[name].seeds()))
+    row: dict[str, Any] = {**_NOTHING, "seconds": 0.0, "seeds": seeds}
+    if path is not None and path.exists():
+        found = json.loads(path.read_text(encoding="utf-8"))
+        row = found if found["seeds"] == seeds else row
+    while row["seconds"] < seconds:
+        row = _joined(row, fuzz(name, min(piece, seconds - row["seconds"]), row["next"]))
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, json.dumps(row))
+    return row
+
+
+def _joined(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    """Put two pieces together: sums, worst cases, the first hang, all crashes."""
+    sums = {key: old[key] + new[key] for key in ("inputs", "refused", "crashes", "hangs", "seconds")}
+    worst = {key: max(old[key], new[key]) for key in ("peak_mb", "worst_ms")}
+    row = new | old | sums | worst | {"next": new["next"]}
+    crashing = new.get("crashing", {}) | old.get("crashing", {})
+    return row | {"crashing": crashing} if crashing else row
 
 
 def _ti_items() -> list[bytes]:
@@ -272,8 +333,14 @@ PARSERS: Final[dict[str, Parser]] = {
 """Everything that reads what others wrote; for bags and HDF5 files that are the libraries of their makers."""
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Feed every parser, ten minutes each; quick: half a second each."""
-    rows = {name: fuzz(name, _QUICK if quick else _SECONDS) for name in PARSERS}
-    totals = {key: sum(row[key] for row in rows.values()) for key in ("inputs", "crashes", "hangs")}
+def run(quick: bool, keep: Path | None = None, parts: str = "") -> dict[str, Any]:
+    """Feed every parser, ten minutes of the processor each; quick: half a second each.
+
+    With ``keep`` the same command goes on where it stopped; ``parts`` names some parsers, with commas.
+    """
+    names = parts.split(",") if parts else list(PARSERS)
+    if unknown := set(names) - PARSERS.keys():
+        raise ConfigError(f"there is no parser {', '.join(sorted(unknown))}; choose of {', '.join(PARSERS)}")
+    rows = {name: fuzz_on(name, _QUICK if quick else _SECONDS, keep) for name in names}
+    totals = {key: sum(row[key] for row in rows.values()) for key in ("inputs", "seconds", "crashes", "hangs")}
     return {**totals, "peak_mb": max(row["peak_mb"] for row in rows.values()), "parsers": rows}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from benchmarks.fuzz import PARSERS, fuzz, mutate
+from benchmarks.fuzz import PARSERS, fuzz, fuzz_on, mutate
 from radar_core import HandwaveError
 
 
@@ -73,3 +73,35 @@ def test_what_never_ends_is_a_hang(monkeypatch):
 
     monkeypatch.setitem(benchmark.PARSERS, "endless", benchmark.Parser(lambda: [b"good"], read))
     assert fuzz("endless", 60.0, most=5)["hangs"] >= 3
+
+
+def test_pieces_are_the_same_inputs_as_one_run(tmp_path, monkeypatch):
+    """Kept after each piece, taken up by the next run, and begun anew once the seeds are others."""
+    from benchmarks import fuzz as benchmark
+
+    seen = []
+    monkeypatch.setitem(benchmark.PARSERS, "kept", benchmark.Parser(lambda: [b"good"], seen.append))
+    first = fuzz_on("kept", 0.05, tmp_path, piece=0.02)
+    on = fuzz_on("kept", 0.1, tmp_path, piece=0.02)
+    assert on["next"] == on["inputs"] > first["inputs"] > 0
+    assert on["seconds"] >= 0.1
+    fed = [data for data in seen if data != b"good"]
+    seen.clear()
+    fuzz("kept", 60.0, most=on["inputs"])
+    assert fed == [data for data in seen if data != b"good"]
+    assert fuzz_on("kept", 0.1, tmp_path)["inputs"] == on["inputs"]
+    monkeypatch.setitem(benchmark.PARSERS, "kept", benchmark.Parser(lambda: [b"other"], seen.append))
+    assert fuzz_on("kept", 0.001, tmp_path)["next"] < on["next"]
+
+
+def test_a_busy_machine_is_no_hang(monkeypatch):
+    """What is late but does not work is not counted by the clock, unless it waits for ever."""
+    import time
+
+    from benchmarks import fuzz as benchmark
+
+    monkeypatch.setattr(benchmark, "_HANG", 0.02)
+    monkeypatch.setitem(benchmark.PARSERS, "late", benchmark.Parser(lambda: [b"good"], lambda data: time.sleep(0.1)))
+    assert fuzz("late", 60.0, most=3)["hangs"] == 0
+    monkeypatch.setattr(benchmark, "_WAIT", 0.02)
+    assert fuzz("late", 60.0, most=3)["hangs"] == 3
