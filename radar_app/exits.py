@@ -31,6 +31,10 @@ _PATHS: Final = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENO
 _WHO: Final = {signal.SIGINT: "by Ctrl-C", signal.SIGTERM: "by SIGTERM", signal.SIGHUP: "because its terminal was closed"}
 
 
+class _Output:
+    gone = False  # whether writing to stdout failed in a thread
+
+
 class Ended(BaseException):
     """What ended a command, past Typer, which would make status 130 or 1 of it without a word."""
 
@@ -128,8 +132,15 @@ def say(text: str) -> None:
         print(f"handwave: {text}", file=sys.stderr, flush=True)
 
 
+def note_closed() -> None:
+    """Note that writing failed because whoever read this process's output has gone; for threads, whose errors end nothing."""
+    _Output.gone = True
+
+
 def pipe_closed() -> bool:
     """Whether whoever read this process's output has gone: ``head`` has its lines."""
+    if _Output.gone:
+        return True
     with suppress(OSError, ValueError):
         poll = select.poll()
         poll.register(sys.stdout.fileno(), 0)  # only errors

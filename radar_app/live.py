@@ -212,7 +212,7 @@ class Monitor(Listener):
         table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
         table.add_column("node", width=18, no_wrap=True)
         for column in ("per second", "work [ms]", "lost", ""):
-            table.add_column(column, justify="right" if column else "left")
+            table.add_column(Text(column), justify="right" if column else "left")  # as text: square brackets are markup
         now = time.monotonic()
         known = [name for stage in _STAGES for name in sorted(self.stages) if name.rpartition("/")[2] == stage]
         for name in known[:6]:

@@ -18,9 +18,11 @@ from typing import Any
 
 import psutil
 
+from radar_app.exits import CLOSED, USAGE, note_closed, pipe_closed, say
 from radar_app.graph import NodeSpec, arguments
 from radar_core import ConfigError
 from radar_core.paths import share_dir
+from radar_ros.signals import interruptible, stopped, told
 
 _GRACE = (1.5, 0.7)  # s: after SIGINT, after SIGTERM; then SIGKILL. Together below the 3 s that a user waits.
 _LAST_DOMAIN = 232  # a higher number's ports lie above 65535
@@ -32,6 +34,9 @@ _CONFIGURATION = 2  # exit status of a node whose configuration makes no sense, 
 _LOOK_TIMEOUT = 120.0  # s: to start an interpreter and to look; a busy machine is slow
 LOOK = 1.0
 """How long discovery needs to find nodes that run already [s]."""
+_PULSE = 0.2  # s: how often it is looked for nodes that ended
+_OURS = "handwave"
+"""Who tells what no node does."""
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
 LogSink = Callable[[str, str], None]
@@ -200,26 +205,35 @@ class Supervisor:
             child.reader.join(timeout=0.5)
 
 
-def supervise(supervisor: Supervisor) -> int:
+def supervise(supervisor: Supervisor, wait: Callable[[float], None] = time.sleep) -> int:
     """Run nodes until interrupted or until none is left; a node that dies leaves the others running.
 
-    Returns 0 when no node died, 1 when one did, 2 when a node refused its configuration (which ends all).
+    ``wait`` passes a time [s], and may do something meanwhile. Returns 0 when no node died, 1 when one did, 2 when a node refused its
+    configuration (which ends all), 129 when the terminal was closed, 141 when nobody reads the output any more.
     """
-    told = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: told.set())
-    with supervisor:
-        while not told.wait(0.2):
-            for name, code in supervisor.poll():
-                if code == _CONFIGURATION:
-                    print(f"handwave: node {name} refused its configuration, see above; everything is stopped", file=sys.stderr)
-                    return 2
-                if not supervisor.respawn:
-                    advice = "" if code == 0 else "; the others go on, --respawn would start it again"
-                    print(f"handwave: node {name} ended with status {code}{advice}", file=sys.stderr)
-            if not supervisor.active:
-                break
-    return int(bool(supervisor.crashes) and not supervisor.respawn)
+    status = 0
+    try:
+        with interruptible(), supervisor:
+            status = _oversee(supervisor, wait)
+    except KeyboardInterrupt:  # that is how it ends
+        status = stopped() if told() == signal.SIGHUP else 0
+    return status or int(bool(supervisor.crashes) and not supervisor.respawn)
+
+
+def _oversee(supervisor: Supervisor, wait: Callable[[float], None]) -> int:
+    while True:
+        wait(_PULSE)
+        if pipe_closed():
+            return CLOSED
+        for name, code in supervisor.poll():
+            if code == _CONFIGURATION:
+                say(f"node {name} refused its configuration, see above; everything is stopped")
+                return USAGE
+            if not supervisor.respawn:
+                advice = "" if code == 0 else "; the others go on, --respawn would start it again"
+                say(f"node {name} ended with status {code}{advice}")
+        if not supervisor.active:
+            return 0
 
 
 def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, grace: float) -> list[subprocess.Popen[str]]:
@@ -263,15 +277,32 @@ def refuse_running(found: Iterable[tuple[str, str]], names: Sequence[str], names
         )
 
 
-def run_composed(specs: Sequence[NodeSpec], domain: int | None = None) -> int:
-    """Run all nodes in this process, on one executor, until interrupted; returns the exit status."""
+def run_composed(specs: Sequence[NodeSpec], domain: int | None = None, tell: Callable[[str], None] | None = None) -> int:
+    """Run all nodes in this process, on one executor, until interrupted; returns the exit status. ``tell`` is told what happens."""
     os.environ.update(environment(domain))
     from radar_ros.stage import run
 
     def make(spec: NodeSpec) -> Any:
         return importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
 
-    return run(*(partial(make, spec) for spec in specs))
+    makers: list[Callable[[], Any]] = [partial(make, spec) for spec in specs]
+    if tell is not None:
+        makers.append(partial(_teller_node, [spec.path for spec in specs], tell))
+    status = run(*makers)
+    return stopped() if told() == signal.SIGHUP else status
+
+
+def _teller_node(names: Sequence[str], tell: Callable[[str], None]) -> Any:
+    """Make a node that tells what happens in the graph beside it."""
+    import rclpy
+
+    from radar_app.watching.listener import Ears
+    from radar_app.watching.teller import Teller
+
+    node: Any = rclpy.create_node(f"handwave_up_{os.getpid()}", start_parameter_services=False)
+    node.close = lambda: None
+    node.create_timer(_PULSE, Teller(Ears(node), names, tell).look)
+    return node
 
 
 def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool, respawn: bool) -> int:
@@ -280,9 +311,22 @@ def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool
     A `ConfigError` says that nodes of these names run already.
     """
     refuse_busy_domain([spec.path for spec in specs], "", domain)
+    sink = default_log_sink(max(len(s.label) for s in specs))
     if composed:
-        return run_composed(specs, domain)
-    return supervise(Supervisor(specs, domain=domain, respawn=respawn, log=default_log_sink(max(len(s.label) for s in specs))))
+        return run_composed(specs, domain, partial(sink, _OURS))
+    os.environ.update(environment(domain))
+    from radar_app.watching.listener import Listener
+    from radar_app.watching.teller import Teller
+    from radar_ros.interrupts import ros
+
+    with ros(), Listener("up") as listener:
+        teller = Teller(listener, [spec.path for spec in specs], partial(sink, _OURS))
+
+        def wait(seconds: float) -> None:
+            listener.spin(seconds)
+            teller.look()
+
+        return supervise(Supervisor(specs, domain=domain, respawn=respawn, log=sink), wait)
 
 
 def default_log_sink(width: int) -> LogSink:
@@ -296,6 +340,9 @@ def default_log_sink(width: int) -> LogSink:
 
     def sink(name: str, line: str) -> None:
         colour = known.setdefault(name, colours[len(known) % len(colours)])
-        console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
+        try:
+            console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
+        except (OSError, SystemExit):  # rich exits where nobody reads any more; here that is for `supervise`, and nodes must not wait
+            note_closed()
 
     return sink

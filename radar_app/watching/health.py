@@ -17,6 +17,7 @@ from radar_ros.messages.convert import from_time
 _SILENT: Final = 3.0  # s: nodes say once a second how they are; who says nothing for so long hangs, or was killed
 _KEPT: Final = 200  # latencies of each stage that the median is made of
 _WAITING: Final = 500  # frames whose stages may still come
+_SOME_LOST: Final = 0.05  # share of messages
 _WHAT: Final = ": processing"  # how the statuses of stages are named in diagnostics
 _OK, _WARN, _STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.STALE
 _LEVELS: Final = {_OK: "ok", _WARN: "warn", DiagnosticStatus.ERROR: "error", _STALE: "waiting"}
@@ -74,16 +75,17 @@ class _Space:
 
 
 class Health:
-    """Collects what nodes say, of the namespace of ``ears`` and those below."""
+    """Collects what nodes say, of the namespace of ``ears`` and those below; without ``latencies`` it hears them once a second only."""
 
-    def __init__(self, ears: Ears) -> None:
+    def __init__(self, ears: Ears, *, latencies: bool = True) -> None:
         self._ears = ears
         self._space = ears.node.get_namespace().strip("/")
         self._said: dict[str, _Said] = {}
         self._spaces: dict[str, _Space] = {}
         self._latencies: dict[str, deque[float]] = {}
         ears.hear("diagnostics", self._diagnostics)
-        ears.hear_each("stage_status", self._status)
+        if latencies:
+            ears.hear_each("stage_status", self._status)
 
     @property
     def heard(self) -> set[str]:
@@ -94,18 +96,14 @@ class Health:
         """Full names of the nodes that are there, whether they say something or not."""
         return {name.strip("/") for name in self._ears.publishers("stage_status")}
 
-    def value(self, name: str, key: str) -> str:
-        """Give one value that a node said of itself; empty: it did not."""
-        return self._said[name].values.get(key, "") if name in self._said else ""
-
     def states(self) -> list[NodeState]:
         """Say how all nodes are doing, in the order of their names."""
-        now = time.monotonic()
-        return [self._state(name, now) for name in sorted(self.present() | self.heard)]
+        return [self.state(name) for name in sorted(self.present() | self.heard)]
 
-    def _state(self, name: str, now: float) -> NodeState:
+    def state(self, name: str) -> NodeState:
+        """Say how one node is doing, by its full name."""
         said = self._said.get(name)
-        if said is None or now - said.time > _SILENT:
+        if said is None or time.monotonic() - said.time > _SILENT:
             wrong = "it is there but says nothing: it hangs, or was killed a moment ago"
             return NodeState(name, "silent", wrong=wrong)
         rate, compute, dropped = (_number(said.values.get(key)) for key in ("rate_hz", "compute_ms", "dropped_total"))
@@ -158,9 +156,15 @@ def _judged(said: _Said, rate: float | None) -> tuple[str, str]:
         return "stale" if said.values.get("stale") == "True" else "error", said.message
     if said.level == "waiting":
         return "waiting", "no data has come yet"
-    if said.level == "warn":
+    if said.level == "warn" and not _hardly(said):
         return "warning", said.message
     return ("idle" if said.message == "idle" and not rate else "running"), ""
+
+
+def _hardly(said: _Said) -> bool:
+    """Whether a node warns of nothing but some messages that were lost in its last second: a busy machine does that."""
+    lost, rate = _number(said.values.get("dropped")) or 0.0, _number(said.values.get("rate_hz")) or 0.0
+    return said.message == f"{lost:.0f} dropped" and lost <= _SOME_LOST * (rate + lost)
 
 
 def _number(text: str | None) -> float | None:

@@ -67,12 +67,12 @@ class Comings:
 
 
 def place(position: Sequence[float]) -> str:
-    """Say where in the room: ``2.3 m ahead, 0.4 m to the left``, as the radar looks."""
+    """Say where in the room: ``2.3 m ahead, 0.4 m left``, as the radar looks."""
     x, y = position[0], position[1]
     if not (math.isfinite(x) and math.isfinite(y)):
         return "place unknown"
     ahead = f"{x:.1f} m ahead" if x >= 0 else f"{-x:.1f} m behind"
-    side = "" if abs(y) < 0.05 else f", {abs(y):.1f} m to the {'left' if y > 0 else 'right'}"
+    side = "" if abs(y) < 0.05 else f", {abs(y):.1f} m {'left' if y > 0 else 'right'}"
     return ahead + side
 
 

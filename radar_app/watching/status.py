@@ -88,7 +88,7 @@ def screen(status: GraphStatus) -> RenderableType:
     table.add_column("node")
     table.add_column("state")
     for name in ("rate [1/s]", "latency [ms]", "work [ms]", "lost"):
-        table.add_column(name, justify="right")
+        table.add_column(Text(name), justify="right")  # as text: square brackets are markup
     for node in status.nodes:
         state = Text(node.state, style=_STYLES.get(node.state, "bold red"))
         figures = (_figure(node.rate, 1.0, ".1f"), _figure(node.latency, 1e3, ".1f"), _figure(node.compute, 1e3, ".2f"))
