@@ -76,6 +76,7 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
         due = time.monotonic() + LOOK
         try:
             plan = _plan(options)
+            monitor.duration = plan.duration
             monitor.spin(max(due - time.monotonic(), 0.0))
             found = monitor.node.get_node_names_and_namespaces()
             refuse_running(found, [spec.name for spec in plan.specs], options.namespace, options.domain)
@@ -216,12 +217,6 @@ def _plain_lines(monitor: Monitor, console: Console) -> Callable[[], None]:
         if time.monotonic() < next_line:
             return
         next_line += 1.0
-        people = len(monitor.tracks.tracks) if monitor.tracks is not None else 0
-        latest = sorted(monitor.latencies[-50:])
-        latency = f"{latest[len(latest) // 2] * 1e3:.1f} ms" if latest else "-"
-        hand = f", hand {monitor.hand.value:.2f}" if monitor.hand is not None else ""
-        gestures = ", ".join(f"{track}:{name}" for track, name, _ in list(monitor.gestures)[-2:])
-        line = f"{monitor.frames:5d} frames, {people} tracks, latency {latency}{hand}, last gestures {gestures or '-'}"
-        console.print(line, highlight=False)
+        console.print(monitor.line(), highlight=False, soft_wrap=True)
 
     return show
