@@ -20,6 +20,7 @@ from radar_app import (
     gesture_commands,
     scene_commands,
     training_commands,
+    view_commands,
     watch_commands,
 )
 from radar_app.compiling import compile_loops
@@ -312,7 +313,7 @@ lab = typer.Typer(
     rich_markup_mode="markdown",
     help="Commands for studies: what effects do, calibration in a chamber, data sets, training, accuracy against time.",
 )
-_WATCHING = (watch_commands.watch, watch_commands.status, watch_commands.listen)
+_WATCHING = (watch_commands.watch, view_commands.view, watch_commands.status, watch_commands.listen)
 _PANELS = {
     _WATCH: _WATCHING,
     _BAGS: (scene_commands.scenes, scene_commands.simulate),

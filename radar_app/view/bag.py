@@ -94,6 +94,13 @@ class BagSource:
         return ZoneMonitor() if self._computed else None
 
     @property
+    def note(self) -> str:
+        """That the recording is over, or what is wrong with it."""
+        if self.trouble:
+            return f"the recording ends here: {self.trouble}"
+        return self.taker.note or ("the recording is over" if self.ended.is_set() else "")
+
+    @property
     def zones_file(self) -> Path | None:
         """Where zones are kept; None: nowhere."""
         return self._options.zones_file

@@ -148,6 +148,11 @@ class LiveSource:
         self._graph_file = answer.values[0].string_value if answer is not None and answer.values else ""
 
     @property
+    def note(self) -> str:
+        """How many messages made no sense, and why the last one."""
+        return self.taker.note
+
+    @property
     def zones_file(self) -> Path | None:
         """Where zones are kept; None: nowhere yet."""
         if self._given_file is not None:

@@ -73,6 +73,11 @@ class Taker:
         self._feed = feed
         self.refused, self.reason = 0, ""
 
+    @property
+    def note(self) -> str:
+        """What people should know of it; empty: nothing."""
+        return f"{self.refused} messages make no sense; the last: {self.reason}" if self.refused else ""
+
     def take(self, topic: str, msg: Any, place: str = "") -> None:
         """Take in one message, by its topic's name within the namespace; ``place`` is the namespace of its radar."""
         try:

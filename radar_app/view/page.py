@@ -4,12 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from pathlib import Path
+from typing import Final, Protocol
 
 from bokeh.document import Document
+from bokeh.layouts import column
+from bokeh.models import ColumnDataSource, CustomJS
+from bokeh.models.layouts import TabPanel, Tabs
 from bokeh.models.ui import UIElement
 
+from radar_app.view.bar import TimeBar
 from radar_app.view.feed import Feed, Snapshot
+from radar_app.view.style import PAGE, TABS
+
+PERIOD_MS: Final = 80
+"""How often a page looks whether it has something new to show."""
+
+_AHEAD: Final = 2  # pictures that may be on their way to the browser
+_DRAWN: Final = "requestAnimationFrame(() => { drawn.data = {n: [sent.data.n[0]]} })"
+_AGAIN: Final = """
+const note = document.createElement("div")
+note.textContent = "The server of this page has gone; it opens again when the server is back."
+note.style.cssText = "position:fixed;inset:auto 0 0 0;padding:12px;background:#D55E00;color:#fff;font:600 15px sans-serif;text-align:center"
+document.body.append(note)
+setInterval(() => fetch(location.pathname).then(answer => { if (answer.ok) location.reload() }, () => {}), 2000)
+"""
 
 
 class Source(Protocol):
@@ -25,6 +44,20 @@ class Source(Protocol):
 
     title: str
     feed: Feed
+
+    @property
+    def note(self) -> str:
+        """What people should know besides: that a recording is over, that messages make no sense; empty: nothing."""
+        ...
+
+    @property
+    def zones_file(self) -> Path | None:
+        """Where zones are kept; None: nowhere."""
+        ...
+
+    def reload_zones(self, told: Callable[[bool, str], None]) -> None:
+        """Let the zones file take effect; ``told``, called from any thread, hears whether it did, and what there is to say."""
+        ...
 
     def close(self) -> None:
         """Stop; when it returns no thread of it is left."""
@@ -54,18 +87,17 @@ class Context:
 
 
 class Tab(Protocol):
-    """One tab of one browser's page.
+    """One tab of one browser's page; ``title`` and ``layout`` may be plain attributes."""
 
-    Attributes
-    ----------
-    title : str
-        On its handle.
-    layout : UIElement
-        What it shows, ``sizing_mode="stretch_width"``; made once.
-    """
+    @property
+    def title(self) -> str:
+        """What stands on its handle."""
+        ...
 
-    title: str
-    layout: UIElement
+    @property
+    def layout(self) -> UIElement:
+        """What it shows, ``sizing_mode="stretch_width"``; made once."""
+        ...
 
     def update(self, now: Snapshot) -> None:
         """Show a moment; called some ten times a second while the tab is seen and there is something new, also while the user scrubs.
@@ -84,8 +116,54 @@ TabMaker = Callable[[Context], Tab]
 
 
 class Page:
-    """The page of one browser; see the package's docstring."""
+    """The page of one browser.
+
+    It shows a moment when something new has come, or the user has chosen another one, and the browser has drawn what it was sent before:
+    who is slow gets fewer pictures, never late ones.
+
+    Parameters
+    ----------
+    context : Context
+        What it shows, and where.
+    makers : sequence of TabMaker
+        Its tabs, in order.
+    """
 
     def __init__(self, context: Context, makers: Sequence[TabMaker]) -> None:
-        self.context = context
+        self._source = context.source
+        self.bar = TimeBar(context.feed, context.source.title)
         self.tabs = [make(context) for make in makers]
+        self._sent = ColumnDataSource(data={"n": [0]}, name="sent")
+        self._drawn = ColumnDataSource(data={"n": [0]}, name="drawn")
+        self._sent.js_on_change("data", CustomJS(args={"sent": self._sent, "drawn": self._drawn}, code=_DRAWN))
+        self._seen: tuple[object, ...] = ()
+        self._panels = Tabs(
+            tabs=[TabPanel(title=tab.title, child=tab.layout) for tab in self.tabs], sizing_mode="stretch_width", stylesheets=[TABS]
+        )
+        document = context.document
+        document.title = "Handwave"
+        document.template = PAGE  # type: ignore[assignment]  # text is as good as a template there
+        document.js_on_event("connection_lost", CustomJS(code=_AGAIN))
+        document.add_root(column(self.bar.layout, self._panels, sizing_mode="stretch_width"))
+        for source in (self._sent, self._drawn):
+            document.add_root(source)
+        document.add_periodic_callback(self._tick, PERIOD_MS)
+
+    def _tick(self) -> None:
+        """Show what is new, if the browser is ready for it."""
+        number = self._sent.data["n"][0]
+        if number - self._drawn.data["n"][0] >= _AHEAD:
+            return
+        moment = self.bar.moment()
+        seen = (moment.history.number, moment.stamp_ns, self._panels.active)
+        self.bar.update(moment, self._source.note)
+        if seen == self._seen:
+            return
+        self._seen = seen
+        self.tabs[self._panels.active].update(moment)
+        self._sent.data = {"n": [number + 1]}
+
+    def close(self) -> None:
+        """Let go of everything: the browser has left."""
+        for tab in self.tabs:
+            tab.close()

@@ -1,0 +1,77 @@
+"""The first tab: the room, the people in it, what they do, and how the graph is doing."""
+
+from __future__ import annotations
+
+from bokeh.layouts import column
+
+from radar_app.view.act_panels import ControlPanel, GesturePanel
+from radar_app.view.feed import Snapshot
+from radar_app.view.map_panels import PersonPanel, RangeDopplerPanel
+from radar_app.view.page import Context
+from radar_app.view.plan import Plan
+from radar_app.view.style import card, grid
+from radar_app.view.table_panels import Tables
+from radar_app.view.zones_panel import ZonesPanel
+
+
+class RoomTab:
+    """See `radar_app.view.page.Tab`."""
+
+    title = "Room"
+
+    def __init__(self, context: Context) -> None:
+        self._plan = Plan(self._clicked)
+        self._gestures, self._control = GesturePanel(), ControlPanel()
+        self._range_doppler, self._person = RangeDopplerPanel(context.feed), PersonPanel()
+        self._tables, self._zones = Tables(), ZonesPanel(context)
+        self._zones.on(self._plan)
+        self._zones.look()
+        self._now: Snapshot | None = None
+        micro_doppler, azimuth, elevation = self._person.figures
+        acts = column(
+            card("Gestures", self._gestures.list, self._gestures.figure),
+            card("Control value", self._control.gauge, self._control.figure),
+            sizing_mode="stretch_width",
+            spacing=12,
+        )
+        top = grid(card("Room from above", self._plan.figure, span=2), acts, columns=3)
+        maps = grid(
+            card("Distance and speed", self._range_doppler.figure),
+            card("One person: micro-Doppler", micro_doppler),
+            card("One person: azimuth", azimuth),
+            card("One person: elevation", elevation),
+            columns=4,
+        )
+        tables = grid(
+            card("People", self._tables.people),
+            card("Zones", self._tables.zones, *self._zones.parts),
+            card("Whose maps are shown", self._person.choice),
+            columns=3,
+        )
+        nodes = grid(card("Nodes", self._tables.nodes, span=2), card("Latency", self._tables.latency), columns=3)
+        self.layout = column(top, maps, tables, nodes, sizing_mode="stretch_width", spacing=12)
+
+    def _clicked(self, x: float, y: float) -> None:
+        """Take a click on the plan: a corner of a zone, or the choice of a person."""
+        if self._zones.drawing:
+            self._zones.click(x, y)
+            return
+        people = self._now.people if self._now is not None else None
+        near = sorted(((p.position[0] - x) ** 2 + (p.position[1] - y) ** 2, p.id) for p in (people.tracks if people is not None else ()))
+        if near and near[0][0] < 0.7**2:
+            self._person.choose(near[0][1])
+
+    def update(self, now: Snapshot) -> None:
+        """Show a moment."""
+        self._now = now
+        self._plan.update(now)
+        self._gestures.update(now)
+        self._control.update(now)
+        self._range_doppler.update(now)
+        self._person.update(now)
+        self._tables.update(now)
+        self._zones.update()
+
+    def close(self) -> None:
+        """Want no more raw frames."""
+        self._range_doppler.close()

@@ -1,0 +1,129 @@
+"""Tables: who is where, and how every node is doing; and how long results take, over the last minute."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from bokeh.models import ColumnDataSource, DataRange1d, Range1d
+from bokeh.models.widgets import Div
+
+from radar_app.view.feed import Entry, Snapshot
+from radar_app.view.records import NodeHealth, StageFigures, StageReport
+from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, colour, plot
+from radar_tracking.tracks import Tracks, TrackStatus
+from radar_tracking.zones import Presence, ZoneState, ZoneStates
+
+_EVERY_NS: Final = 480_000_000  # tables are written twice a second
+_MARKS: Final = {"ok": (GOOD, "ok"), "warn": (DOUBTFUL, "look"), "error": (BAD, "error"), "stale": (FAINT, "no data")}
+_PRESENCE: Final = {Presence.EMPTY: (FAINT, "empty"), Presence.OCCUPIED: (GOOD, "occupied"), Presence.UNKNOWN: (DOUBTFUL, "not known")}
+_BINS: Final = 120  # places of the latency plot
+
+
+class Tables:
+    """The tables, and the plot of latencies."""
+
+    def __init__(self) -> None:
+        self.people = Div(name="people", sizing_mode="stretch_width")
+        self.zones = Div(name="zones", sizing_mode="stretch_width")
+        self.nodes = Div(name="nodes", sizing_mode="stretch_width")
+        self._source = ColumnDataSource(data={"t": [], "latency": []}, name="latency")
+        self.latency = plot(
+            "latency_plot", "time [s]", "frame to people [ms]", x_range=Range1d(start=-60, end=0), y_range=DataRange1d(start=0), height=150,
+            tools="",
+        )  # fmt: skip
+        self.latency.line("t", "latency", source=self._source, line_color=ACCENT, line_width=1.5)
+        self._due_ns, self._last_ns = 0, -1
+
+    def update(self, now: Snapshot) -> None:
+        """Write them anew, some times a second."""
+        if now.newest and self._last_ns <= now.stamp_ns < self._due_ns:
+            return
+        self._due_ns, self._last_ns = now.stamp_ns + _EVERY_NS, now.stamp_ns
+        for div, text in (
+            (self.people, _people(now.people)),
+            (self.zones, _zones(now.zones)),
+            (self.nodes, _nodes(now.stages, now.health)),
+        ):
+            if div.text != text:
+                div.text = text
+        self._source.data = _latencies(now.past("status", 60.0), now.stamp_ns)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], empty: str) -> str:
+    """Write a table; cells are HTML already, ``empty`` is said where there is no row."""
+    if not rows:
+        return f'<div style="color:{FAINT};font:14px {FONT}">{empty}</div>'
+    cell = f"padding:4px 10px 4px 0;border-bottom:1px solid {LINE};text-align:left;white-space:nowrap"
+    head = "".join(f'<th style="{cell};color:{FAINT};font-weight:500">{name}</th>' for name in header)
+    body = "".join("<tr>" + "".join(f'<td style="{cell}">{text}</td>' for text in row) + "</tr>" for row in rows)
+    return (
+        f'<div style="overflow-x:auto"><table style="border-collapse:collapse;width:100%;font:13px {FONT};color:{TEXT};'
+        f'font-variant-numeric:tabular-nums"><tr>{head}</tr>{body}</table></div>'
+    )
+
+
+def _dot(shade: str, text: str) -> str:
+    return f'<span style="color:{shade}">●</span> {text}'
+
+
+def _people(people: Tracks | None) -> str:
+    rows = []
+    for track in people.tracks if people is not None else ():
+        x, y, _ = track.position
+        speed = math.hypot(track.velocity[0], track.velocity[1])
+        seen = "now" if track.status is not TrackStatus.COASTING else f"{track.unseen:.1f} s ago"
+        rows.append([_dot(colour(track.id), str(track.id)), f"{x:.2f}, {y:.2f}", f"{speed:.2f}", str(track.n_points), seen])
+    return table(("person", "x, y [m]", "speed [m/s]", "points", "seen"), rows, "nobody is there")
+
+
+def _zones(zones: ZoneStates | None) -> str:
+    if zones is None:
+        return table((), (), "no zones node runs in this graph")
+    rows = [_zone(zone) for zone in (zones.room, *zones.zones)]
+    return table(("zone", "people", "", "for [s]"), rows, "")
+
+
+def _zone(zone: ZoneState) -> list[str]:
+    people = "?" if zone.presence is Presence.UNKNOWN else str(zone.count)
+    dwell = f"{zone.dwell:.0f}" if zone.dwell else ""
+    return [html.escape(zone.name), f"<b>{people}</b>", _dot(*_PRESENCE[zone.presence]), dwell]
+
+
+def _nodes(stages: Sequence[StageFigures], health: dict[str, NodeHealth]) -> str:
+    """Write how the nodes are doing: those that report their work, then those that only say how they are."""
+    said = {name.partition(":")[0]: node for name, node in health.items() if name.endswith(": processing")}
+    others = {name: node for name, node in health.items() if not name.endswith(": processing")}
+    rows = []
+    for stage in stages:
+        node = said.pop(stage.stage, None)
+        level, text = _MARKS["error" if stage.stale else node.level if node is not None else "ok"]
+        words = "no data comes any more" if stage.stale else node.message if node is not None else ""
+        figures = (_number(stage.rate, ".0f"), _number(stage.compute * 1e3, ".1f"), _number(stage.latency * 1e3, ".0f"), str(stage.dropped))
+        rows.append([_dot(level, html.escape(stage.stage)), *figures, html.escape(words if words != "running" else text)])
+    for name, node in {**said, **others}.items():
+        rows.append([_dot(_MARKS[node.level][0], html.escape(name)), "", "", "", "", html.escape(node.message)])
+    return table(("node", "rate [Hz]", "work [ms]", "frame to here [ms]", "dropped", "says"), rows, "no node has said how it is doing")
+
+
+def _number(value: float, form: str) -> str:
+    return "" if math.isnan(value) else format(value, form)
+
+
+def _latencies(entries: Sequence[Entry[StageReport]], now_ns: int) -> dict[str, Any]:
+    """Make the time from a frame's publication to its tracks, over the last minute: the worst of every half second."""
+    sent = {entry.value.sequence: entry.value.monotonic_ns for entry in entries if entry.value.stage == "driver"}
+    found = [
+        ((entry.stamp_ns - now_ns) * 1e-9, (entry.value.monotonic_ns - sent[entry.value.sequence]) * 1e-6)
+        for entry in entries
+        if entry.value.stage == "tracking" and entry.value.sequence in sent and not entry.value.stale
+    ]
+    if not found:
+        return {"t": [], "latency": []}
+    times, latencies = np.array(found).T
+    place = np.floor(times / 60.0 * _BINS).astype(int)
+    places = np.unique(place)
+    return {"t": ((places + 0.5) * 60.0 / _BINS), "latency": np.array([latencies[place == each].max() for each in places])}

@@ -1,0 +1,93 @@
+"""`handwave view`: the live page."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from radar_app.parameters import Configs, Domain, Namespace, Params, ZonesFile, parse_parameters
+from radar_core import ConfigError
+
+if TYPE_CHECKING:
+    from radar_app.view.bag import BagSource
+    from radar_app.view.live import LiveSource
+
+LIVE = "live"
+_PORT = 5006
+
+
+def view(
+    what: Annotated[str, typer.Argument(help="live: the graph that runs; or the folder of a recording")] = LIVE,
+    port: Annotated[int, typer.Option(help="of the page; 0: any that is free", min=0, max=65535)] = _PORT,
+    host: Annotated[str | None, typer.Option(help="address to listen on, for others; they need the token (docs/how-to/view.md)")] = None,
+    token_file: Annotated[
+        Path | None, typer.Option(help="with --host: file with the token; default: $HANDWAVE_VIEW_TOKEN, or a new one")
+    ] = None,
+    zones: ZonesFile = None,
+    rate: Annotated[float, typer.Option(help="of a recording: pace; 2 is twice as fast", min=0.05, max=100.0)] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="of a recording: again and again")] = False,
+    compute: Annotated[bool, typer.Option("--compute", help="of a recording: work out the results anew")] = False,
+    param: Params = None,
+    config: Configs = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Show in a browser what a graph does, live; or a recording, without a graph.
+
+    A recording shows its own results; where it has none, or with --compute, the library works them out. To see a recording go through a
+    graph run `handwave replay` beside `handwave view`.
+
+    Examples: `handwave view` · `handwave view my_demo` · `handwave view --zones living_room.yaml` · `handwave view --host 0.0.0.0`
+    """
+    from radar_app.supervisor import environment
+
+    if host is None and token_file is not None:
+        raise ConfigError("--token-file goes with --host; on this machine no token is needed")
+    os.environ.update(environment(domain))
+    source = _live(namespace, zones) if what == LIVE else _bag(Path(what), rate, loop, compute, zones, param, config)
+    try:
+        _serve(source, port, host, token_file)
+    finally:
+        source.close()
+
+
+def _live(namespace: str, zones: Path | None) -> LiveSource:
+    from radar_app.view.live import LiveSource
+
+    return LiveSource(namespace.strip("/"), zones)
+
+
+def _bag(
+    path: Path, rate: float, loop: bool, compute: bool, zones: Path | None, param: list[str] | None, config: list[str] | None
+) -> BagSource:
+    from radar_app.view.bag import BagOptions, BagSource
+    from radar_ros.offline import pipeline_config
+
+    if not path.exists():
+        raise ConfigError(f"{path}: there is no such recording; give its folder, or {LIVE} for the graph that runs")
+    chosen = pipeline_config(parse_parameters(param, config)) if param or config else None
+    return BagSource(path, BagOptions(rate, loop, compute or chosen is not None, zones, chosen))
+
+
+def _serve(source: LiveSource | BagSource, port: int, host: str | None, token_file: Path | None) -> None:
+    """Serve the page until Ctrl-C, and say where it is."""
+    from radar_app.view.access import LOCAL, LOGIN, addresses, find_token
+    from radar_app.view.room_tab import RoomTab
+    from radar_app.view.server import ServerOptions, ViewServer
+
+    token, fresh = find_token(token_file) if host is not None else ("", False)
+    server = ViewServer(source, [RoomTab], ServerOptions(port, host or LOCAL, token))
+    try:
+        if host is None:
+            print(f"http://{LOCAL}:{server.port}/", flush=True)
+        for address in addresses(host) if host is not None else ():
+            print(f"http://{address}:{server.port}/", flush=True)
+        if fresh:  # told once, to who started it, on the terminal; behind # it reaches no log
+            print(f"token, for {LOGIN}#TOKEN or the page's question: {token}", file=sys.stderr, flush=True)
+        server.run()
+    finally:
+        server.close()
