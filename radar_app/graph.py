@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radar_core import ConfigError
+from radar_core.config import nearest
 
 
 @dataclass(frozen=True)
@@ -116,14 +117,14 @@ def graph(
         When there is no such variant or node.
     """
     if variant not in VARIANTS:
-        raise ConfigError(f"there is no graph {variant!r}; choose one of {', '.join(VARIANTS)}")
+        raise ConfigError(f"there is no graph {variant!r}{nearest(variant, VARIANTS)}; choose one of {', '.join(VARIANTS)}")
     chosen = VARIANTS[variant]
     given = dict(parameters or {})
     common = given.pop("*", {})
     known = (*NODES, *(name for name in chosen.nodes if name not in NODES))
     for name in (*given, *without, *beside):
         if name not in known:
-            raise ConfigError(f"there is no node {name!r}; nodes: {', '.join(known)}")
+            raise ConfigError(f"there is no node {name!r}{nearest(name, known)}; nodes: {', '.join(known)}")
     specs = []
     for label in (*chosen.nodes, *beside):
         place, _, name = label.rpartition("/")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ from radar_core import ConfigError, DataError
 from radar_core.mounting import MountCalibration, load_mount
 from radar_ros import compiling
 from radar_ros.bags import TYPES, BagWriter
-from radar_ros.interrupts import INTERRUPTED, interruptible, ros
+from radar_ros.interrupts import ros
 from radar_ros.offline import Recording, copy_info, open_recording
 from radar_ros.replay import Lockstep, Player, play
+from radar_ros.signals import interruptible, stopped
 from radar_ros.waiting import PATIENCE, REMEDY, Patience
 
 READER_TIMEOUT = PATIENCE
@@ -78,7 +80,7 @@ def run_replay(options: ReplayOptions) -> int:
             supervisor.poll()
         except KeyboardInterrupt:
             console.print("interrupted")
-            status = INTERRUPTED
+            status = stopped()
     for name, code in supervisor.crashes:
         console.print(f"[red]node {name} died with status {code}")
     return 1 if supervisor.crashes else status
@@ -101,19 +103,15 @@ def _lockstep(options: ReplayOptions, nodes: Supervisor, recording: Recording, c
             raise DataError(f"node {name} ended with status {status}; the replay is not complete")
 
     stages = [stage for stage in STAGES if stage != "baseband" or recording.topic == "radar/frame"]
-    out = BagWriter(options.out) if options.out is not None else None
-    if out is not None:
-        copy_info(options.bag, out, mount)
-    lockstep = Lockstep(stages, options.namespace, out, watch, mount, nodes.cpu_seconds)
-    try:
+    with ExitStack() as stack:
+        out = stack.enter_context(BagWriter(options.out)) if options.out is not None else None
+        if out is not None:
+            copy_info(options.bag, out, mount)
+        lockstep = stack.enter_context(closing(Lockstep(stages, options.namespace, out, watch, mount, nodes.cpu_seconds)))
         with Progress(console=console) as progress:
             task = progress.add_task("lockstep", total=len(recording))
             count = lockstep.run(options.bag, lambda done: progress.update(task, completed=done))
-        console.print(f"{count} frames, none lost" + (f"; results in {options.out}" if options.out else ""))
-    finally:
-        lockstep.close()
-        if out is not None:
-            out.close()
+    console.print(f"{count} frames, none lost" + (f"; results in {options.out}" if options.out else ""))
 
 
 def _in_time(options: ReplayOptions, supervisor: Supervisor, topic: str, console: Console, mount: MountCalibration | None) -> None:

@@ -11,7 +11,7 @@ import dataclasses
 import difflib
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -125,11 +125,11 @@ def _check_choice(where: str, value: Any, choices: tuple[Any, ...] | None) -> No
 
 
 def _other_than(value: Any, choices: tuple[Any, ...]) -> str:
-    return f"{value!r}{_nearest(value, choices)}; choose one of {', '.join(map(repr, choices))}"
+    return f"{value!r}{nearest(value, choices)}; choose one of {', '.join(map(repr, choices))}"
 
 
-def _nearest(given: Any, known: Sequence[Any]) -> str:
-    """Name what was probably meant; nothing where nothing is near."""
+def nearest(given: Any, known: Iterable[Any]) -> str:
+    """Name what was probably meant, for a message: ``" (did you mean 'gate'?)"``; empty where nothing is near."""
     near = difflib.get_close_matches(str(given), [str(name) for name in known if name is not None], n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
@@ -223,7 +223,7 @@ def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> s
     if problem["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
         owner = _inside(cls, location[:-1])
         known = [field.name for field in dataclasses.fields(owner)] if owner is not None else []
-        return f"{where}: unknown key '{key}'{_nearest(location[-1], known)}" + (f"; known here: {', '.join(known)}" if known else "")
+        return f"{where}: unknown key '{key}'{nearest(location[-1], known)}" + (f"; known here: {', '.join(known)}" if known else "")
     if problem["type"] in ("missing", "missing_argument"):
         return f"{where}: '{key}' is missing; add it"
     if problem["type"] == "literal_error":

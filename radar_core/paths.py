@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+from radar_core.config import nearest
 from radar_core.errors import ConfigError
 
 
@@ -50,5 +51,6 @@ def find_config(name: str | Path, folder: str, suffix: str) -> Path:
     ours = share_dir() / "config" / folder
     if path.parent == Path() and (ours / f"{path.name}{suffix}").is_file():
         return ours / f"{path.name}{suffix}"
-    known = ", ".join(sorted(p.name.removesuffix(suffix) for p in ours.glob(f"*{suffix}")))
-    raise ConfigError(f"{name}: there is no such file, nor one of ours by that name ({folder}: {known})")
+    known = sorted(p.name.removesuffix(suffix) for p in ours.glob(f"*{suffix}"))
+    said = f"{name}{nearest(name, known)}: there is no such file, nor one of ours by that name"
+    raise ConfigError(f"{said} ({folder}: {', '.join(known)})")

@@ -11,7 +11,7 @@ import yaml
 from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, RadarFrame, RadarInfo
-from radar_core.config import load, nest, plain
+from radar_core.config import load, nearest, nest, plain
 from radar_core.files import write_whole
 from radar_core.mounting import MountCalibration
 from radar_dsp.context import CalibratedBasebandConfig
@@ -103,7 +103,7 @@ def pipeline_config(parameters: Mapping[str, Mapping[str, Any]]) -> PipelineConf
     given: dict[str, Any] = {}
     for node, values in parameters.items():
         if node not in stages:
-            raise ConfigError(f"there is no stage {node!r} to process with; stages: {', '.join(stages)}")
+            raise ConfigError(f"there is no stage {node!r}{nearest(node, stages)} to process with; stages: {', '.join(stages)}")
         # consistency of tracking is for the diagnostics of a running node
         given[node] = nest({name: value for name, value in values.items() if (node, name.split(".")[0]) != ("tracking", "consistency")})
     return load(PipelineConfig, given, "--param")

@@ -12,7 +12,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.parameter import Parameter
 
 from radar_core import ConfigError, HandwaveError
-from radar_core.config import describe, load, nest
+from radar_core.config import describe, load, nearest, nest
 
 T = TypeVar("T")
 _OWN = ("use_sim_time", "start_type_description_service")  # declared or read by rclpy itself
@@ -169,5 +169,6 @@ def refuse_unknown(node: Any) -> None:
     """Raise `ConfigError` when parameters were given that the node does not have; rclpy would ignore them in silence."""
     unknown = [n for n in node._parameter_overrides if not node.has_parameter(n) and n not in _OWN and not n.startswith("qos_overrides.")]
     if unknown:
-        known = ", ".join(sorted(n for n in node._parameters if n not in _OWN))
-        raise ConfigError(f"node {node.get_name()} has no parameter {', '.join(map(repr, unknown))}; it knows: {known}")
+        known = sorted(n for n in node._parameters if n not in _OWN)
+        named = ", ".join(f"{name!r}{nearest(name, known)}" for name in unknown)
+        raise ConfigError(f"node {node.get_name()} has no parameter {named}; it knows: {', '.join(known)}")

@@ -30,7 +30,7 @@ def test_replay_recognises_and_tells_the_time(raw):
 
     domain = str(100 + (os.getpid() + 3) % 130)
     slower = ["--rate", "0.5"]  # other tests share the machine
-    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), *slower, "--domain", domain]
+    command = [sys.executable, "-m", "radar_app", "replay", str(raw), *slower, "--domain", domain]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=int(domain))
@@ -84,18 +84,18 @@ def test_topics_have_to_exist(raw):
 
 
 def start(raw, offset, *extra):
-    command = [sys.executable, "-m", "radar_app.cli", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
+    command = [sys.executable, "-m", "radar_app", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 @pytest.mark.long
 def test_an_interrupted_replay_tidies_up(raw):
-    """SIGTERM: one word, status 130, no traceback."""
+    """SIGTERM: one word, status 143, no traceback."""
     process = start(raw, 7, "--loop")
     time.sleep(7.0)
     process.terminate()
     output, _ = process.communicate(timeout=10)
-    assert process.returncode == 130, output
+    assert process.returncode == 143, output
     assert "interrupted" in output
     assert "Traceback" not in output
 

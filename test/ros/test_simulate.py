@@ -30,7 +30,7 @@ tolerance: 0.1
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "radar_app.cli", *map(str, arguments)]
+    return [sys.executable, "-m", "radar_app", *map(str, arguments)]
 
 
 @pytest.fixture

@@ -81,7 +81,7 @@ def test_ctrl_c_stops_everything_within_three_seconds(tmp_path):
     """`handwave up`, told to stop by SIGINT: exit status 0, no process left."""
     marker = f"up-{os.getpid()}"
     variables = {**os.environ, "HANDWAVE_TEST": marker}
-    command = [sys.executable, "-m", "radar_app.cli", "up", "--scene", "single_target"]
+    command = [sys.executable, "-m", "radar_app", "up", "--scene", "single_target"]
     process = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
     time.sleep(2.0)
@@ -100,7 +100,7 @@ def test_a_killed_launcher_leaves_no_orphans():
     marker = f"orphans-{os.getpid()}"
     variables = {**os.environ, "HANDWAVE_TEST": marker}
     process = subprocess.Popen(
-        [sys.executable, "-m", "radar_app.cli", "up", "--scene", "single_target"], env=variables, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "radar_app", "up", "--scene", "single_target"], env=variables, stdout=subprocess.DEVNULL
     )
     assert wait_for(lambda: len(marked(marker)) >= 7, 30.0)
     time.sleep(1.0)
@@ -114,7 +114,7 @@ def test_a_killed_launcher_leaves_no_orphans():
 def test_ctrl_c_while_everything_is_starting(after):
     """Whatever is being imported or made at that moment ends without a traceback and without leaving a process."""
     marker = f"early-{os.getpid()}-{after}"
-    command = [sys.executable, "-m", "radar_app.cli", "up", "--scene", "single_target"]
+    command = [sys.executable, "-m", "radar_app", "up", "--scene", "single_target"]
     variables = {**os.environ, "HANDWAVE_TEST": marker}
     process = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     time.sleep(after)
@@ -130,7 +130,7 @@ def test_ctrl_c_while_everything_is_starting(after):
 @pytest.mark.long
 def test_a_node_that_cannot_start_says_why(tmp_path):
     """A scene that does not exist: one line of the node, one of the command, and status 2."""
-    command = [sys.executable, "-m", "radar_app.cli", "up", "--scene", str(tmp_path / "nowhere.yaml")]
+    command = [sys.executable, "-m", "radar_app", "up", "--scene", str(tmp_path / "nowhere.yaml")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "nowhere.yaml: there is no such file" in done.stdout
@@ -142,7 +142,7 @@ def test_a_node_that_cannot_start_says_why(tmp_path):
 def test_a_node_that_dies_leaves_the_others_running(ros):
     """Without --respawn: it is named, tracks go on coming, and the exit status tells of it in the end."""
     marker = f"others-{os.getpid()}"
-    command = [sys.executable, "-m", "radar_app.cli", "up", "--scene", "single_target", "--param", "driver.at_end=loop"]
+    command = [sys.executable, "-m", "radar_app", "up", "--scene", "single_target", "--param", "driver.at_end=loop"]
     variables = {**os.environ, "HANDWAVE_TEST": marker}
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
     process = subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -217,7 +217,7 @@ def test_busy_domain_is_refused(ros):
 def test_composed_graph_runs_and_ends_cleanly(ros):
     """All nodes in one process, on one executor."""
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
-    command = [sys.executable, "-m", "radar_app.cli", "up", "--composed", "--scene", "single_target", "--param", "driver.at_end=loop"]
+    command = [sys.executable, "-m", "radar_app", "up", "--composed", "--scene", "single_target", "--param", "driver.at_end=loop"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         assert ros.spin_until(lambda: len(tracks) > 10, 40.0)
