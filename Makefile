@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS = 1
 # Compiled modules are kept, whatever the shell says: without, each of some hundred processes of the tests compiles all of them anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test test-all coverage stability mutations setup lint typecheck bench clean
+.PHONY: docs help demo test test-all coverage stability mutations setup lint typecheck bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
@@ -52,6 +52,10 @@ lint: setup
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
+
+## make docs       the pages of docs/ for a browser, in build/docs; every link is checked
+docs: setup
+	$(VENV)/bin/mkdocs build --strict --quiet
 
 ## make bench      the accuracy and the time of every choice, as tables
 bench: setup

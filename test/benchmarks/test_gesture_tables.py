@@ -106,7 +106,7 @@ def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_pat
 def test_the_shipped_model_and_its_card_are_those_of_the_commands():
     """As far as a model says how it was trained, and its card what it measured: that they come out again is for the benchmark to show."""
     path = find_config("gestures", "models", ".npz")
-    model, card = load_model(path), (ROOT / "docs" / "reference" / "model-card.md").read_text(encoding="utf-8")
+    model, card = load_model(path), (ROOT / "docs" / "research" / "model-card.md").read_text(encoding="utf-8")
     assert config_of(model) == TrainingConfig(starts=gesture_model.STARTS, lost=gesture_model.LOST)
     assert f"{path.stat().st_size:,} bytes" in card
     assert f"**{model.figures['accuracy']:.1%}**" in card
