@@ -57,6 +57,46 @@ class RangeDopplerPanel:
         self._wish.close()
 
 
+class MapFigures:
+    """Micro-Doppler, azimuth and elevation over time, which have one axis of time.
+
+    Parameters
+    ----------
+    name : str
+        How the names of its figures and its source begin.
+    across : Range1d
+        Times that are shown [s].
+
+    Attributes
+    ----------
+    figures : list of figure
+        Of the three.
+    """
+
+    def __init__(self, name: str, across: Range1d) -> None:
+        self._source = ColumnDataSource(data=_NO_IMAGES, name=f"{name}person_maps")
+        up, sides, angle = Range1d(start=-MAX_SPEED, end=MAX_SPEED), both_sides(), "\u00b0, orange: {}"
+        self.figures = [
+            self._figure(name, "micro_doppler", "micro-Doppler", mapper(HEAT, 5.0, 40.0), "dB", across, up),
+            self._figure(name, "azimuth", "azimuth", mapper(sides, -_ANGLES, _ANGLES), angle.format("left"), across, up),
+            self._figure(name, "elevation", "elevation", mapper(sides, -_ANGLES / 2, _ANGLES / 2), angle.format("up"), across, up),
+        ]
+
+    def _figure(self, name: str, field: str, title: str, colours: Any, unit: str, across: Range1d, up: Range1d) -> figure:
+        made = plot(f"{name}{field}_plot", "time [s]", f"{title}: speed [m/s]", x_range=across, y_range=up, height=_HEIGHT, tools="")
+        _draw(made, field, self._source, colours)
+        _bar(made, colours, unit)
+        return made
+
+    def show(self, maps: FeatureMaps, zero_ns: int) -> None:
+        """Show maps; time counts from a moment [ns]."""
+        self._source.data = _person_images(maps, zero_ns)
+
+    def clear(self) -> None:
+        """Show nothing."""
+        self._source.data = _NO_IMAGES
+
+
 class PersonPanel:
     """What one person's points said in the last two seconds; of whom is chosen, or it is whoever made the last gesture, or is nearest."""
 
@@ -64,22 +104,8 @@ class PersonPanel:
         self._maps = PersonMaps(_SECONDS)
         self._due_ns, self._whose = 0, -1
         self.choice = Select(title="person", value=_ANYBODY, options=_choices([]), name="person", width=150, stylesheets=[FIELD])
-        empty = np.full((2, 2), np.nan, np.float32)
-        self._source = ColumnDataSource(data=_images(empty, empty, empty, -_SECONDS, _SECONDS), name="person_maps")
-        across, up = Range1d(start=-_SECONDS, end=0.0), Range1d(start=-MAX_SPEED, end=MAX_SPEED)
-        sides = both_sides()
-        angle = "\u00b0, orange: {}"
-        self.figures = [
-            self._figure("micro_doppler", "micro-Doppler", mapper(HEAT, 5.0, 40.0), "dB", across, up),
-            self._figure("azimuth", "azimuth", mapper(sides, -_ANGLES, _ANGLES), angle.format("left"), across, up),
-            self._figure("elevation", "elevation", mapper(sides, -_ANGLES / 2, _ANGLES / 2), angle.format("up"), across, up),
-        ]
-
-    def _figure(self, field: str, name: str, colours: Any, unit: str, across: Range1d, up: Range1d) -> figure:
-        made = plot(f"{field}_plot", "time [s]", f"{name}: speed [m/s]", x_range=across, y_range=up, height=_HEIGHT, tools="")
-        _draw(made, field, self._source, colours)
-        _bar(made, colours, unit)
-        return made
+        self._images = MapFigures("", Range1d(start=-_SECONDS, end=0.0))
+        self.figures = self._images.figures
 
     def update(self, now: Snapshot) -> None:
         """Show the maps of a moment."""
@@ -94,7 +120,7 @@ class PersonPanel:
         self._due_ns, self._whose = now.stamp_ns + _EVERY_NS, whose
         found = self._maps.process(now, whose) if whose >= 0 else None
         if found is not None and len(found.stamp_ns) > 1:
-            self._source.data = _person_images(found, now.stamp_ns)
+            self._images.show(found, now.stamp_ns)
 
     def _who(self, now: Snapshot, ids: list[int]) -> int:
         """Whose maps are shown; -1: nobody's."""
@@ -134,6 +160,10 @@ def _person_images(maps: FeatureMaps, now_ns: int) -> dict[str, Any]:
     span = (int(maps.stamp_ns[-1]) - int(maps.stamp_ns[0])) * 1e-9 + interval
     level, azimuth, elevation = (np.ascontiguousarray(each.T) for each in (level, *angles))
     return _images(level, azimuth, elevation, start, span)
+
+
+_EMPTY: Final = np.full((2, 2), np.nan, np.float32)
+_NO_IMAGES: Final = _images(_EMPTY, _EMPTY, _EMPTY, -_SECONDS, _SECONDS)
 
 
 def _draw(made: figure, field: str, source: ColumnDataSource, colours: Any) -> None:
