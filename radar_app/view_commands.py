@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +18,7 @@ from radar_core import ConfigError
 if TYPE_CHECKING:
     from radar_app.view.bag import BagSource
     from radar_app.view.live import LiveSource
+    from radar_app.view.page import TabMaker
 
 LIVE = "live"
 _PORT = 5006
@@ -31,6 +35,10 @@ def view(
     rate: Annotated[float, typer.Option(help="of a recording: pace; 2 is twice as fast", min=0.05, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="of a recording: again and again")] = False,
     compute: Annotated[bool, typer.Option("--compute", help="of a recording: work out the results anew")] = False,
+    log: Annotated[
+        Path | None, typer.Option(help="folder of a session: keep every gesture there, to be labelled on the page (docs/how-to)")
+    ] = None,
+    subject: Annotated[str, typer.Option(help="with --log: who performs the gestures; default: as before in that session")] = "",
     param: Params = None,
     config: Configs = None,
     domain: Domain = None,
@@ -47,12 +55,29 @@ def view(
 
     if host is None and token_file is not None:
         raise ConfigError("--token-file goes with --host; on this machine no token is needed")
+    if subject and log is None:
+        raise ConfigError("--subject goes with --log")
     os.environ.update(environment(domain))
     source = _live(namespace, zones) if what == LIVE else _bag(Path(what), rate, loop, compute, zones, param, config)
     try:
-        _serve(source, port, host, token_file)
+        with _logging(source, log, subject) as tabs:
+            _serve(source, tabs, port, host, token_file)
     finally:
         source.close()
+
+
+@contextmanager
+def _logging(source: LiveSource | BagSource, log: Path | None, subject: str) -> Iterator[list[TabMaker]]:
+    """Keep gestures for as long as the block runs, where a folder is given; yields the tabs for that."""
+    if log is None:
+        yield []
+        return
+    from radar_app.logger.logger import Logger
+    from radar_app.logger.store import SessionStore
+    from radar_app.logger.tab import LoggerTab
+
+    with closing(Logger(source.feed, SessionStore(log, subject))) as logger:
+        yield [partial(LoggerTab, logger=logger)]
 
 
 def _live(namespace: str, zones: Path | None) -> LiveSource:
@@ -73,14 +98,14 @@ def _bag(
     return BagSource(path, BagOptions(rate, loop, compute or chosen is not None, zones, chosen))
 
 
-def _serve(source: LiveSource | BagSource, port: int, host: str | None, token_file: Path | None) -> None:
+def _serve(source: LiveSource | BagSource, tabs: list[TabMaker], port: int, host: str | None, token_file: Path | None) -> None:
     """Serve the page until Ctrl-C, and say where it is."""
     from radar_app.view.access import LOCAL, LOGIN, addresses, find_token
     from radar_app.view.room_tab import RoomTab
     from radar_app.view.server import ServerOptions, ViewServer
 
     token, fresh = find_token(token_file) if host is not None else ("", False)
-    server = ViewServer(source, [RoomTab], ServerOptions(port, host or LOCAL, token))
+    server = ViewServer(source, [RoomTab, *tabs], ServerOptions(port, host or LOCAL, token))
     try:
         if host is None:
             print(f"http://{LOCAL}:{server.port}/", flush=True)
