@@ -17,6 +17,7 @@ from radar_app import (
     camera_commands,
     dataset_commands,
     device_commands,
+    doctor_commands,
     gesture_commands,
     scene_commands,
     training_commands,
@@ -317,7 +318,7 @@ _WATCHING = (watch_commands.watch, view_commands.view, watch_commands.status, wa
 _PANELS = {
     _WATCH: _WATCHING,
     _BAGS: (scene_commands.scenes, scene_commands.simulate),
-    _SETUP: (device_commands.devices, device_commands.probe),
+    _SETUP: (device_commands.devices, device_commands.probe, doctor_commands.doctor),
 }
 for panel, commands in _PANELS.items():
     for command in commands:

@@ -145,6 +145,16 @@ class Health:
             self._snr += [] if isinstance(data, Targets) else data.snr[np.isfinite(data.snr)].tolist()
         self._arrivals.add(data.sequence, arrived_ns)
 
+    @property
+    def chirps(self) -> tuple[int, int]:
+        """Chirps that there should be, and those of them that the device lost."""
+        return self._chirps, self._chirps_lost
+
+    @property
+    def saturated(self) -> float | None:
+        """Share of samples at the converter's limit; None: there are no samples, or the limit is not known."""
+        return None if self._spectra is None else self._spectra.saturated
+
     def trouble(self, problem: str) -> None:
         """Take in that the device reported an error."""
         self._problem = self._problem or problem

@@ -39,7 +39,7 @@ def name_fault(cubes: Cubes, info: RadarInfo) -> Fault | None:
     cubes = cubes[:: -(-len(cubes) // _MOST)]
     if not np.isfinite(cubes).all() or not cubes.any():
         return Fault("sample format", "samples are all zero, or no numbers", "check type and byte order of the samples")
-    for look in (_format, _axes, _stitched, _quadrature, _transmitters, _reversed):
+    for look in (_format, _axes, stitched, _quadrature, _transmitters, _reversed):
         fault = look(cubes, info)
         if fault is not None:
             return fault
@@ -105,7 +105,8 @@ def _axes(cubes: Cubes, info: RadarInfo) -> Fault | None:
     return None
 
 
-def _stitched(cubes: Cubes, info: RadarInfo) -> Fault | None:
+def stitched(cubes: Cubes, info: RadarInfo) -> Fault | None:
+    """Whether frames hold the end of one measurement and the beginning of the next; ``cubes`` as of `name_fault`."""
     steps = (np.abs(np.diff(cubes, axis=2)) ** 2).sum(axis=(1, 3, 4))
     if len(steps) < 3 or steps.shape[1] < 4:
         return None

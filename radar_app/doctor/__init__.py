@@ -1,0 +1,1 @@
+"""Reading for `handwave doctor`: bags, and a running graph."""
