@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS = 1
 # Compiled modules are kept, whatever the shell says: without, each of some hundred processes of the tests compiles all of them anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: docs help demo test test-all coverage stability mutations setup lint typecheck bench clean
+.PHONY: docs help demo test test-all coverage stability mutations setup lint docs pictures bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
@@ -56,6 +56,10 @@ lint: setup
 ## make docs       the pages of docs/ for a browser, in build/docs; every link is checked
 docs: setup
 	$(VENV)/bin/mkdocs build --strict --quiet
+
+## make pictures   every picture of docs/ that this machine can make (ARGS="--only view"; HANDWAVE_DATA names the recordings)
+pictures: setup
+	$(VENV)/bin/python docs/research/make_all.py $(ARGS)
 
 ## make bench      the accuracy and the time of every choice, as tables
 bench: setup
