@@ -281,10 +281,21 @@ def repair(bag: Annotated[Path, typer.Argument(help="folder of a recording that 
     print(f"recovered {sum(counts.values())} messages: " + ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items())))
 
 
+def _show_kinds(wanted: bool) -> None:
+    if wanted:
+        from radar_lab.importers import listing
+
+        print(listing())
+        raise typer.Exit
+
+
 @app.command("import", rich_help_panel=_BAGS)
 def import_(
     kind: Annotated[
-        str, typer.Argument(help="npy, bgt60, a121, crossing, mhomeges, mtranssee, mars, radhar, dca1000, dca1000_bin or openradar")
+        str,
+        typer.Argument(
+            help="npy, bgt60, a121, dca1000, dca1000_bin, crossing, mhomeges, mtranssee, mars, radhar, openradar, cubelearn or bgt60_eth"
+        ),
     ],
     source: Annotated[Path, typer.Argument(help="file or folder of the original recording")],
     out: Annotated[Path, typer.Option(help="folder of the new bag")],
@@ -293,6 +304,9 @@ def import_(
     ] = None,
     waveform: Annotated[str, typer.Option(help="of npy: YAML file with the Waveform")] = "",
     array: Annotated[str, typer.Option(help="of npy: YAML file with the AntennaArray")] = "",
+    kinds: Annotated[
+        bool, typer.Option("--kinds", is_eager=True, callback=_show_kinds, help="say what is known of each kind, and end")
+    ] = False,
 ) -> None:
     """Turn a recording of your own or a public one into a bag that `handwave replay` understands.
 
