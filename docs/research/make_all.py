@@ -1,7 +1,9 @@
-"""Make every picture of the docs that this machine can make: ``make pictures``, or ``python docs/research/make_all.py [--results FOLDER] [--only PART]``.
+"""Make every picture of the docs that this machine can make: ``make pictures``.
 
-Pictures of recordings need HANDWAVE_DATA, the folder with the recordings. Pictures of benchmarks need their results: FOLDER holds NAME.json,
-what ``python -m benchmarks NAME --json`` printed, and NAME/, what it kept. What is missing is named and left out.
+    python docs/research/make_all.py [--results FOLDER] [--only PART]
+
+Pictures of recordings need HANDWAVE_DATA, the folder with the recordings. Pictures of benchmarks need their results: FOLDER holds
+NAME.json, what ``python -m benchmarks NAME --json`` printed, and NAME/, what it kept. What is missing is named and left out.
 """
 
 from __future__ import annotations
