@@ -239,7 +239,7 @@ def topics(ends: Ends, services: list[tuple[str, ...]]) -> str:
 
 def nodes() -> tuple[str, str]:
     """Parameters and topics, from one round through all nodes."""
-    rclpy.init(args=[])
+    rclpy.init(args=["--ros-args", "--log-level", "fatal"])
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     ends: Ends = {}
     services: list[tuple[str, ...]] = []
@@ -311,7 +311,9 @@ def formats() -> str:
         for option, field, _ in describe(kind.options):
             unit = f" [{field.metadata['unit']}]" if field.metadata["unit"] else ""
             rows.append((f"`{option}`", f"`{cell(shown(field.default))}`", cell(field.metadata["doc"] + unit)))
-        parts += [f"## {name}", f"{kind.doc[0].upper()}{kind.doc[1:]}.", table(("option", "default", "meaning"), rows)]
+        facts = [(fact, cell(value)) for fact, value in kind.facts()]
+        parts += [f"## {name}", f"{kind.doc[0].upper()}{kind.doc[1:]}.", table(("known", "of this kind"), facts)]
+        parts += [table(("option", "default", "meaning"), rows)]
     return "\n\n".join(parts)
 
 

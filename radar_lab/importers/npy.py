@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from radar_core import AntennaArray, ConfigError, DataError, RadarFrame, RadarInfo, Waveform
 from radar_core.arrays import BROKEN
+from radar_core.checks import require_finite
 from radar_core.config import config, knob, load_file
 from radar_driver.bgt60.config import bgt60_array
 from radar_driver.tinyrad.convert import analytic
@@ -76,6 +77,7 @@ def to_frames(data: NDArray[Any], axes: str, info: RadarInfo, *, conjugate: bool
         cube = frame if parts is None else parts[0] + 1j * parts[1]
         if q_first and parts is None and np.iscomplexobj(cube):
             cube = cube.imag + 1j * cube.real
+        require_finite("samples", cube)
         if not np.iscomplexobj(cube):  # what stands still in the converter would leak over the first cells
             cube = analytic(np.asarray(cube - cube.mean(axis=-1, keepdims=True), np.float32))
         stamp = START_NS + k * round(info.waveform.frame_interval * 1e9)
@@ -115,10 +117,11 @@ def read_npy(path: Path, options: NpyOptions) -> Recording:
     """Open a .npy with raw frames; raises as `to_frames`, and `ConfigError` where the radar is not described."""
     data, info = open_described(path, options)
     frames = to_frames(data, options.axes, info, conjugate=options.conjugate, q_first=options.quadrature == "q_first")
-    return Recording(info, _checked(path, frames), Tally())
+    return Recording(info, checked(path, frames), Tally())
 
 
-def _checked(path: Path, frames: Iterator[RadarFrame]) -> Iterator[RadarFrame]:
+def checked(path: Path, frames: Iterator[RadarFrame]) -> Iterator[RadarFrame]:
+    """Give frames, and put the file's name before what is wrong with them."""
     try:
         yield from frames
     except DataError as error:
@@ -160,4 +163,4 @@ def read_bgt60(path: Path, options: Bgt60Options) -> Recording:
     data, axes = open_array(folder / "radar.npy"), "frame rx chirp sample"
     info, tally = described(data, axes, waveform, array, options), Tally()
     tally.warnings.append("which way receivers 1 and 2 lie from 3 was not tried on a board: walk to the left, else set mirrored")
-    return Recording(info, _checked(folder / "radar.npy", to_frames(data, axes, info)), tally)
+    return Recording(info, checked(folder / "radar.npy", to_frames(data, axes, info)), tally)

@@ -201,7 +201,7 @@ def test_openradar_axes_and_channels_are_checked(tmp_path):
         with pytest.raises(DataError, match="expected complex samples with axes"):
             import_recording("openradar", tmp_path / "raw.npy", tmp_path / "bag")
     np.save(tmp_path / "raw.npy", np.full((6, 8, 16), np.inf, complex))
-    with pytest.raises(DataError, match="samples has 768 values that are not finite"):
+    with pytest.raises(DataError, match="samples has 768 non-finite values"):
         import_recording("openradar", tmp_path / "raw.npy", tmp_path / "bag")
 
 
