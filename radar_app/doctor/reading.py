@@ -148,7 +148,6 @@ def missing(space: str) -> Finding:
     """Say that a radar does not describe itself."""
     prefix = f"{space}/" if space else ""
     text = f"{prefix}radar/info is missing: without waveform and array nothing can be made of the data"
-    remedy = (
-        f"start the driver of {space or 'the radar'}, and record all: handwave record my_bag (radar/info is sent again to who comes later)"
-    )
+    driver = f"start the driver of {space or 'the radar'}"
+    remedy = f"{driver}, and record everything: handwave record my_bag (radar/info is sent again to who comes later)"
     return Finding("radar info missing", True, 0.0, 1.0, "messages", text, remedy, space)

@@ -35,7 +35,7 @@ def low_snr(evidence: Evidence) -> Finding:
     if len(strong) < _FEWEST:
         return unknown("low SNR", "nobody walks towards the radar or away from it, whose echo could be measured")
     need = LifeConfig().birth_snr
-    at_1m = float(np.median([np.nanmax(heap.snr) + 40 * np.log10(np.median(heap.range)) for heap in strong]))
+    at_1m = float(np.median([np.nanmax(heap.snr + 40 * np.log10(np.maximum(heap.range, 0.1))) for heap in strong]))
     reach = float(10 ** ((at_1m - need) / 40))
     fault = reach < REACH
     text = f"somebody who walks reaches {need:.0f} dB, with which a track begins, up to {reach:.1f} m away; a fault below {REACH:.1f} m"

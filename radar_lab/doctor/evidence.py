@@ -16,7 +16,8 @@ from radar_tracking import Tracks
 
 Stream = Literal["radar/frame", "radar/points", "tracks"]
 STREAMS: Final[tuple[Stream, ...]] = ("radar/frame", "radar/points", "tracks")
-CUBES: Final = 240  # whole frames that are kept: some seconds, in which somebody walks across; 60 MB of the default radar
+CUBES: Final = 240  # whole frames that are kept at most: some seconds, in which somebody walks across; 60 MB of the default radar
+_MEMORY: Final = 128 << 20  # bytes of them at most
 
 _REFUSED: Final = 100
 
@@ -67,7 +68,7 @@ class Evidence:
         self.health.process(frame, arrived_ns)
         if not len(frame.missing):
             self.bursts.add(frame.cube)
-            if len(self._cubes) < CUBES:
+            if len(self._cubes) < min(CUBES, max(_MEMORY // frame.cube.nbytes, 1)):
                 self._cubes.append(frame)
 
     def cloud(self, cloud: PointCloud, arrived_ns: int | None) -> None:

@@ -24,8 +24,15 @@ GHOSTS: Final = 0.2
 _LOOSER: Final[Sequence[Settings]] = (
     {},
     {"life.birth_points": 2, "life.confirm_points": 1.0},
-    {"life.birth_points": 1, "life.confirm_points": 0.5, "life.birth_snr": 10.0},
-    {"life.birth_points": 1, "life.confirm_points": 0.3, "life.birth_snr": 6.0, "life.tentative_after": 0.5, "life.confirm_speed": 0.05},
+    {"association.clustering.min_points": 1, "life.birth_points": 1, "life.confirm_points": 0.5},
+    {
+        "association.clustering.min_points": 1,
+        "life.birth_points": 1,
+        "life.confirm_points": 0.3,
+        "life.birth_snr": 6.0,
+        "life.tentative_after": 0.5,
+        "life.confirm_speed": 0.05,
+    },
 )
 _APART: Final[Sequence[Settings]] = (
     {},
