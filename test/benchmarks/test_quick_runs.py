@@ -12,7 +12,7 @@ import pytest
 from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES_ONLY = {"fuzz", "gestures_shipped", "house", "machines", "one_channel", "person_odds", "probe"}  # no choices to compare
+FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}  # no choices to compare
 
 
 def machines(found):
@@ -43,6 +43,12 @@ def probe(found):
     assert found["false_alarms"] == 0
 
 
+def doctor(found):
+    """Of recordings that the limits were chosen on: the fault of each is first, and a healthy room has none."""
+    assert found["right"] == found["bags_with_a_fault"] == 3
+    assert found["false_alarms"] == 0
+
+
 def person_odds(found):
     """Both kinds of tracks are there, and the coefficients in use tell them apart."""
     assert 0 < found["people"] < 1
@@ -64,6 +70,14 @@ def one_channel(found):
     assert found["sitting_people_always_there"] == 1
     assert found["gestures"] == 6
     assert found["right"] >= 0.5
+
+
+def newcomer(found):
+    """Beside two busy loops a short demo goes to its end, and its person is seen."""
+    assert found["demo_under_load_ok"]
+    assert found["demo_gestures_wrong"] == 0
+    assert found["demo_under_load_gestures"] >= 1
+    assert found["first_frame_after_setup_s"] > 0
 
 
 def boards(found):
@@ -102,7 +116,9 @@ def test_quick_run(name, tmp_path):
         "machines": machines,
         "house": house,
         "boards": boards,
+        "doctor": doctor,
         "fuzz": fuzz,
+        "newcomer": newcomer,
         "one_channel": one_channel,
         "person_odds": person_odds,
         "probe": probe,
