@@ -4,15 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Final
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.report import Row, kept
 
 GREY: Final = "0.7"
-COLOUR: Final = "tab:blue"
+COLOUR: Final = "#0072B2"
+PALETTE: Final = (
+    COLOUR,
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#56B4E9",
+    "#000000",
+    "#7F6000",
+)  # told apart by the colour-blind, too
+MOST_NAMED: Final = len(PALETTE)  # of a panel; the others are grey, and the table beside the picture has all
 
 
 def show(result: dict[str, Any]) -> None:
@@ -77,8 +90,10 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     drawn: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         drawn.setdefault((row["stage"], row["accuracy"]["name"]), []).append(row)
+    if len(drawn) > 1:  # a panel with a single point compares nothing
+        drawn = {key: own for key, own in drawn.items() if len(own) > 1} or drawn
     parts = [row for row in rows if "parts" in row]
-    heights = [max(2.4, 1.0 + 0.17 * len(own)) for own in drawn.values()] + ([2.4] if parts else [])  # room for the legend
+    heights = [2.8 for _ in drawn] + ([2.4] if parts else [])  # room for the legend
     figure, axes = plt.subplots(
         len(heights), 1, figsize=(9, sum(heights)), squeeze=False, layout="constrained", gridspec_kw={"height_ratios": heights}
     )
@@ -95,10 +110,22 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def colours(rows: Sequence[Row]) -> list[str]:
-    """Colour of every choice of a panel: grey where another choice dominates it."""
+    """Colour of every choice of a panel: grey where another choice dominates it, or where it is one of too many to be named."""
     if "better" not in rows[0]:
-        return [f"C{number}" for number in range(len(rows))]
+        chosen = named(rows, range(len(rows)))
+        return [PALETTE[chosen.index(number)] if number in chosen else GREY for number in range(len(rows))]
     return [COLOUR if on_front else GREY for on_front in kept(rows)]
+
+
+def named(rows: Sequence[Row], numbers: Sequence[int]) -> list[int]:
+    """Which of these choices a panel names, at most `MOST_NAMED`: the default or the first, then always what is farthest apart."""
+    places = np.array([(np.log(max(row["time_ms"]["median"], 1e-6)), row["accuracy"]["value"]) for row in rows])
+    places = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
+    chosen = [next((number for number in numbers if rows[number].get("default")), numbers[0])]
+    while len(chosen) < min(MOST_NAMED, len(numbers)):
+        apart = {number: min(np.hypot(*(places[number] - places[other])) for other in chosen) for number in numbers if number not in chosen}
+        chosen.append(max(apart, key=lambda number: apart[number]))
+    return sorted(chosen)
 
 
 def _points(axis: Any, rows: Sequence[Row]) -> None:
@@ -108,23 +135,30 @@ def _points(axis: Any, rows: Sequence[Row]) -> None:
     medians, values = ([row[a][b] for row in rows] for a, b in (("time_ms", "median"), ("accuracy", "value")))
     accuracy, better = rows[0]["accuracy"], rows[0].get("better")
     chosen = colours(rows)
+    told = [number for number, colour in enumerate(chosen) if colour != GREY or rows[number].get("default")]
+    told = named(rows, told if len(told) > MOST_NAMED or len(rows) > MOST_NAMED else range(len(rows)))
     if better:
         front = sorted((x, y) for x, y, colour in zip(medians, values, chosen, strict=True) if colour == COLOUR)
         axis.step(*zip(*front, strict=True), where="post", color=COLOUR, alpha=0.3, linewidth=1)
-    for row, x, y, colour, marker in zip(rows, medians, values, chosen, "osD^v<>Pp*hX" * len(rows), strict=False):
+    for number, (row, x, y, colour, marker) in enumerate(zip(rows, medians, values, chosen, "osD^v<>Pp*hX" * len(rows), strict=False)):
+        if number not in told:
+            axis.plot(x, y, ".", color=GREY, markersize=5, zorder=1)
+            continue
         label, spread = row["choice"], [[0], [max(row["time_ms"]["p95"] - x, 0)]]
         if row.get("default"):
             axis.plot(x, y, "o", markersize=15, markerfacecolor="none", markeredgecolor="tab:red")
             axis.annotate(label, (x, y), xytext=(8, 9), textcoords="offset points", fontsize=7, color="tab:red")
             label += " (default)"
         axis.errorbar(x, y, xerr=spread, fmt=marker, color=colour, markersize=6, capsize=2, elinewidth=0.8, label=label)
+    if len(told) < len(rows):
+        axis.plot([], [], ".", color=GREY, markersize=5, label=f"{len(rows) - len(told)} others: in the table")
     limits = (0.6 * min(medians), 1.7 * max(medians))  # bars of a busy machine end where the picture does
     axis.set(xscale="log", xlim=limits, xlabel="time [ms], bar to the 95th percentile")
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
     axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
     axis.xaxis.set_minor_formatter(NullFormatter())
-    unit, told = f" [{accuracy['unit']}]" if accuracy["unit"] else "", f"\n({better} is better)" if better else ""
-    axis.set_ylabel(f"{accuracy['name']}{unit}{told}", fontsize=8)
+    unit, wanted = f" [{accuracy['unit']}]" if accuracy["unit"] else "", f"\n({better} is better)" if better else ""
+    axis.set_ylabel("\n".join(wrap(f"{accuracy['name']}{unit}", 30)) + wanted, fontsize=8)
     axis.set_yscale("log" if min(values) > 0 and max(values) > 50 * min(values) else "linear")
 
 

@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 
 from benchmarks.clustering_parts import people
 from benchmarks.graph import nodes
-from benchmarks.plot import COLOUR, GREY, colours, draw
-from benchmarks.report import Found, Panel, beaten_by, front, kept, measure, of_rms, of_share, panels, scaled
+from benchmarks.plot import COLOUR, GREY, MOST_NAMED, colours, draw, named
+from benchmarks.report import Found, Panel, beaten_by, choice, front, kept, measure, of_rms, of_share, panels, scaled
 from benchmarks.tradeoff import document, run, stages
 from benchmarks.tradeoff.document import NO_REASON, REASONS, report, verdicts
 from benchmarks.tradeoff.people import Judge, short, visible
@@ -145,6 +145,18 @@ def test_dominated_choices_are_grey_and_the_default_has_a_ring(tmp_path):
     assert [row["default"] for row in own] == [True, False, False]
     draw(own, tmp_path / "x.png")
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_panel_names_few_choices(tmp_path):
+    """The default and those that are far apart; the others are grey and stand in the table."""
+    own = [choice("many", f"choice {n}", accuracy=("error", 1.0 + n % 7, "m"), times_ms=[1.0 + n]) for n in range(60)]
+    own[17]["default"] = True
+    chosen = named(own, range(len(own)))
+    assert len(chosen) == len(set(chosen)) == MOST_NAMED
+    assert {0, 17, 59} <= set(chosen)
+    assert sum(colour != GREY for colour in colours(own)) == MOST_NAMED
+    draw(own, tmp_path / "x.png")
+    assert named(own[:3], range(3)) == [0, 1, 2]
 
 
 def test_a_beaten_default_needs_a_reason(monkeypatch):
