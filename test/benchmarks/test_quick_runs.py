@@ -12,7 +12,8 @@ import pytest
 from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}  # no choices to compare
+# No choices to compare:
+FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}
 
 
 def machines(found):
