@@ -28,7 +28,12 @@ _LOOK_MS: Final = 100
 # label does not go to the wrong one.
 _SEND: Final = "sent.data = {key: [key], event: [shown.data.event[0]], count: [sent.data.count[0] + 1]}"
 _BUTTON: Final = f"const key = button.tags[0]; {_SEND}"
-_NAME: Final = f"const key = '=' + field.value_input; {_SEND}; field.value = ''; field.value_input = ''"
+_NAME: Final = f"""
+const key = "=" + field.value_input
+Bokeh.index.find_one(field).input_el.blur()  // so that the next key is a label again
+if (key != "=") {{ {_SEND} }}
+field.value = field.value_input = ""
+"""
 _KEYS: Final = f"""
 document.addEventListener("keydown", (event) => {{
   const tabs = [...root.document._all_models.values()].find((model) => model.type == "Tabs")
@@ -59,7 +64,7 @@ class LoggerTab:
         Keeps events and labels; the same for all browsers.
     """
 
-    title = "log"
+    title = "Log"
 
     def __init__(self, context: Context, logger: Logger) -> None:
         self._logger, self._document = logger, context.document
@@ -82,9 +87,8 @@ class LoggerTab:
         self.layout: UIElement = column(
             card("what was it?", self._about, self._buttons, deciding, self._said),
             grid(*map(card, ("micro-Doppler", "azimuth", "elevation"), self._maps.figures), columns=3),
-            sizing_mode="stretch_width",
-            name="logger",
-        )
+            sizing_mode="stretch_width", name="logger", stylesheets=[_GAP],
+        )  # fmt: skip
         self._document.js_on_event("document_ready", CustomJS(args={**self._args, "root": self.layout, "field": self._field}, code=_KEYS))
         for source in (self._shown, self._sent):
             self._document.add_root(source)
@@ -143,6 +147,7 @@ class LoggerTab:
         self._document.remove_periodic_callback(self._periodic)
 
 
+_GAP = InlineStyleSheet(css=":host { gap: 12px; }")
 _WRAP = InlineStyleSheet(css=":host { flex-wrap: wrap; gap: 8px; align-items: center; }")
 
 

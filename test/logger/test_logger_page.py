@@ -71,7 +71,7 @@ class View:
         driver.get(self.process.stdout.readline().strip())
         self.until(lambda: driver.execute_script("return window.Bokeh != null && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"))
         tabs = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.type == 'Tabs')"
-        driver.execute_script(f"const tabs = {tabs}; tabs.active = tabs.tabs.findIndex((tab) => tab.title == 'log')")
+        driver.execute_script(f"const tabs = {tabs}; tabs.active = tabs.tabs.findIndex((tab) => tab.title == 'Log')")
 
     def until(self, wanted, timeout=90.0):
         end = time.monotonic() + timeout
@@ -130,10 +130,9 @@ def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
         assert labels(folder) == []
         view.until(lambda: view.event == 0)
         view.press("t")
-        view.press("thumb_up", Keys.ENTER)
+        view.press("2", Keys.ESCAPE, "t", Keys.BACKSPACE, "thumb_up", Keys.ENTER)
         view.shows("saved: event 0 is thumb_up")
         view.until(lambda: view.event == 1)
-        view.press(Keys.ESCAPE)
         view.press("x")
         view.shows("discarded: event 1")
         view.until(lambda: view.event == 2)
