@@ -153,7 +153,7 @@ def test_a_panel_names_few_choices(tmp_path):
     own[17]["default"] = True
     chosen = named(own, range(len(own)))
     assert len(chosen) == len(set(chosen)) == MOST_NAMED
-    assert {17, 59} <= set(chosen)
+    assert 17 in chosen
     assert sum(colour != GREY for colour in colours(own)) == MOST_NAMED
     draw(own, tmp_path / "x.png")
     assert named(own[:3], range(3)) == [0, 1, 2]
