@@ -80,7 +80,11 @@ def test_what_is_not_published_has_to_be_said(tmp_path):
 
 
 SPOILT = [
-    ("cubelearn", np.zeros((2, 1, 128, 8, 256)), r"shape \(2, 1, 128, 8, 256\), expected real samples with axes \(iq 2, frame any, chirp 128, c"),
+    (
+        "cubelearn",
+        np.zeros((2, 1, 128, 8, 256)),
+        r"shape \(2, 1, 128, 8, 256\), expected real samples with axes \(iq 2, frame any, chirp 128, c",
+    ),
     ("cubelearn", np.zeros((1, 128, 12, 256), complex), "is complex128 of shape"),
     ("cubelearn", np.zeros((2, 0, 128, 12, 256)), "expected real samples"),
     ("bgt60_eth", np.zeros((1, 16, 96, 32, 3), np.int16), r"axes \(take any, frame any, chirp 96, sample 16, rx 3\)"),
@@ -103,10 +107,10 @@ def test_a_nan_and_a_file_that_was_cut_off(tmp_path):
     path, counts = cubelearn(tmp_path)
     counts[1, 1, 5, 3, 7] = np.nan
     np.save(path, counts)
-    with pytest.raises(DataError, match="3_7_12.npy: samples has 1 non-finite"):
+    with pytest.raises(DataError, match=r"3_7_12\.npy: samples has 1 non-finite"):
         import_recording("cubelearn", path, tmp_path / "bag", **SETUP)
     path.write_bytes(path.read_bytes()[:-1000])
-    with pytest.raises(DataError, match="cannot be read as .npy"):
+    with pytest.raises(DataError, match=r"cannot be read as \.npy"):
         import_recording("cubelearn", path, tmp_path / "bag", **SETUP)
     with pytest.raises(DataError, match="has 3 recordings, from 0 on, and no number 3"):
         open_original("bgt60_eth", eth(tmp_path)[0], take=3)
