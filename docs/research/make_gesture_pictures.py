@@ -46,11 +46,13 @@ def confusion(axes: Axes, found: dict[str, Any], title: str) -> None:
 
 
 def matrices(found: dict[str, dict[str, Any]], titles: dict[str, str]) -> Figure:
-    """Draw those matrices that there are, side by side."""
+    """Draw those matrices that there are, two in a row, so that their numbers can be read at the width of a page."""
     names = [name for name in titles if name in found]
-    figure, axes = plt.subplots(1, len(names), figsize=(4.0 * len(names), 4.2), layout="constrained", squeeze=False)
-    for one, name in zip(axes[0], names, strict=True):
+    figure, axes = plt.subplots(-(-len(names) // 2), 2, figsize=(7.4, 3.9 * -(-len(names) // 2)), layout="constrained", squeeze=False)
+    for one, name in zip(axes.flat, names, strict=False):
         confusion(one, found[name], titles[name])
+    for one in axes.flat[len(names) :]:
+        one.axis("off")
     return figure
 
 
@@ -61,8 +63,8 @@ def rates(table: dict[str, dict[str, dict[str, float]]]) -> Figure:
         ours = [(1e3 * row[transmitters]["busy"], 100 * row[transmitters]["recognised"], name) for name, row in table.items()]
         time, accuracy, names = zip(*ours, strict=True)
         axes.plot(time, accuracy, "o-", color=COLOURS[number], label=f"{transmitters}, people held out")
-        for x, y, name in zip(time, accuracy, names, strict=True):
-            axes.annotate(name, (x, y), textcoords="offset points", xytext=(4, 5), fontsize=7)
+        for x, y, name in zip(time, accuracy, names, strict=True) if number == 0 else ():  # the other line's points lie beside these
+            axes.annotate(name, (x, y), textcoords="offset points", xytext=(-26, 5), fontsize=7)
         theirs = [(x, 100 * THESIS[name][transmitters]) for x, _, name in ours if transmitters in THESIS[name]]
         axes.plot(*zip(*theirs, strict=True), "x--", color=COLOURS[number], label=f"{transmitters}, thesis (random split, real people)")
     axes.set_xlabel("computing for one second of radar frames [ms]")
@@ -76,9 +78,10 @@ def learning(rows: list[dict[str, float]]) -> Figure:
     """Draw accuracy on four people of mHomeGes against the number of other people in the training."""
     figure, axes = plt.subplots(figsize=(5.0, 3.2), layout="constrained")
     axes.plot([row["people"] for row in rows], [100 * row["accuracy"] for row in rows], "o-", color=COLOURS[0])
+    axes.margins(x=0.16)
     for row in rows:
         axes.annotate(
-            f"{row['samples']:.0f} samples", (row["people"], 100 * row["accuracy"]), textcoords="offset points", xytext=(4, -10), fontsize=7
+            f"{row['samples']:.0f} samples", (row["people"], 100 * row["accuracy"]), textcoords="offset points", xytext=(6, -9), fontsize=7
         )
     axes.set_xlabel("people in the training")
     axes.set_ylabel("right for four others [%]")

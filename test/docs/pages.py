@@ -24,8 +24,8 @@ def all_pages():
 
 
 def words(text):
-    """Number of words, those in code included: whatever stands between spaces and has a letter or a digit."""
-    return sum(bool(re.search(r"\w", word)) for word in text.split())
+    """Number of words, those in code included, notes to ourselves not: whatever stands between spaces and has a letter or a digit."""
+    return sum(bool(re.search(r"\w", word)) for word in re.sub(r"<!--.*?-->", "", text, flags=re.S).split())
 
 
 def prose(text):
