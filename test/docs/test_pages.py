@@ -64,6 +64,21 @@ def test_links_lead_somewhere(page):
     assert wrong == []
 
 
+def test_what_code_names_is_there():
+    """Messages and docstrings that name a page name one that exists."""
+    asked = subprocess.run(["git", "ls-files", "*.py", "*.yaml", "*.toml", "*.msg", "*.sh"], cwd=ROOT, capture_output=True, text=True)
+    if asked.returncode:
+        pytest.skip("not a checkout")
+    wrong = [
+        f"{file}: {path}"
+        for file in asked.stdout.split()
+        if (ROOT / file).is_file()
+        for path in re.findall(r"docs/[\w./-]+\.(?:md|py|json|png|svg)\b", (ROOT / file).read_text(encoding="utf-8").replace("\\.", "."))
+        if not (ROOT / path).exists() and not (ROOT / "test" / path).exists()
+    ]
+    assert wrong == []
+
+
 @pytest.mark.parametrize("page", [page for page in user_pages() if list(commands(page.read_text(encoding="utf-8")))], ids=name)
 def test_commands_exist_with_their_options(page):
     """The command line takes each of them; nothing is run."""
