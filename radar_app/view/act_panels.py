@@ -5,10 +5,10 @@ from __future__ import annotations
 import html
 from typing import Any, Final
 
-from bokeh.models import ColumnDataSource, FactorRange, Range1d
-from bokeh.models.widgets import Div
+from bokeh.models import FactorRange, Range1d
 
 from radar_app.view.feed import Snapshot
+from radar_app.view.pictures import Pictures
 from radar_app.view.style import ACCENT, FAINT, FONT, LINE, NOBODY, TEXT, colour, plot
 from radar_gestures.recognizer import Gesture
 
@@ -19,10 +19,11 @@ _TRACE: Final = 10.0  # s: of the control value
 class GesturePanel:
     """The last gestures as a list, and how probable each label was for the last of them."""
 
-    def __init__(self) -> None:
-        self.list = Div(name="gestures", sizing_mode="stretch_width", min_height=170)
+    def __init__(self, pictures: Pictures) -> None:
+        self._pictures = pictures
+        self.list = pictures.div("gestures", min_height=170)
         self._labels = FactorRange(factors=[])
-        self._source = ColumnDataSource(data={"label": [], "probability": [], "colour": []}, name="probabilities")
+        self._source = pictures.source("probabilities", {"label": [], "probability": [], "colour": []})
         self.figure = plot(
             "probabilities_plot", "probability", "", y_range=self._labels, x_range=Range1d(start=0, end=1.02), height=230, tools=""
         )
@@ -39,7 +40,7 @@ class GesturePanel:
         if shown == self._shown:
             return
         self._shown = shown
-        self.list.text = _list([entry.value for entry in found], ago)
+        self._pictures.write(self.list, _list([entry.value for entry in found], ago))
         if latest is not None:
             self._show(latest)
 
@@ -50,7 +51,7 @@ class GesturePanel:
         if self._labels.factors != names[::-1]:
             self._labels.factors = names[::-1]
         shades = [colour(gesture.track_id) if k == gesture.label else NOBODY for k in range(len(names))]
-        self._source.data = {"label": names, "probability": gesture.probabilities.tolist(), "colour": shades}
+        self._pictures.put(self._source, {"label": names, "probability": gesture.probabilities.tolist(), "colour": shades})
 
 
 def _list(gestures: list[Gesture], ago: list[int]) -> str:
@@ -73,9 +74,10 @@ def _list(gestures: list[Gesture], ago: list[int]) -> str:
 class ControlPanel:
     """The control value of the hand that is followed, now and in the last ten seconds."""
 
-    def __init__(self) -> None:
-        self.gauge = Div(name="control", sizing_mode="stretch_width", height=46)
-        self._source = ColumnDataSource(data={"t": [], "value": []}, name="control_trace")
+    def __init__(self, pictures: Pictures) -> None:
+        self._pictures = pictures
+        self.gauge = pictures.div("control", height=46)
+        self._source = pictures.source("control_trace", {"t": [], "value": []})
         self.figure = plot(
             "control_plot", "time [s]", "value", x_range=Range1d(start=-_TRACE, end=0), y_range=Range1d(start=-0.02, end=1.02), height=110,
             tools="",
@@ -87,11 +89,10 @@ class ControlPanel:
         """Show the value of a moment."""
         hand = now.hand
         text = _gauge(hand.value if hand is not None else None)
-        if text != self.gauge.text:
-            self.gauge.text = text
+        self._pictures.write(self.gauge, text)
         trace = now.past("hand", _TRACE)
         if trace or not self._empty:
-            self._source.data = _trace(trace, now.stamp_ns)
+            self._pictures.put(self._source, _trace(trace, now.stamp_ns))
         self._empty = not trace
 
 

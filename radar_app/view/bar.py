@@ -7,9 +7,10 @@ from typing import Any, Final
 
 from bokeh.layouts import row
 from bokeh.models import InlineStyleSheet
-from bokeh.models.widgets import Button, Div, Slider
+from bokeh.models.widgets import Button, Slider
 
 from radar_app.view.feed import Feed, History, Snapshot
+from radar_app.view.pictures import Pictures
 from radar_app.view.style import BAD, BUTTON, DOUBTFUL, FAINT, FIELD, FONT, GOOD, TEXT
 
 _SILENT: Final = 2.0  # s: without clouds or tracks the page says so
@@ -27,11 +28,11 @@ class TimeBar:
         What it shows.
     """
 
-    def __init__(self, feed: Feed, title: str) -> None:
-        self._feed, self._title = feed, title
+    def __init__(self, feed: Feed, title: str, pictures: Pictures) -> None:
+        self._feed, self._title, self._pictures = feed, title, pictures
         self._frozen: History | None = None
         self._moving = False  # whether this program moves the slider, not the user
-        self._head = Div(name="head", sizing_mode="stretch_width", styles={"flex": "1 1 320px"})
+        self._head = pictures.div("head", styles={"flex": "1 1 320px"})
         self._button = Button(label="Pause", name="pause", width=96, stylesheets=[BUTTON])
         self._button.on_click(self._pause_or_go)
         self._slider = Slider(
@@ -66,8 +67,7 @@ class TimeBar:
             f'<span style="color:{shade};font-weight:600">● {word}</span>'
             f"<span><b>{count}</b> {'person' if count == '1' else 'people'}</span>{aside}</div>"
         )
-        if text != self._head.text:
-            self._head.text = text
+        self._pictures.write(self._head, text)
 
     def _state(self, moment: Snapshot) -> tuple[str, str]:
         if self._frozen is not None:

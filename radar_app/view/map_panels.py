@@ -13,6 +13,7 @@ from bokeh.plotting import figure
 
 from radar_app.view.feed import Feed, Snapshot
 from radar_app.view.maps import MAX_SPEED, PersonMaps
+from radar_app.view.pictures import Pictures
 from radar_app.view.style import CARD, FAINT, FIELD, FONT, HEAT, both_sides, mapper, plot
 from radar_core.types import Float32Array
 from radar_gestures.maps import FeatureMaps
@@ -27,10 +28,11 @@ _ANGLES: Final = 60.0  # degrees to either side that colours reach
 class RangeDopplerPanel:
     """The range-Doppler map of a radar; raw frames come only while it is there."""
 
-    def __init__(self, feed: Feed) -> None:
+    def __init__(self, feed: Feed, pictures: Pictures) -> None:
+        self._pictures = pictures
         self._wish = ExitStack()
         self._wish.enter_context(feed.want("range_doppler"))
-        self._source = ColumnDataSource(data=_image(np.full((2, 2), np.nan, np.float32), -1.0, 0.0, 2.0, 1.0), name="range_doppler")
+        self._source = pictures.source("range_doppler", _image(_EMPTY, -1.0, 0.0, 2.0, 1.0))
         self._across, self._up = Range1d(start=-4.2, end=4.2), Range1d(start=0.0, end=6.4)
         self._shown: Any = None
         ranges = {"x_range": self._across, "y_range": self._up}
@@ -46,11 +48,11 @@ class RangeDopplerPanel:
             return
         self._shown = found
         if found is None:
-            self._source.data = _image(np.full((2, 2), np.nan, np.float32), -1.0, 0.0, 2.0, 1.0)
+            self._pictures.put(self._source, _image(_EMPTY, -1.0, 0.0, 2.0, 1.0))
             return
         self._across.update(start=-found.max_speed, end=found.max_speed)
         self._up.update(start=0.0, end=found.max_range)
-        self._source.data = _image(found.power, -found.max_speed, 0.0, 2 * found.max_speed, found.max_range)
+        self._pictures.put(self._source, _image(found.power, -found.max_speed, 0.0, 2 * found.max_speed, found.max_range))
 
     def close(self) -> None:
         """Want no more frames."""
@@ -66,6 +68,8 @@ class MapFigures:
         How the names of its figures and its source begin.
     across : Range1d
         Times that are shown [s].
+    pictures : Pictures or None
+        Sends what they show, for figures that change many times a second; None: they change at once.
 
     Attributes
     ----------
@@ -73,8 +77,10 @@ class MapFigures:
         Of the three.
     """
 
-    def __init__(self, name: str, across: Range1d) -> None:
-        self._source = ColumnDataSource(data=_NO_IMAGES, name=f"{name}person_maps")
+    def __init__(self, name: str, across: Range1d, pictures: Pictures | None = None) -> None:
+        self._pictures = pictures
+        title = f"{name}person_maps"
+        self._source = pictures.source(title, _NO_IMAGES) if pictures else ColumnDataSource(data=_NO_IMAGES, name=title)
         up, sides, angle = Range1d(start=-MAX_SPEED, end=MAX_SPEED), both_sides(), "\u00b0, orange: {}"
         self.figures = [
             self._figure(name, "micro_doppler", "micro-Doppler", mapper(HEAT, 5.0, 40.0), "dB", across, up),
@@ -90,21 +96,34 @@ class MapFigures:
 
     def show(self, maps: FeatureMaps, zero_ns: int) -> None:
         """Show maps; time counts from a moment [ns]."""
-        self._source.data = _person_images(maps, zero_ns)
+        self._put(_person_images(maps, zero_ns))
 
     def clear(self) -> None:
         """Show nothing."""
-        self._source.data = _NO_IMAGES
+        self._put(_NO_IMAGES)
+
+    def _put(self, data: dict[str, Any]) -> None:
+        if self._pictures is not None:
+            self._pictures.put(self._source, data)
+        else:
+            self._source.data = data
 
 
 class PersonPanel:
     """What one person's points said in the last two seconds; of whom is chosen, or it is whoever made the last gesture, or is nearest."""
 
-    def __init__(self) -> None:
+    def __init__(self, pictures: Pictures) -> None:
         self._maps = PersonMaps(_SECONDS)
         self._due_ns, self._whose = 0, -1
-        self.choice = Select(title="person", value=_ANYBODY, options=_choices([]), name="person", width=150, stylesheets=[FIELD])
-        self._images = MapFigures("", Range1d(start=-_SECONDS, end=0.0))
+        self.choice = Select(
+            title="whose maps are shown (or click a person on the plan)",
+            value=_ANYBODY,
+            options=_choices([]),
+            name="person",
+            width=330,
+            stylesheets=[FIELD],
+        )
+        self._images = MapFigures("", Range1d(start=-_SECONDS, end=0.0), pictures)
         self.figures = self._images.figures
 
     def update(self, now: Snapshot) -> None:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
 from bokeh.document import Document
 from bokeh.layouts import column
-from bokeh.models import ColumnDataSource, CustomJS
+from bokeh.models import CustomJS
 from bokeh.models.layouts import TabPanel, Tabs
 from bokeh.models.ui import UIElement
 
 from radar_app.view.bar import TimeBar
 from radar_app.view.feed import Feed, Snapshot
+from radar_app.view.pictures import Pictures
 from radar_app.view.style import PAGE, TABS
 
 PERIOD_MS: Final = 80
 """How often a page looks whether it has something new to show."""
 
-_AHEAD: Final = 2  # pictures that may be on their way to the browser
-_DRAWN: Final = "requestAnimationFrame(() => { drawn.data = {n: [sent.data.n[0]]} })"
 _AGAIN: Final = """
 const note = document.createElement("div")
 note.textContent = "The server of this page has gone; it opens again when the server is back."
@@ -75,10 +74,13 @@ class Context:
     document : Document
         Of this browser. Its models are changed only in `Tab.update`, in callbacks of its own models, and in what
         ``document.add_next_tick_callback`` calls, which any thread may.
+    pictures : Pictures
+        Makes data sources and texts that `Tab.update` changes many times a second. What seldom changes may be changed in the usual way.
     """
 
     source: Source
     document: Document
+    pictures: Pictures = field(default_factory=Pictures)
 
     @property
     def feed(self) -> Feed:
@@ -131,37 +133,36 @@ class Page:
 
     def __init__(self, context: Context, makers: Sequence[TabMaker]) -> None:
         self._source = context.source
-        self.bar = TimeBar(context.feed, context.source.title)
+        self.bar = TimeBar(context.feed, context.source.title, context.pictures)
         self.tabs = [make(context) for make in makers]
-        self._sent = ColumnDataSource(data={"n": [0]}, name="sent")
-        self._drawn = ColumnDataSource(data={"n": [0]}, name="drawn")
-        self._sent.js_on_change("data", CustomJS(args={"sent": self._sent, "drawn": self._drawn}, code=_DRAWN))
+        self._pictures = context.pictures
         self._seen: tuple[object, ...] = ()
         self._panels = Tabs(
             tabs=[TabPanel(title=tab.title, child=tab.layout) for tab in self.tabs], sizing_mode="stretch_width", stylesheets=[TABS]
         )
-        document = context.document
+        self._document = document = context.document
         document.title = "Handwave"
         document.template = PAGE  # type: ignore[assignment]  # text is as good as a template there
         document.js_on_event("connection_lost", CustomJS(code=_AGAIN))
         document.add_root(column(self.bar.layout, self._panels, sizing_mode="stretch_width"))
-        for source in (self._sent, self._drawn):
-            document.add_root(source)
-        document.add_periodic_callback(self._tick, PERIOD_MS)
+        self._pictures.join(document)
+        document.on_event("document_ready", self._begin)
+
+    def _begin(self, _: object) -> None:
+        """Start to show: the browser is there, and answers what it is sent from now on."""
+        self._document.add_periodic_callback(self._tick, PERIOD_MS)
 
     def _tick(self) -> None:
         """Show what is new, if the browser is ready for it."""
-        number = self._sent.data["n"][0]
-        if number - self._drawn.data["n"][0] >= _AHEAD:
+        if not self._pictures.ready:
             return
         moment = self.bar.moment()
         seen = (moment.history.number, moment.stamp_ns, self._panels.active)
         self.bar.update(moment, self._source.note)
-        if seen == self._seen:
-            return
-        self._seen = seen
-        self.tabs[self._panels.active].update(moment)
-        self._sent.data = {"n": [number + 1]}
+        if seen != self._seen:
+            self._seen = seen
+            self.tabs[self._panels.active].update(moment)
+        self._pictures.send()
 
     def close(self) -> None:
         """Let go of everything: the browser has left."""

@@ -7,12 +7,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from bokeh.core.properties import value
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import Tap
-from bokeh.models import ColumnDataSource, CustomJSTickFormatter, Range1d
+from bokeh.models import ColumnDataSource, CustomJSTickFormatter, LinearColorMapper, Range1d
 from bokeh.models.annotations import LabelSet
 
 from radar_app.view.feed import Snapshot
+from radar_app.view.pictures import Pictures
 from radar_app.view.style import ACCENT, BAD, FONT, GOOD, GROUND, LINE, NOBODY, PEOPLE, TEXT, colour, plot
 from radar_core import RadarInfo
 from radar_core.types import Float64Array
@@ -36,6 +38,8 @@ class Plan:
 
     Parameters
     ----------
+    pictures : Pictures
+        Sends what it shows.
     clicked : callable
         Is told x and y [m] of every click or tap on the plan.
 
@@ -47,19 +51,20 @@ class Plan:
         Corners of a zone that is being drawn, columns x and y [m].
     """
 
-    def __init__(self, clicked: Callable[[float, float], None]) -> None:
+    def __init__(self, pictures: Pictures, clicked: Callable[[float, float], None]) -> None:
         self._across, self._up = Range1d(start=4.0, end=-4.0), Range1d(start=-0.5, end=6.5)
         self.figure = plot(
-            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=560, tools="tap",
+            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=600, tools="tap",
         )  # fmt: skip
         self._extent: tuple[float, float, float, float] = _USUAL
-        self._sources = {name: ColumnDataSource(data=data, name=name) for name, data in _EMPTY.items()}
+        self._pictures = pictures
+        self._sources = {name: pictures.source(name, data) for name, data in _EMPTY.items()}
         self.draft = ColumnDataSource(data={"x": [], "y": []}, name="draft")
         self._told: dict[str, object] = {}
         self._draw()
         self.figure.on_event(Tap, lambda event: clicked(float(event.y), float(event.x)))
         for side in ("inner_width", "inner_height"):
-            self.figure.on_change(side, lambda *_: self._fit())
+            self.figure.on_change(side, lambda _attr, _old, _new: self._fit())
 
     def _draw(self) -> None:
         """Make all that is drawn, from the floor up."""
@@ -71,7 +76,8 @@ class Plan:
         f.add_layout(_labels(s["zone_labels"], text_color="colour", text_font_size="12px", text_font_style="bold"))
         f.scatter("y", "x", source=s["radars"], marker="inverted_triangle", size=14, fill_color=TEXT, line_color=GROUND)
         f.multi_line("y", "x", source=s["trails"], line_color="colour", line_width=2.5, line_alpha="alpha", line_cap="round")
-        f.scatter("y", "x", source=s["points"], size="size", fill_color="colour", fill_alpha="alpha", line_color=None)
+        whose: Any = {"field": "who", "transform": LinearColorMapper(palette=[*PEOPLE, NOBODY], low=-0.5, high=len(PEOPLE) + 0.5)}
+        f.scatter("y", "x", source=s["points"], size="size", fill_color=whose, fill_alpha="alpha", line_color=None)
         f.circle("y", "x", radius="radius", source=s["people"], fill_color="colour", fill_alpha="alpha", line_color="colour", line_width=2)
         f.segment("y", "x", "y_to", "x_to", source=s["people"], line_color="colour", line_width=3, line_cap="round")
         f.add_layout(_labels(s["people"], text_color=TEXT, text_font_size="13px", text_font_style="bold", y_offset=14))
@@ -84,14 +90,17 @@ class Plan:
         """Show a moment."""
         self._once("radars", tuple(now.history.radars.values()), self._show_radars)
         people = now.people
-        self._sources["points"].data = _points(now)
-        self._sources["people"].data = _people(people, _names(now))
-        self._sources["trails"].data = _trails(now, people)
+        self._put("points", _points(now))
+        self._put("people", _people(people, _names(now)))
+        self._put("trails", _trails(now, people))
         hand = now.hand
         place = hand.position if hand is not None else None
-        self._sources["hand"].data = {"x": [] if place is None else [place[0]], "y": [] if place is None else [place[1]]}
+        self._put("hand", {"x": [] if place is None else [place[0]], "y": [] if place is None else [place[1]]})
         zones = now.zones
         self._once("zones", None if zones is None else _zone_news(zones), lambda _: self._show_zones(zones))
+
+    def _put(self, name: str, data: dict[str, Any]) -> None:
+        self._pictures.put(self._sources[name], data)
 
     def _once(self, name: str, value: object, show: Callable[[Any], None]) -> None:
         """Show what seldom changes only when it has."""
@@ -101,8 +110,8 @@ class Plan:
 
     def _show_radars(self, radars: Sequence[RadarInfo]) -> None:
         views = [_view(radar) for radar in radars if radar.array.fov_azimuth > 0]
-        self._sources["views"].data = {"x": [view[:, 0].tolist() for view in views], "y": [view[:, 1].tolist() for view in views]}
-        self._sources["radars"].data = {"x": [radar.mount.x for radar in radars], "y": [radar.mount.y for radar in radars]}
+        self._put("views", {"x": [view[:, 0].tolist() for view in views], "y": [view[:, 1].tolist() for view in views]})
+        self._put("radars", {"x": [radar.mount.x for radar in radars], "y": [radar.mount.y for radar in radars]})
         if views:
             corners = np.concatenate(views)
             low, high = corners.min(axis=0), corners.max(axis=0)
@@ -117,24 +126,21 @@ class Plan:
         reach, step = _reach(radars[0]), 1.0 if _reach(radars[0]) < 9 else 2.0
         distances = np.arange(step, reach + 0.01, step)
         arcs = [_arc(radars[0], distance) for distance in distances]
-        self._sources["rings"].data = {"x": [arc[:, 0].tolist() for arc in arcs], "y": [arc[:, 1].tolist() for arc in arcs]}
-        ends = [arc[-1] for arc in arcs]
-        self._sources["ring_labels"].data = {
-            "x": [end[0] for end in ends], "y": [end[1] for end in ends], "text": [f"{distance:g} m" for distance in distances],
-        }  # fmt: skip
+        self._put("rings", {"x": [arc[:, 0].tolist() for arc in arcs], "y": [arc[:, 1].tolist() for arc in arcs]})
+        ends = [arc[0] for arc in arcs]
+        texts = [f"{distance:g} m" for distance in distances]
+        self._put("ring_labels", {"x": [end[0] for end in ends], "y": [end[1] for end in ends], "text": texts})
 
     def _show_zones(self, zones: ZoneStates | None) -> None:
         shown = [zone for zone in zones.zones if zone.area is not None] if zones is not None else []
         corners = [np.array(zone.area.corners) for zone in shown if zone.area is not None]
         shades = [_ZONES[zone.area.kind] for zone in shown if zone.area is not None]
         alphas = [0.28 if zone.presence is Presence.OCCUPIED else 0.08 for zone in shown]
-        self._sources["zones"].data = {
-            "x": [c[:, 0].tolist() for c in corners], "y": [c[:, 1].tolist() for c in corners], "colour": shades, "alpha": alphas,
-        }  # fmt: skip
-        self._sources["zone_labels"].data = {
-            "x": [float(c[:, 0].max()) for c in corners], "y": [float(c[:, 1].mean()) for c in corners], "colour": shades,
-            "text": [f"{zone.name} {'?' if zone.presence is Presence.UNKNOWN else zone.count}" for zone in shown],
-        }  # fmt: skip
+        places = {"x": [c[:, 0].tolist() for c in corners], "y": [c[:, 1].tolist() for c in corners]}
+        self._put("zones", {**places, "colour": shades, "alpha": alphas})
+        ends = {"x": [float(c[:, 0].max()) for c in corners], "y": [float(c[:, 1].mean()) for c in corners]}
+        texts = [f"{zone.name} {'?' if zone.presence is Presence.UNKNOWN else zone.count}" for zone in shown]
+        self._put("zone_labels", {**ends, "colour": shades, "text": texts})
 
     def _fit(self) -> None:
         """Show all of the room, with metres as long across as up, in whatever size the browser gives the plan."""
@@ -159,14 +165,14 @@ _EMPTY: Final[dict[str, dict[str, list[Any]]]] = {
     "zone_labels": {"x": [], "y": [], "colour": [], "text": []},
     "radars": {"x": [], "y": []},
     "trails": {"x": [], "y": [], "colour": [], "alpha": []},
-    "points": {"x": [], "y": [], "size": [], "colour": [], "alpha": []},
+    "points": {"x": [], "y": [], "size": [], "who": [], "alpha": []},
     "people": {"x": [], "y": [], "radius": [], "colour": [], "alpha": [], "x_to": [], "y_to": [], "text": [], "id": []},
     "hand": {"x": [], "y": []},
 }
 
 
 def _labels(source: ColumnDataSource, **options: Any) -> LabelSet:
-    return LabelSet(x="y", y="x", text="text", source=source, text_font=FONT, text_align="center", **options)
+    return LabelSet(x="y", y="x", text="text", source=source, text_font=value(FONT), text_align="center", **options)
 
 
 def _reach(radar: RadarInfo) -> float:
@@ -195,7 +201,6 @@ def _points(now: Snapshot) -> dict[str, Any]:
     who = [owners.get(cloud.sequence, np.empty(0)) for cloud in recent]
     who = [own if len(own) == len(cloud) else np.full(len(cloud), -1) for own, cloud in zip(who, recent, strict=True)]
     age = np.concatenate([np.full(len(cloud), (now.stamp_ns - cloud.stamp_ns) * 1e-9) for cloud in recent])
-    palette = np.array((*PEOPLE, NOBODY))
     owner = np.concatenate(who).astype(int)
     snr = np.concatenate([cloud.snr for cloud in recent])
     seen = np.clip(np.nan_to_num(snr, nan=10.0), 5.0, 40.0)
@@ -203,7 +208,7 @@ def _points(now: Snapshot) -> dict[str, Any]:
         "x": np.concatenate([cloud.x for cloud in recent]),
         "y": np.concatenate([cloud.y for cloud in recent]),
         "size": (2.5 + 0.12 * seen).astype(np.float32),
-        "colour": palette[np.where(owner < 0, len(PEOPLE), owner % len(PEOPLE))].tolist(),
+        "who": np.where(owner < 0, len(PEOPLE), owner % len(PEOPLE)).astype(np.uint8),
         "alpha": np.clip(0.9 - 0.75 * age / _GLOW, 0.1, 0.9).astype(np.float32),
     }
 

@@ -20,10 +20,11 @@ class RoomTab:
     title = "Room"
 
     def __init__(self, context: Context) -> None:
-        self._plan = Plan(self._clicked)
-        self._gestures, self._control = GesturePanel(), ControlPanel()
-        self._range_doppler, self._person = RangeDopplerPanel(context.feed), PersonPanel()
-        self._tables, self._zones = Tables(), ZonesPanel(context)
+        pictures = context.pictures
+        self._plan = Plan(pictures, self._clicked)
+        self._gestures, self._control = GesturePanel(pictures), ControlPanel(pictures)
+        self._range_doppler, self._person = RangeDopplerPanel(context.feed, pictures), PersonPanel(pictures)
+        self._tables, self._zones = Tables(pictures), ZonesPanel(context)
         self._zones.on(self._plan)
         self._zones.look()
         self._now: Snapshot | None = None
@@ -43,12 +44,12 @@ class RoomTab:
             columns=4,
         )
         tables = grid(
-            card("People", self._tables.people),
+            card("People", self._tables.people, self._person.choice),
             card("Zones", self._tables.zones, *self._zones.parts),
-            card("Whose maps are shown", self._person.choice),
+            card("Latency", self._tables.latency),
             columns=3,
         )
-        nodes = grid(card("Nodes", self._tables.nodes, span=2), card("Latency", self._tables.latency), columns=3)
+        nodes = card("Nodes", self._tables.nodes)
         self.layout = column(top, maps, tables, nodes, sizing_mode="stretch_width", spacing=12)
 
     def _clicked(self, x: float, y: float) -> None:

@@ -110,6 +110,7 @@ BUTTON: Final = InlineStyleSheet(
     css=f"""
 .bk-btn {{ background: {LINE}; color: {TEXT}; border: 1px solid #3a4656; border-radius: 8px; font: 600 14px {FONT}; min-height: 38px; }}
 .bk-btn:hover {{ background: #36445a; }}
+.bk-btn[disabled] {{ background: {CARD}; color: {FAINT}; border-color: {LINE}; opacity: .6; }}
 .bk-btn.bk-active, .bk-btn.bk-btn-primary {{ background: {ACCENT}; color: #08121c; border-color: {ACCENT}; }}
 """
 )

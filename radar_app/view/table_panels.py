@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from bokeh.models import ColumnDataSource, DataRange1d, Range1d
-from bokeh.models.widgets import Div
+from bokeh.models import DataRange1d, Range1d
 
 from radar_app.view.feed import Entry, Snapshot
+from radar_app.view.pictures import Pictures
 from radar_app.view.records import NodeHealth, StageFigures, StageReport
 from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, colour, plot
 from radar_tracking.tracks import Tracks, TrackStatus
@@ -26,11 +26,10 @@ _BINS: Final = 120  # places of the latency plot
 class Tables:
     """The tables, and the plot of latencies."""
 
-    def __init__(self) -> None:
-        self.people = Div(name="people", sizing_mode="stretch_width")
-        self.zones = Div(name="zones", sizing_mode="stretch_width")
-        self.nodes = Div(name="nodes", sizing_mode="stretch_width")
-        self._source = ColumnDataSource(data={"t": [], "latency": []}, name="latency")
+    def __init__(self, pictures: Pictures) -> None:
+        self._pictures = pictures
+        self.people, self.zones, self.nodes = (pictures.div(f"{name}_table") for name in ("people", "zones", "nodes"))
+        self._source = pictures.source("latency", {"t": [], "latency": []})
         self.latency = plot(
             "latency_plot", "time [s]", "frame to people [ms]", x_range=Range1d(start=-60, end=0), y_range=DataRange1d(start=0), height=150,
             tools="",
@@ -43,14 +42,10 @@ class Tables:
         if now.newest and self._last_ns <= now.stamp_ns < self._due_ns:
             return
         self._due_ns, self._last_ns = now.stamp_ns + _EVERY_NS, now.stamp_ns
-        for div, text in (
-            (self.people, _people(now.people)),
-            (self.zones, _zones(now.zones)),
-            (self.nodes, _nodes(now.stages, now.health)),
-        ):
-            if div.text != text:
-                div.text = text
-        self._source.data = _latencies(now.past("status", 60.0), now.stamp_ns)
+        self._pictures.write(self.people, _people(now.people))
+        self._pictures.write(self.zones, _zones(now.zones))
+        self._pictures.write(self.nodes, _nodes(now.stages, now.health))
+        self._pictures.put(self._source, _latencies(now.past("status", 60.0), now.stamp_ns))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], empty: str) -> str:
