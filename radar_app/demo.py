@@ -18,6 +18,7 @@ from rich.live import Live
 from radar_app.demo_report import missing_of, show_report
 from radar_app.graph import STAGES, VARIANTS, NodeSpec, graph
 from radar_app.live import Monitor
+from radar_app.nursery import Nursery
 from radar_app.parameters import zone_parameters
 from radar_app.supervisor import LOOK, Supervisor, environment, refuse_running
 from radar_core import ConfigError
@@ -64,8 +65,8 @@ class _Plan:
         return self.bag.with_name(f"{self.bag.name}.json")
 
 
-def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
-    """Run the demo and return its report.
+def run_demo(options: DemoOptions, console: Console, nursery: Nursery | None = None) -> dict[str, Any]:
+    """Run the demo and return its report; nodes come from the ``nursery`` where there is one.
 
     Of its figures ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early, ``missing`` what should
     have been seen and was not. A `ConfigError` says that the scene makes no sense, the ROS domain is busy or nodes do not start.
@@ -80,7 +81,7 @@ def run_demo(options: DemoOptions, console: Console) -> dict[str, Any]:
             monitor.spin(max(due - time.monotonic(), 0.0))
             found = monitor.node.get_node_names_and_namespaces()
             refuse_running(found, [spec.name for spec in plan.specs], options.namespace, options.domain)
-            return _run(plan, monitor, options, console)
+            return _run(plan, monitor, options, console, nursery)
         finally:
             monitor.close()
 
@@ -118,10 +119,10 @@ class _Log:
             self._console.print(f"{name}: {line}" if self._options.verbose or bad else about, markup=False, highlight=False, soft_wrap=True)
 
 
-def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console) -> dict[str, Any]:
+def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console, nursery: Nursery | None) -> dict[str, Any]:
     """Run the nodes until the scene is over or the user has seen enough; returns the report."""
     log = _Log(console, options)
-    supervisor = Supervisor(plan.specs, domain=options.domain, log=log)
+    supervisor = Supervisor(plan.specs, domain=options.domain, log=log, nursery=nursery)
     started, interrupted = time.monotonic(), False
     live: dict[str, Any] = {"first_frame_s": None}
     try:

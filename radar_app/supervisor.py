@@ -20,6 +20,7 @@ import psutil
 
 from radar_app.exits import CLOSED, USAGE, note_closed, pipe_closed, say
 from radar_app.graph import NodeSpec, arguments
+from radar_app.nursery import Forked, Nursery
 from radar_core import ConfigError
 from radar_core.paths import share_dir
 from radar_ros.signals import interruptible, stopped, told
@@ -40,6 +41,7 @@ _OURS = "handwave"
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
 LogSink = Callable[[str, str], None]
+Process = subprocess.Popen[str] | Forked
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
@@ -80,7 +82,7 @@ def _in_child(parent: int) -> None:
 @dataclass
 class _Child:
     spec: NodeSpec
-    process: subprocess.Popen[str]
+    process: Process
     reader: threading.Thread
     started: float
     deaths: int = 0
@@ -89,11 +91,21 @@ class _Child:
 class Supervisor:
     """Runs nodes as processes of their own, in a ROS domain (None: as in the environment).
 
-    ``respawn`` starts a node again that died; ``log`` is called with node name and line for every line that a node prints.
+    ``respawn`` starts a node again that died; ``log`` is called with node name and line for every line that a node prints. With a
+    ``nursery`` nodes are forks of it, which start in half the time.
     """
 
-    def __init__(self, specs: Sequence[NodeSpec], *, domain: int | None = None, respawn: bool = False, log: LogSink | None = None) -> None:
+    def __init__(
+        self,
+        specs: Sequence[NodeSpec],
+        *,
+        domain: int | None = None,
+        respawn: bool = False,
+        log: LogSink | None = None,
+        nursery: Nursery | None = None,
+    ) -> None:
         self.specs = tuple(specs)
+        self._nursery = nursery
         self.respawn = respawn
         self.crashes: list[tuple[str, int]] = []
         self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
@@ -121,7 +133,17 @@ class Supervisor:
                 self._children[spec.label] = self._start(spec)
 
     def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
-        process = subprocess.Popen(
+        process = self._fork(spec) if self._nursery is not None else self._spawn(spec)
+        reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
+        reader.start()
+        return _Child(spec, process, reader, time.monotonic(), deaths)
+
+    def _fork(self, spec: NodeSpec) -> Forked:
+        assert self._nursery is not None
+        return self._nursery.start(spec.label, spec.module, arguments(spec), self._environment)
+
+    def _spawn(self, spec: NodeSpec) -> subprocess.Popen[str]:
+        return subprocess.Popen(
             [sys.executable, "-m", spec.module, *arguments(spec)],
             env=self._environment,
             stdin=subprocess.DEVNULL,
@@ -132,11 +154,8 @@ class Supervisor:
             start_new_session=True,  # a Ctrl-C reaches only us; we stop the nodes in order
             preexec_fn=partial(_in_child, os.getpid()),
         )
-        reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
-        reader.start()
-        return _Child(spec, process, reader, time.monotonic(), deaths)
 
-    def _read(self, name: str, process: subprocess.Popen[str]) -> None:
+    def _read(self, name: str, process: Process) -> None:
         assert process.stdout is not None
         for line in process.stdout:
             self._log(name, line.rstrip())
@@ -236,7 +255,7 @@ def _oversee(supervisor: Supervisor, wait: Callable[[float], None]) -> int:
             return 0
 
 
-def _end(processes: Sequence[subprocess.Popen[str]], number: signal.Signals, grace: float) -> list[subprocess.Popen[str]]:
+def _end(processes: Sequence[Process], number: signal.Signals, grace: float) -> list[Process]:
     """Send a signal and wait; return the processes that live all the same."""
     now = time.monotonic()
     deadline, again = now + grace, now
