@@ -103,10 +103,13 @@ def demo(
     """
     from rich.console import Console
 
-    from radar_app.demo import DemoOptions, run_demo, show_report
+    from radar_app.nursery import nursery_of
 
-    console = Console(stderr=as_json)
-    report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose, zones), console)
+    with nursery_of("demo") as nursery:  # first: it loads what nodes need while this process loads what it needs
+        from radar_app.demo import DemoOptions, run_demo, show_report
+
+        console = Console(stderr=as_json)
+        report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose, zones), console, nursery)
     if as_json:
         print(json.dumps(report))
     else:
