@@ -5,16 +5,22 @@ The library is not on the package index, so nothing here was tried with it; its 
 
 import sys
 import time
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
-from radar_core import ConfigError, DeviceError
+from radar_core import ConfigError, DeviceError, Pose, RadarInfo
 from radar_driver.bgt60.config import Bgt60Config
 from radar_driver.bgt60.source import Bgt60, to_cube
 from radar_driver.boards import board, boards
+from radar_driver.live import Reader
 from radar_dsp import Baseband, BasebandConfig
+from radar_lab.pipeline import Pipeline
+from radar_sim import Action, Effects, NoiseConfig, Person, Scene, SceneRadar, Simulator
+from radar_sim.people import Walk
+from radar_tracking import TrackStatus
 
 SMALL = {"chirps": 16, "samples": 64, "frame_interval": 0.02}
 
@@ -193,3 +199,69 @@ def test_settings_that_contradict_each_other(knobs, message):
     """With what to change."""
     with pytest.raises(ConfigError, match=message):
         Bgt60Config(**knobs)
+
+
+def walk(config):
+    """Real samples (frame, rx, chirp, sample) of somebody who walks away, and where they are [m]."""
+    info = config.info(0.9 * (config.end_frequency - config.start_frequency), 60.6e9)
+    fine = RadarInfo(waveform=replace(info.waveform, n_sample=config.samples), array=info.array, mount=Pose(z=1.2))
+    person = Person(id=1, position=(1.3, 0.2), script=(Action(walk=Walk(to=(4.3, -0.2))),))
+    scene = Scene(duration=3.0, seed=5, radars=(SceneRadar.of(fine),), people=(person,), effects=Effects(noise=NoiseConfig()))
+    simulator = Simulator(scene)
+    made = [simulator.process(k) for k in range(simulator.n_frames)]
+    real = np.stack([one.frame.cube.real[0].transpose(1, 0, 2) for one in made])
+    return 0.5 + 0.3 * real / np.abs(real).max(), [one.truth.position[0] for one in made]
+
+
+@pytest.mark.long
+def test_a_walker_is_tracked_over_garbage_and_unplugging(library, monkeypatch):
+    """Samples to one person in the room: half a frame and one of no numbers are left out, and frames go on once the board is back."""
+    config = Bgt60Config(chirps=32, mount=Pose(z=1.2))
+    frames, truth = walk(config)
+    state = {"next": 0, "there": True, "due": 0.0}
+
+    def give(self, timeout_ms):
+        if not state["there"]:
+            raise OSError("no such device")
+        time.sleep(max(min(state["due"] - time.monotonic(), timeout_ms * 1e-3), 0.0))
+        if time.monotonic() < state["due"] or state["next"] >= len(frames):
+            raise ErrorTimeout
+        k, state["due"] = state["next"], time.monotonic() + config.frame_interval
+        state["next"] += 1
+        return [frames[k][:, :9] if k == 8 else np.full_like(frames[k], np.nan) if k == 12 else frames[k]]
+
+    def plugged(self, shape):
+        if not state["there"]:
+            raise ErrorFrameAcquisitionFailed
+        self.said.append(shape)
+
+    monkeypatch.setattr(library, "get_next_frame", give)
+    monkeypatch.setattr(library, "set_acquisition_sequence", plugged)
+    source, problems = Bgt60(config), set()
+    source.power_up()
+    pipeline = Pipeline(source.info)
+    reader = Reader(source, lambda: problems.add(reader.problem), again=0.1)
+    reader.start()
+    try:
+        found, end, unplugged = None, time.monotonic() + 60.0, 0.0
+        while state["next"] < len(frames) and time.monotonic() < end:
+            reading = reader.take()
+            if reading is None:
+                time.sleep(0.005)
+            else:
+                found = pipeline.process(reading.data)
+            if state["next"] == 20 and not unplugged:
+                unplugged, state["there"] = time.monotonic(), False
+            if unplugged and time.monotonic() > unplugged + 0.3:
+                state["there"] = True
+    finally:
+        reader.stop()
+        source.power_down()
+    said = " ".join(problems)
+    for words in ("shape (3, 9, 128), expected (3, 32, 128), or is no number", "has gone (OSError", "cannot be set up"):
+        assert words in said
+    assert reader.counts["reopened"] >= 1
+    assert source.report()["broken"] == 2
+    (person,) = [track for track in found.tracks.tracks if track.status != TrackStatus.TENTATIVE]
+    assert np.hypot(*(person.position[:2] - truth[-1][:2])) < 0.5
+    assert library.opened == 0
