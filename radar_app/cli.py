@@ -334,7 +334,7 @@ lab = typer.Typer(
 _WATCHING = (watch_commands.watch, view_commands.view, watch_commands.status, watch_commands.listen)
 _PANELS = {
     _WATCH: _WATCHING,
-    _BAGS: (scene_commands.scenes, scene_commands.simulate),
+    _BAGS: (watch_commands.show, scene_commands.scenes, scene_commands.simulate),
     _SETUP: (device_commands.devices, device_commands.probe, doctor_commands.doctor),
 }
 for panel, commands in _PANELS.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +24,8 @@ from radar_sim.truth import SimulatedFrame
 
 MOST_PICTURES: Final[float] = 25.0
 """Pictures per second, unless the caller wants more."""
-_SIZE: Final[tuple[int, int]] = (1280, 720)  # pixels, both even as yuv420p needs
+SIZE: Final[tuple[int, int]] = (1280, 720)
+"""Pixels of a picture, both even as yuv420p needs."""
 _DPI: Final[int] = 100
 _BIT_RATE: Final[int] = 4_000_000  # of mpeg4, which is used where there is no H.264
 _SLOWEST: Final[Fraction] = Fraction(1, 1000)  # pictures per second
@@ -51,20 +52,26 @@ def step_of(interval: float, every: float | None) -> int:
 
 def film(simulator: Simulator, out: Path, every: float | None) -> None:
     """Simulate all frames and write the film, whatever the ending of ``out``; see `radar_app.preview.draw`."""
-    av = need_av(out)
+    need_av(out)
     stage = _Stage(simulator)
     step = step_of(simulator.interval, every)
-    rate = max(Fraction(1.0 / (step * simulator.interval)).limit_denominator(1000), _SLOWEST)
+    encode(out, 1.0 / (step * simulator.interval), stage.pictures(step))
+
+
+def encode(out: Path, per_second: float, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Write a film of pictures of `SIZE`, shape (height, width, 4), whatever the ending of ``out``."""
+    av = need_av(out)
+    rate = max(Fraction(per_second).limit_denominator(1000), _SLOWEST)
     codec = "libx264" if "libx264" in av.codec.codecs_available else "mpeg4"
     with av.open(str(out), "w", format="mp4") as container:
         stream: Any = container.add_stream(codec, rate=rate)
-        stream.width, stream.height, stream.pix_fmt = *_SIZE, "yuv420p"
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
         if codec == "libx264":
             stream.options = {"crf": "23", "preset": "veryfast"}
         else:
             stream.bit_rate = _BIT_RATE
         stream.codec_context.thread_count = 1
-        for rgba in stage.pictures(step):
+        for rgba in pictures:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(rgba, format="rgba")))
         container.mux(stream.encode())
 
@@ -78,7 +85,7 @@ class _Stage:
         self._scale = panels.find_scale(simulator, self._observer)
         self._start = simulator.radar.trigger_offset
         self._end = self._start + simulator.n_frames * simulator.interval
-        self._figure = Figure(figsize=(_SIZE[0] / _DPI, _SIZE[1] / _DPI), dpi=_DPI)
+        self._figure = Figure(figsize=(SIZE[0] / _DPI, SIZE[1] / _DPI), dpi=_DPI)
         canvas: Any = FigureCanvasAgg(self._figure)  # its methods carry no types
         self._strip = panels.Strip(simulator.n_frames, len(self._observer.speed), _COLUMNS, self._scale.low)
         self._room = self._make_room(panels.room_extent(simulator.scene, simulator.info))
@@ -133,7 +140,7 @@ class _Stage:
 
     def _axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
         """Axes at a place given in pixels from below."""
-        return self._figure.add_axes((left / _SIZE[0], bottom / _SIZE[1], width / _SIZE[0], height / _SIZE[1]))
+        return self._figure.add_axes((left / SIZE[0], bottom / SIZE[1], width / SIZE[0], height / SIZE[1]))
 
     def _make_room(self, extent: panels.Extent) -> panels.RoomView:
         left, width, low, gap, height = 55.0, 450, 45, 22, 640
@@ -168,8 +175,8 @@ class _Stage:
         tones = ((self._micro_axes, "white"), (self._doing_axes, "black"))
         self._cursors = [ax.axvline(self._start, color=tone, linewidth=1.0) for ax, tone in tones]
         people = self._simulator.scene.people
-        self._texts = [self._figure.text(575 / _SIZE[0], 685 / _SIZE[1], "", fontsize=12, family="monospace")]
+        self._texts = [self._figure.text(575 / SIZE[0], 685 / SIZE[1], "", fontsize=12, family="monospace")]
         per_row = max(min(len(people), 5), 1)
         for i in range(min(len(people), 2 * per_row)):
             x, y = 575 + (i % per_row) * 640 / per_row, 655 - 20 * (i // per_row)
-            self._texts.append(self._figure.text(x / _SIZE[0], y / _SIZE[1], "", fontsize=12, color=panels.colour(i), weight="bold"))
+            self._texts.append(self._figure.text(x / SIZE[0], y / SIZE[1], "", fontsize=12, color=panels.colour(i), weight="bold"))

@@ -22,7 +22,7 @@ from radar_ros.bags import TYPES, BagWriter
 from radar_ros.interrupts import ros
 from radar_ros.offline import Recording, copy_info, open_recording
 from radar_ros.replay import Lockstep, Player, play
-from radar_ros.signals import interruptible, stopped
+from radar_ros.signals import interruptible
 from radar_ros.waiting import PATIENCE, REMEDY, Patience
 
 READER_TIMEOUT = PATIENCE
@@ -47,7 +47,7 @@ class ReplayOptions:
 
 
 def run_replay(options: ReplayOptions) -> int:
-    """Replay a recording; returns the exit status: 0, 1 when a node died, 130 when interrupted.
+    """Replay a recording; returns the exit status: 0, 1 when a node died.
 
     A `DataError` says that the bag cannot be replayed, or that in lockstep a frame was lost.
     """
@@ -64,7 +64,7 @@ def run_replay(options: ReplayOptions) -> int:
     specs = graph("stages" if options.lockstep else "replay", namespace=options.namespace, parameters=parameters, without=without)
     if options.graph_too:
         refuse_busy_domain([spec.name for spec in specs], options.namespace, options.domain)
-    console, status = Console(), 0
+    console = Console()
 
     def errors_only(name: str, line: str) -> None:
         if "[INFO]" not in line or compiling.told(line):
@@ -72,18 +72,14 @@ def run_replay(options: ReplayOptions) -> int:
 
     supervisor = Supervisor(specs if options.graph_too else (), domain=options.domain, log=errors_only)
     with interruptible(), ros(), supervisor:
-        try:
-            if options.lockstep:
-                _lockstep(options, supervisor, recording, console, mount)
-            else:
-                _in_time(options, supervisor, recording.topic, console, mount)
-            supervisor.poll()
-        except KeyboardInterrupt:
-            console.print("interrupted")
-            status = stopped()
+        if options.lockstep:
+            _lockstep(options, supervisor, recording, console, mount)
+        else:
+            _in_time(options, supervisor, recording.topic, console, mount)
+        supervisor.poll()
     for name, code in supervisor.crashes:
         console.print(f"[red]node {name} died with status {code}")
-    return 1 if supervisor.crashes else status
+    return int(bool(supervisor.crashes))
 
 
 def _refuse_contradictions(options: ReplayOptions) -> None:

@@ -6,12 +6,14 @@ import json
 import os
 import time
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from radar_app.exits import CLOSED, pipe_closed
 from radar_app.parameters import Domain, Json, Namespace
+from radar_core import ConfigError, DataError
 
 if TYPE_CHECKING:
     from radar_app.watching.listener import Listener
@@ -139,3 +141,54 @@ def _until_told(listener: Listener, done: Any, show: Any = None, every: float = 
                     show()
         except KeyboardInterrupt:
             raise typer.Exit(0 if told() != 1 else stopped()) from None
+
+
+def show(
+    bag: Annotated[Path, typer.Argument(help="folder of the recording")],
+    as_csv: Annotated[bool, typer.Option("--csv", help="gestures and people as CSV, a row each")] = False,
+    positions: Annotated[bool, typer.Option("--positions", help="where everybody was at every moment, as CSV")] = False,
+    as_json: Json = False,
+    preview: Annotated[Path | None, typer.Option(help="also draw room, people, gestures and spectra: .png or .mp4")] = None,
+    range_doppler: Annotated[Path | None, typer.Option(help="also plot the range-Doppler map of a frame: .png")] = None,
+    micro_doppler: Annotated[Path | None, typer.Option(help="also plot the micro-Doppler over time: .png")] = None,
+    at: Annotated[float | None, typer.Option(help="of --range-doppler: seconds since the beginning; default: the middle", min=0.0)] = None,
+) -> None:
+    """Show what is in a recording: gestures and people as tables, CSV or JSON; as a picture, a film, or plots.
+
+    A recording without gestures and tracks can be drawn too; `handwave process` recognises what is in it.
+
+    Examples: `handwave show my_demo` · `handwave show my_demo --csv > my_demo.csv` · `handwave show walkers --preview walkers.mp4`
+    · `handwave show raw --range-doppler map.png --at 2.5`
+    """
+    from rich.console import Console
+
+    from radar_app.showing import tables
+    from radar_app.showing.results import read_results
+
+    if sum((as_csv, positions, as_json)) > 1:
+        raise ConfigError("show: choose one of --csv, --positions and --json")
+    results = read_results(bag)
+    drawn = [path for path in (preview, range_doppler, micro_doppler) if path is not None]
+    if preview is not None:
+        from radar_app.showing.picture import preview as draw
+
+        draw(results, preview)
+    if range_doppler is not None or micro_doppler is not None:
+        from radar_app.showing.plots import draw_micro_doppler, draw_range_doppler
+
+        if range_doppler is not None:
+            draw_range_doppler(results, range_doppler, at)
+        if micro_doppler is not None:
+            draw_micro_doppler(results, micro_doppler)
+    if not (results.people or results.gestures or drawn):
+        advice = f"recognise what is in it with: handwave process {bag} --out results, then: handwave show results"
+        raise DataError(f"{bag}: holds no gestures and no tracks; {advice}")
+    if as_csv or positions:
+        print(tables.positions_csv(results) if positions else tables.as_csv(results), end="")
+    elif as_json:
+        print(json.dumps(tables.as_json(results)))
+    else:
+        if results.people or results.gestures:
+            Console().print(tables.screen(results), highlight=False)
+        for path in drawn:
+            print(f"drawn: {path}")

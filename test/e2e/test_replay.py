@@ -96,7 +96,7 @@ def test_an_interrupted_replay_tidies_up(raw):
     process.terminate()
     output, _ = process.communicate(timeout=10)
     assert process.returncode == 143, output
-    assert "interrupted" in output
+    assert "stopped by SIGTERM" in output
     assert "Traceback" not in output
 
 

@@ -1,0 +1,1 @@
+"""What is in a bag: gestures and tracks as tables, pictures and films."""
