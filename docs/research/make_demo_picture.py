@@ -51,7 +51,7 @@ def main() -> None:
         while demo.poll() is None:
             monitor.spin(0.1)
             drawing += monitor.hand is not None
-            if drawing == 40:  # four seconds into the drawing: something of everything is on the display
+            if drawing == 15:  # into the drawing: something of everything is on the display
                 display.print(monitor.render("handwave demo"))
         monitor.close()
         rclpy.try_shutdown()
