@@ -236,12 +236,14 @@ def _each(given: Any, *reads: Callable[[Any], Any]) -> None:
 
 
 def _file(suffix: str, *reads: Callable[[Path], Any]) -> Callable[[bytes], None]:
-    """Make a reader of bytes out of those of a file, which has a good .cfg beside it."""
+    """Make a reader of bytes out of those of a file, which has a good .cfg, a waveform and an array beside it."""
 
     def read(data: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "profile.cfg").write_bytes(_CFG)
             (Path(folder) / "zeros.bin").write_bytes(bytes(1 << 14))
+            (Path(folder) / "radar.yaml").write_bytes(_WAVEFORM)
+            (Path(folder) / "array.yaml").write_bytes(b"{tx: [[0, 0]], rx: [[0, 0], [0.0025, 0]]}")
             path = Path(folder) / f"profile{suffix}"
             path.write_bytes(data)
             _each(path, *reads)
@@ -249,13 +251,15 @@ def _file(suffix: str, *reads: Callable[[Path], Any]) -> Callable[[bytes], None]
     return read
 
 
-def _items(kind: str, path: Path) -> None:
-    for _ in zip(range(50), open_original(kind, path).items, strict=False):
+def _items(kind: str, path: Path, **options: Any) -> None:
+    if kind == "npy":
+        options = {"waveform": str(path.with_name("radar.yaml")), "array": str(path.with_name("array.yaml"))}
+    for _ in zip(range(50), open_original(kind, path, **options).items, strict=False):
         pass
 
 
-def _importer(kind: str, suffix: str, seeds: Callable[[], list[bytes]]) -> Parser:
-    return Parser(seeds, _file(suffix, partial(_items, kind)))
+def _importer(kind: str, suffix: str, seeds: Callable[[], list[bytes]], **options: Any) -> Parser:
+    return Parser(seeds, _file(suffix, partial(_items, kind, **options)))
 
 
 def _saved(write: Callable[..., None], *array: Any, **arrays: Any) -> bytes:
@@ -298,6 +302,7 @@ _CROSSING: Final = {"offset": [0, 2, 4], "time_ms": [0.0, 33.0], "frame_number":
 _MARS: Final = {"offset": [0, 2, 4], "xyz": np.ones((4, 3)), "joints": ["SpineBase", "HandRight", "HandLeft"]} | {
     "doppler": np.ones(4), "intensity": np.ones(4), "joint_xyz": np.ones((2, 3, 3)),
 }  # fmt: skip
+_WAVEFORM: Final = b"{carrier: 60.0e+9, bandwidth: 1.0e+9, chirp_duration: 6.0e-5, frame_interval: 0.05, n_tx: 1, n_chirp: 4, n_sample: 16}"
 _ANSWER: Final = b"\xfd\xfc\xfb\xfa\x04\x00\xfe\x01\x00\x00\x04\x03\x02\x01"
 _STUDIO: Final = b"""{"mmWaveDevices": [{"rfConfig": {"rlChanCfg_t": {"rxChannelEn": "0xF"}, "rlProfiles": [{"rlProfileCfg_t": {
 "profileId": 0, "startFreqConst_GHz": 77.0, "idleTimeConst_usec": 7.0, "adcStartTimeConst_usec": 7.0, "rampEndTime_usec": 57.0,
@@ -308,6 +313,7 @@ _A121: Final = [
     b'{"status":"ok","result_info":[[{"tick":1,"temperature":30}]],"payload_size":32}\n' + bytes(range(10, 42)),
     b'{"status":"ok","metadata":[[{"frame_data_length":8,"base_step_length_m":0.0025}]],"payload_size":0}\n',
 ]
+_CUBELEARN: Final = {"slope": 60e12, "sample_rate": 6e6, "chirp_interval": 70e-6}
 PARSERS: Final[dict[str, Parser]] = {
     "ti_demo": Parser(_ti_items, partial(_stream, tlv.Parser, tlv.LONGEST)),
     "ld2450": Parser(lambda: [b"\xaa\xff\x03\x00" + bytes(24) + b"\x55\xcc", _ANSWER], partial(_stream, wire.Parser, wire.LONGEST + 10)),
@@ -319,6 +325,9 @@ PARSERS: Final[dict[str, Parser]] = {
     "pcap": _importer("dca1000", ".pcap", _pcap),
     "dca1000_bin": _importer("dca1000_bin", ".bin", lambda: [bytes(range(256)) * 17]),
     "openradar": _importer("openradar", ".npy", lambda: [_saved(np.save, np.ones((2, 4, 8, 16), complex))]),
+    "npy": _importer("npy", ".npy", lambda: [_saved(np.save, np.ones((2, 1, 4, 2, 16), kind)) for kind in (complex, np.int16)]),
+    "cubelearn": _importer("cubelearn", ".npy", lambda: [_saved(np.save, np.ones((2, 1, 128, 12, 256), np.int8))], **_CUBELEARN),
+    "bgt60_eth": _importer("bgt60_eth", ".npy", lambda: [_saved(np.save, np.ones((1, 2, 96, 16, 3), np.uint16))]),
     "bgt60": _importer("bgt60", ".json", lambda: [_BGT60]),
     "crossing": _importer("crossing", ".npz", partial(_npz, **_CROSSING)),
     "mars": _importer("mars", ".npz", partial(_npz, **_MARS)),
