@@ -5,16 +5,19 @@ Thresholds were chosen on the scenes from number `DEVELOPED` on; the figures are
 
 from __future__ import annotations
 
+import os
 from collections import Counter
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from benchmarks.gesture_scenes import body, effects, stroke
-from benchmarks.report import rate, share
-from radar_core import GESTURES, AntennaArray, Pose, RadarInfo, Waveform
+from benchmarks.report import AbsentError, rate, share
+from radar_core import GESTURES, AntennaArray, HandwaveError, Pose, RadarFrame, RadarInfo, Waveform
 from radar_gestures.one_channel import ChannelGestures
 from radar_gestures.recognizer import Gesture
+from radar_lab.importers import open_original
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.scene import SceneRadar
 from radar_tracking.presence import Presence, PresenceConfig, PresenceDetector
@@ -119,7 +122,45 @@ def _presence(numbers: range) -> dict[str, Any]:
     }
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Twenty scenes of each kind; quick: one."""
+def recorded(path: Path) -> dict[str, Any]:
+    """Say what is seen in one recording of an A121, or why it is not read; nothing is known of the truth but what its name says."""
+    try:
+        recording = open_original("a121", path)
+        detector, naming = PresenceDetector(PresenceConfig(), recording.info), ChannelGestures()
+        seen = [detector.process(frame) for frame in recording.items if isinstance(frame, RadarFrame)]
+    except HandwaveError as error:
+        return {"file": path.name, "refused": str(error)}
+    named = [gesture for gesture in map(naming.process, seen) if gesture is not None]
+    breath = [60 * one.breathing for one in seen if np.isfinite(one.breathing)]
+    places = [one.distance for one in seen if np.isfinite(one.distance)]
+    seconds = (seen[-1].stamp_ns - seen[0].stamp_ns) * 1e-9 if seen else 0.0
+    shares = {what: sum(getattr(one, what) for one in seen) / max(len(seen), 1) for what in ("present", "moving", "still")}
+    return {
+        "file": path.name,
+        "frames": len(seen),
+        "seconds": seconds,
+        **shares,
+        "with_breath": len(breath) / max(len(seen), 1),
+        "breaths_a_minute": float(np.median(breath)) if breath else None,
+        "distance_m": float(np.median(places)) if places else None,
+        "gestures": dict(Counter(gesture.name for gesture in named)),
+    }
+
+
+def real_recordings() -> list[Path]:
+    """Files of the folder ``HANDWAVE_A121``, in the order of their names; an `AbsentError` says that there are none."""
+    named = os.environ.get("HANDWAVE_A121", "")
+    files = sorted(Path(named).rglob("*.h5")) if named else []
+    if not files:
+        raise AbsentError(
+            "HANDWAVE_A121 has to name a folder with recordings of an A121 (.h5), such as those of acconeer-exptool's own tests"
+        )
+    return files
+
+
+def run(quick: bool, real: bool = False) -> dict[str, Any]:
+    """Twenty scenes of each kind; quick: one. Or ``real`` recordings of an A121, those of the folder ``HANDWAVE_A121``."""
+    if real:
+        return {"recordings": [recorded(path) for path in real_recordings()], "choices": []}
     numbers = range(1 if quick else 20)
     return {"scenes": [numbers.start, numbers.stop], **_presence(numbers), **_gestures(numbers), "choices": []}
