@@ -65,7 +65,7 @@ class Listener(Visitor):
             progress(passed / seconds)
             self.spin(min(0.1, seconds))
         for evidence in intake.radars.values():
-            evidence.simulated_time = simulated
+            evidence.simulated_time, evidence.live = simulated, True
         return intake.finish()
 
     def _subscribe(self, topic: str, name: str, intake: Intake) -> None:

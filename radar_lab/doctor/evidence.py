@@ -58,6 +58,7 @@ class Evidence:
         self.tracks: dict[int, Tracks] = {}  # by stamp
         self.refused: list[str] = []  # why messages could not be used, at most a hundred of them
         self.simulated_time = False  # stamps are of a clock that the arrivals are not of
+        self.live = False  # messages that did not come here may have reached the graph all the same: its stages know what was lost
         self._first: dict[str, tuple[int, int]] = {}
         self._cubes: list[RadarFrame] = []
 

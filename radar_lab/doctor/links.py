@@ -32,7 +32,8 @@ def drops(evidence: Evidence) -> Finding:
     """Look for the stream that loses the largest share: frames of the device, or what a stage of the graph did not get done."""
     chirps, missing = evidence.health.chirps
     told = [(f"messages to {name}", *counts) for name, counts in evidence.stages.items()]
-    counted = [(f"messages of {name}", stream.came, stream.lost) for name, stream in evidence.arrived.items() if stream.came]
+    known = () if evidence.live and evidence.stages else evidence.arrived.items()
+    counted = [(f"messages of {name}", stream.came, stream.lost) for name, stream in known if stream.came]
     shares = [(lost / max(came + lost, 1), lost, came + lost, what) for what, came, lost in (*counted, *told)]
     shares += [(missing / chirps, missing, chirps, "chirps")] if chirps else []
     if not shares:

@@ -86,6 +86,16 @@ def test_losses(kept, fault):
     assert finding.value == pytest.approx(np.mean([not kept(k) for k in range(200)]), abs=1e-9)
 
 
+def test_what_the_doctor_itself_misses_of_a_running_graph_is_no_fault():
+    """There the stages say what they lost; without them, gaps are counted as in a recording."""
+    found = evidence([c for c in walk() if c.sequence % 3])
+    found.live = True
+    assert links.drops(found).fault
+    for count in (0, 200):
+        found.stage("tracking", count, 0)
+    assert not links.drops(found).fault
+
+
 def test_a_stage_that_drops_is_named_with_its_budget():
     """The stage that lost most is the one to relieve, unless a stage before it loses too."""
     found = evidence(walk())

@@ -17,7 +17,7 @@ from radar_ros.bags import BagWriter
 from radar_ros.messages.convert import frame_to_msg, info_to_msg
 
 START = 1_700_000_000_000_000_000
-WANTED = ("drops", "stitched frames", "saturation", "lost when still")
+WANTED = ("saturation", "merged people", "lost when still")
 
 
 def noise_bag(path, info=None, described=True, lost=()):
