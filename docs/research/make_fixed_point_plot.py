@@ -16,6 +16,9 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from benchmarks.word_length import WordLengthError, word_length_error
+from radar_lab.plots import PEOPLE
+
+mpl.rcParams["axes.prop_cycle"] = mpl.cycler(color=PEOPLE)  # told apart by everybody
 
 LEVELS = (0.0, 20.0, 40.0, 54.0)
 """Strongest echo over the noise, both in a sample [dB]; leakage of -60 dB stands 54 dB above the noise of the default radar."""

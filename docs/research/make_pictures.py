@@ -31,10 +31,13 @@ from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures
 from radar_lab.importers import open_original
+from radar_lab.plots import PEOPLE
 from radar_ros.importing import import_recording
 from radar_ros.offline import open_recording
 from radar_sim.truth import Truth
 from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, TrackStatus
+
+mpl.rcParams["axes.prop_cycle"] = mpl.cycler(color=PEOPLE)  # told apart by everybody
 
 COMMON = {"rotate", "pull", "push", "swipe_up", "swipe_down"}  # what the data sets and we both know
 
@@ -77,7 +80,7 @@ def draw_openradar(data: Path, out: Path) -> None:
     fig, axes = plt.subplots(figsize=(7, 4))
     image = axes.imshow(level, aspect="auto", origin="lower", extent=(-0.5, 127.5, -64.5, 63.5), vmin=level.max() - 50, cmap="Greys")
     bins, doppler = cloud.range / info.waveform.range_resolution, cloud.radial_speed / info.waveform.speed_resolution
-    axes.scatter(bins, doppler, s=20, facecolors="none", edgecolors="tab:red", label="detections")
+    axes.scatter(bins, doppler, s=20, facecolors="none", edgecolors="#D55E00", label="detections")
     axes.set(xlabel="range bin", ylabel="Doppler bin", ylim=(-25, 25), title="OpenRadar: doppler_example_1.npy")
     axes.legend(loc="upper right")
     fig.colorbar(image, label="power [dB]")
@@ -88,7 +91,7 @@ def draw_dca1000(data: Path, out: Path) -> None:
     """Range profile of the frame in the DCA1000's packets, in both orders of I and Q, with the baseband's detections."""
     source = "dca1000/test_one_frame.pcap"
     fig, axes = plt.subplots(figsize=(7, 3.2))
-    for order, colour in (("q_first", "tab:blue"), ("i_first", "0.6")):
+    for order, colour in (("q_first", "#0072B2"), ("i_first", "0.6")):
         info, frame, cloud = raw_cloud(data, "dca1000", source, tx=(1,), n_rx=1, order=order)
         n = info.waveform.n_sample
         power = (np.abs(np.fft.fft(frame.cube * np.hanning(n), axis=3)) ** 2).sum((0, 1, 2))
@@ -97,7 +100,7 @@ def draw_dca1000(data: Path, out: Path) -> None:
         if order == "q_first":
             bins = (cloud.range / info.waveform.range_resolution + n / 2) % n - n / 2
             at = np.interp(bins, np.arange(-n // 2, n // 2), level)
-            axes.scatter(bins, at, s=20, facecolors="none", edgecolors="tab:red", label="detections")
+            axes.scatter(bins, at, s=20, facecolors="none", edgecolors="#D55E00", label="detections")
     axes.set(xlabel="range bin (negative: no echo can be there)", ylabel="power [dB]", title="DCA1000: test_one_frame.pcap")
     axes.legend(fontsize=8)
     save(fig, out / "dca1000.png")

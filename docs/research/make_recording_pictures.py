@@ -26,7 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the benchmarks a
 from benchmarks import hand_mars, recordings
 from benchmarks.hand_mars import KNOWN, estimate, exercises
 from radar_core import PointCloud
+from radar_lab.plots import PEOPLE
 from radar_lab.posture.training import train_postures
+
+mpl.rcParams["axes.prop_cycle"] = mpl.cycler(color=PEOPLE)  # told apart by everybody
 
 WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
 SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")
@@ -84,9 +87,9 @@ def draw_hand(out: Path, name: str = "subject1_test", first: int = 230, n: int =
     place, std, seconds = found.position[part, 1], found.std[part, 1], 0.1 * np.arange(n)
     fig, panels = plt.subplots(2, 1, figsize=(11, 6), sharex=True)
     for axes, axis, label in zip(panels, (2, 1), ("height [m]", "y, left [m]"), strict=True):
-        axes.fill_between(seconds, place[:, axis] - std[:, axis], place[:, axis] + std[:, axis], color="C1", alpha=0.25, lw=0)
-        axes.plot(seconds, truth[:, axis], color="C0", lw=1.5, label="Kinect")
-        axes.plot(seconds, place[:, axis], color="C1", lw=1.2, label="posture, one radar (band: its deviation)")
+        axes.fill_between(seconds, place[:, axis] - std[:, axis], place[:, axis] + std[:, axis], color="#D55E00", alpha=0.25, lw=0)
+        axes.plot(seconds, truth[:, axis], color="#0072B2", lw=1.5, label="Kinect")
+        axes.plot(seconds, place[:, axis], color="#D55E00", lw=1.2, label="posture, one radar (band: its deviation)")
         axes.plot(seconds, plain[:, axis], color="0.5", lw=1, ls="--", label="mean pose")
         axes.set_ylabel(label)
     panels[0].set_title(f"{name}, right hand; {len(exercises(name).clouds)} clouds, this is {first} to {first + n}")
