@@ -89,7 +89,7 @@ def _measure(job: Job, command: str) -> None:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from benchmarks.tradeoff.run import REPORT, conclude, run
-    from radar_ros.interrupts import INTERRUPTED
+    from radar_ros.signals import stopped
 
     console, names = Console(), [stage.name for stage in job.stages]
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -106,7 +106,7 @@ def _measure(job: Job, command: str) -> None:
         if done:
             conclude(job, command)
         print(f"stopped: {len(done)} of {len(names)} stages are in {job.out}; the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(stopped()) from None
     except HandwaveError:
         if done:
             conclude(job, command)

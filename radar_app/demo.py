@@ -24,7 +24,8 @@ from radar_app.supervisor import LOOK, Supervisor, environment, refuse_running
 from radar_core import ConfigError
 from radar_ros import compiling
 from radar_ros.bags import free_folder
-from radar_ros.interrupts import interruptible, ros
+from radar_ros.interrupts import ros
+from radar_ros.signals import interruptible
 from radar_ros.waiting import REMEDY, Patience
 from radar_sim import load_scene
 

@@ -49,6 +49,7 @@ def finish(command: Callable[[], None]) -> NoReturn:
             status = _status(command)
         except KeyboardInterrupt:  # came while the end was being told
             status = stopped()
+    exec("")  # clears a note of Python's: after a KeyboardInterrupt within an exec like this it ends by SIGINT, whatever the status
     atexit.register(_deaf)
     sys.exit(status)
 
@@ -95,8 +96,8 @@ def _explained(error: BaseException, status: int) -> int:
         _silence(only_if_full=True)
         say(_full(full))
         return FULL
-    if isinstance(error, SystemExit):
-        return status
+    if isinstance(error, SystemExit) and not any(isinstance(cause.__cause__, KeyboardInterrupt) for cause in causes):
+        return status  # of a command that has said what there is to say; Typer makes 130 of a signal, without a word
     if any(isinstance(cause, KeyboardInterrupt) for cause in causes) or told():
         say(f"stopped {_WHO.get(signal.Signals(told() or signal.SIGINT), '')}")
         return stopped()

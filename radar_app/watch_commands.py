@@ -162,25 +162,21 @@ def show(
     """
     from rich.console import Console
 
-    from radar_app.showing import tables
+    from radar_app.showing import plots, tables
     from radar_app.showing.results import read_results
 
     if sum((as_csv, positions, as_json)) > 1:
         raise ConfigError("show: choose one of --csv, --positions and --json")
     results = read_results(bag)
-    drawn = [path for path in (preview, range_doppler, micro_doppler) if path is not None]
     if preview is not None:
-        from radar_app.showing.picture import preview as draw
-
-        draw(results, preview)
-    if range_doppler is not None or micro_doppler is not None:
-        from radar_app.showing.plots import draw_micro_doppler, draw_range_doppler
-
-        if range_doppler is not None:
-            draw_range_doppler(results, range_doppler, at)
-        if micro_doppler is not None:
-            draw_micro_doppler(results, micro_doppler)
-    if not (results.people or results.gestures or drawn):
+        plots.draw_preview(results, preview)
+    if range_doppler is not None:
+        plots.draw_range_doppler(results, range_doppler, at)
+    if micro_doppler is not None:
+        plots.draw_micro_doppler(results, micro_doppler)
+    drawn = [path for path in (preview, range_doppler, micro_doppler) if path is not None]
+    known = bool(results.people or results.gestures)
+    if not (known or drawn):
         advice = f"recognise what is in it with: handwave process {bag} --out results, then: handwave show results"
         raise DataError(f"{bag}: holds no gestures and no tracks; {advice}")
     if as_csv or positions:
@@ -188,7 +184,5 @@ def show(
     elif as_json:
         print(json.dumps(tables.as_json(results)))
     else:
-        if results.people or results.gestures:
-            Console().print(tables.screen(results), highlight=False)
-        for path in drawn:
-            print(f"drawn: {path}")
+        Console().print(tables.screen(results) if known else "no gestures and no tracks in it", highlight=False)
+        print("".join(f"drawn: {path}\n" for path in drawn), end="")

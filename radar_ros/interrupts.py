@@ -10,10 +10,6 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from radar_ros.signals import INTERRUPTED, interruptible, unbroken
-
-__all__ = ["INTERRUPTED", "Visitor", "interruptible", "ros", "unbroken"]
-
 _PULSE = 0.1  # s: Python sees a signal only between two waits of the executor
 
 

@@ -9,9 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-INTERRUPTED: Final = 130
-"""Exit status of a command that Ctrl-C ended before its end, as shells count it (128 + SIGINT)."""
-
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEAF: Final = 5.0  # s: after a signal the next ones are ignored for so long, so that nodes are stopped in order
 _AGAIN: Final = 0.05  # s: until it is raised again where foreign code swallowed it

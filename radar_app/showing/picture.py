@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Polygon
 
-from radar_app.preview import replacing
 from radar_app.showing.maps import Maps, TimeMap, time_maps
 from radar_app.showing.results import GestureRow, PersonRow, Results
-from radar_core import ConfigError, DataError, RadarInfo
+from radar_core import DataError, RadarInfo
 from radar_lab.plots import HEAT, PEOPLE
 from radar_lab.spectra import Scale
 from radar_ros.bags import read
@@ -32,32 +30,6 @@ _WIDE: Final = 1.5  # m: to either side that is always drawn
 _REACH: Final = 12.0  # m: what lies beyond is not drawn
 _FEW: Final = 4  # people, whose rows have room for two lines of names
 _LETTER: Final = 0.0105  # of the duration: about how wide a letter of a name is
-
-
-def preview(results: Results, out: Path, every: float | None = None) -> None:
-    """Draw a bag into a picture (.png) or a film (.mp4) at true speed; ``every`` is the time between two pictures of a film [s].
-
-    Raises
-    ------
-    ConfigError
-        When the ending is neither, or the file cannot be written.
-    DataError
-        When there is nothing in the bag to draw.
-    """
-    if out.suffix not in (".png", ".mp4"):
-        raise ConfigError(f"preview {out}: a preview is a film or a picture; end its name in .mp4 or .png")
-    if out.suffix == ".mp4":
-        from radar_app.preview_video import need_av
-
-        need_av(out)
-    sheet = Sheet(results)
-    with replacing(out) as part:
-        if out.suffix == ".png":
-            sheet.figure.savefig(part, format="png")
-        else:
-            from radar_app.showing.film import film
-
-            film(sheet, part, every)
 
 
 class Sheet:

@@ -1,13 +1,39 @@
-"""Plots of a bag: the range-Doppler map of a frame, the micro-Doppler over time."""
+"""Pictures, films and plots of a bag, each in a file that is whole or not there."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from radar_app.preview import replacing
+from radar_app.preview_video import need_av
+from radar_app.showing.film import film
+from radar_app.showing.picture import Sheet
 from radar_app.showing.results import Results
 from radar_core import ConfigError, DataError, RadarFrame
 from radar_lab.figures import save_figure
 from radar_lab.plots import plot_micro_doppler, plot_range_doppler
+
+
+def draw_preview(results: Results, out: Path, every: float | None = None) -> None:
+    """Draw a bag into a picture (.png) or a film (.mp4) at true speed; ``every`` is the time between two pictures of a film [s].
+
+    Raises
+    ------
+    ConfigError
+        When the ending is neither, or the file cannot be written.
+    DataError
+        When there is nothing in the bag to draw.
+    """
+    if out.suffix not in (".png", ".mp4"):
+        raise ConfigError(f"preview {out}: a preview is a film or a picture; end its name in .mp4 or .png")
+    if out.suffix == ".mp4":
+        need_av(out)
+    sheet = Sheet(results)
+    with replacing(out) as part:
+        if out.suffix == ".png":
+            sheet.figure.savefig(part, format="png")
+        else:
+            film(sheet, part, every)
 
 
 def draw_range_doppler(results: Results, out: Path, at: float | None = None) -> None:
