@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -61,9 +62,10 @@ def view(
     source = _live(namespace, zones) if what == LIVE else _bag(Path(what), rate, loop, compute, zones, param, config)
     try:
         with _logging(source, log, subject) as tabs:
-            _serve(source, tabs, port, host, token_file)
+            told = _serve(source, tabs, port, host, token_file)
     finally:
         source.close()
+    raise typer.Exit(128 + told if told == signal.SIGHUP else 0)  # any other signal is how it ends
 
 
 @contextmanager
@@ -98,8 +100,8 @@ def _bag(
     return BagSource(path, BagOptions(rate, loop, compute or chosen is not None, zones, chosen))
 
 
-def _serve(source: LiveSource | BagSource, tabs: list[TabMaker], port: int, host: str | None, token_file: Path | None) -> None:
-    """Serve the page until Ctrl-C, and say where it is."""
+def _serve(source: LiveSource | BagSource, tabs: list[TabMaker], port: int, host: str | None, token_file: Path | None) -> int:
+    """Serve the page until a signal ends it, and say where it is; returns the signal's number."""
     from radar_app.view.access import LOCAL, LOGIN, addresses, find_token
     from radar_app.view.room_tab import RoomTab
     from radar_app.view.server import ServerOptions, ViewServer
@@ -113,6 +115,6 @@ def _serve(source: LiveSource | BagSource, tabs: list[TabMaker], port: int, host
             print(f"http://{address}:{server.port}/", flush=True)
         if fresh:  # told once, to who started it, on the terminal; behind # it reaches no log
             print(f"token, for {LOGIN}#TOKEN or the page's question: {token}", file=sys.stderr, flush=True)
-        server.run()
+        return server.run()
     finally:
         server.close()

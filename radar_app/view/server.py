@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import secrets
+import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from tornado.ioloop import IOLoop
 from radar_app.view.access import LOCAL, TokenAuth, origins
 from radar_app.view.page import Context, Page, Source, TabMaker
 from radar_core import ConfigError
+from radar_ros.signals import SIGNALS
 
 _LOOK_MS, _GONE_MS = 2000, 5000  # how often pages are looked for whose browser has left, and how long after that they end
 
@@ -92,18 +94,29 @@ class ViewServer:
 
         return leave
 
-    def run(self) -> None:
-        """Serve until a signal ends it, which is raised."""
-        self._server.start()
-        self._server.io_loop.start()
+    def run(self) -> int:
+        """Serve until a signal ends it; returns its number."""
+        loop, told = self._server.io_loop, [0]
+
+        def stop(number: int, _: object) -> None:
+            told[0] = number
+            loop.add_callback_from_signal(loop.stop)
+
+        before = {number: signal.signal(number, stop) for number in SIGNALS}  # an exception would be raised in the middle of anything
+        try:
+            self._server.start()
+            loop.start()
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        return told[0]
 
     def close(self) -> None:
         """Close all pages."""
         for page in self._pages:
             page.close()
         self._pages.clear()
-        self._server.unlisten()
-        self._server.stop()
+        self._server.stop(wait=False)
 
 
 def _secret() -> bytes:

@@ -7,13 +7,13 @@ from radar_ros.bags import BagWriter
 from radar_ros.offline import copy_info, process_recording, simulate, simulators, write_results
 
 SCENE = """
-duration: 5.0
+duration: 5.5
 seed: 3
 purpose: gestures
 effects:
   noise: {noise_figure: 15}
 people:
-  - {id: 1, position: [2.2, 0.8], script: [{gesture: push, at: 1.2}, {gesture: swipe_left, at: 3.2}]}
+  - {id: 1, position: [2.2, 0.8], script: [{gesture: push, at: 1.4}, {gesture: swipe_left, at: 3.6}]}
   - {id: 2, position: [4.6, -2.0], script: [{walk: {to: [2.6, -1.0], speed: 1.1}}]}
 """
 
