@@ -321,7 +321,11 @@ def pages() -> dict[Path, str]:
     """All pages by path."""
     about_parameters, about_topics = nodes()
     texts = {"messages": messages(), "topics": about_topics, "parameters": about_parameters, "commands": commands(), "formats": formats()}
-    return {HERE / "reference" / f"{name}.md": f"{NOTE}\n\n{text.strip()}\n" for name, text in texts.items()}
+    made_pages = {}
+    for name, text in texts.items():
+        title, rest = text.strip().split("\n", 1)  # the title stands first: it is what MkDocs calls the page
+        made_pages[HERE / "reference" / f"{name}.md"] = f"{title}\n\n{NOTE}\n{rest}\n"
+    return made_pages
 
 
 def main() -> int:

@@ -47,14 +47,14 @@ PAGES = [
     *sorted((DOCS / "tutorials").glob("*.md")),
     *sorted((DOCS / "how-to").glob("*.md")),
 ]
-ELSEWHERE = {  # beginning of the line to the test that runs such a command
+ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that runs such a command
     "handwave demo": "test/e2e/test_demo.py",
     "handwave replay": "test/e2e/test_replay.py",
     "handwave up --mqtt": "test/ros/test_several_rooms.py",
     "handwave up": "test/ros/test_cli.py",
-    "handwave watch": "test/e2e/test_watching.py",
-    "handwave status": "test/e2e/test_watching.py",
-    "handwave listen": "test/e2e/test_watching.py",
+    "handwave watch": "test/app",
+    "handwave status": "test/app",
+    "handwave listen": "test/app",
     "handwave doctor": "test/doctor/test_doctor_command.py",
     "handwave view --log": "test/logger/test_logger_page.py",
     "handwave view": "test/view/test_page.py",
@@ -118,9 +118,9 @@ def test_every_command_has_its_level(page):
         elif MACHINES.search(line):
             wrong.append(f"{line}: names what a test does not have; say <!-- not run: REASON --> before its block")
         elif test not in ("", "here"):
-            file = ROOT / test
             word = line.split()[1].removeprefix("examples/").removesuffix(".py")
-            if not file.is_file() or word not in file.read_text(encoding="utf-8"):
+            files = [ROOT / test] if (ROOT / test).is_file() else sorted((ROOT / test).glob("test_*.py"))
+            if not any(word in file.read_text(encoding="utf-8") for file in files):
                 wrong.append(f"{line}: {test} does not run {word}")
     assert wrong == []
 
