@@ -24,6 +24,7 @@ from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
+from radar_ros.waiting import REMEDY
 
 if TYPE_CHECKING:
     from radar_core.mounting import MountCalibration
@@ -190,7 +191,8 @@ class DriverNode(StageMixin, LifecycleNode):
         if missing or self._frames.get_subscription_count() < self._readers:
             self._met_ns = 0
             if now - self._since_ns > _PATIENCE_NS:
-                self.caution(f"no frames yet: waiting for {', '.join(missing) or f'{self._readers} readers of radar/frame'}")
+                who = ", ".join(missing) or f"{self._readers} readers of radar/frame"
+                self.caution(f"no frames yet: waiting for {who}; {REMEDY}")
         elif not self._met_ns:
             self._met_ns = now
         elif now - self._met_ns >= _SETTLE_NS:
