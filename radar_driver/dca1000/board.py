@@ -72,13 +72,15 @@ class Stamps:
     """Estimates the starts of acquisitions on the clock of the packets.
 
     A packet comes after its samples, sometimes late, never early, and frames follow each other by the sensor's crystal: of what a packet
-    says and what the frame before says, the earlier is right. More than half a frame between both is another beginning.
+    says and what the frame before says, the earlier is right. More than half a frame between both is another beginning. Stamps rise: a
+    program that was held up reads late, takes that for a beginning, and the next frame, in time again, must not turn time back.
     """
 
     def __init__(self, waveform: Waveform) -> None:
         self._interval = waveform.frame_interval * 1e9
         self._acquisition = waveform.acquisition_ns
         self._last: tuple[int, float] | None = None
+        self._given = 0
 
     def of(self, raw: RawFrame) -> int:
         """Estimate the start of a frame's acquisition [ns]."""
@@ -90,7 +92,8 @@ class Stamps:
             if abs(measured - expected) < self._interval / 2:
                 stamp = min(measured, expected + passed * _DRIFT)
         self._last = (raw.number, stamp)
-        return round(stamp)
+        self._given = max(round(stamp), self._given + 1)
+        return self._given
 
 
 class CaptureBoard(Component):

@@ -15,6 +15,7 @@ from radar_core import ConfigError, DeviceError, Pose, RadarInfo
 from radar_driver.bgt60.config import Bgt60Config
 from radar_driver.bgt60.source import Bgt60, to_cube
 from radar_driver.boards import board, boards
+from radar_driver.health import Verdict, probe
 from radar_driver.live import Reader
 from radar_dsp import Baseband, BasebandConfig
 from radar_lab.pipeline import Pipeline
@@ -199,6 +200,19 @@ def test_settings_that_contradict_each_other(knobs, message):
     """With what to change."""
     with pytest.raises(ConfigError, match=message):
         Bgt60Config(**knobs)
+
+
+def test_health(library):
+    """`probe` finds the stand-in well, with its number; without frames it says so."""
+    noise = np.random.default_rng(1).normal(0.5, 0.01, (200, 3, 16, 64))
+    library.plan += list(noise)
+    found = probe(Bgt60(Bgt60Config(**SMALL)), 0.3)
+    assert found.checks[0].verdict is Verdict.OK
+    assert found.report["board.uuid"] == "0123-4567"
+    library.plan.clear()
+    silent = probe(Bgt60(Bgt60Config(**SMALL, timeout=0.1)), 0.5)
+    assert "gave no frame" in silent.checks[0].advice
+    assert library.opened == 0
 
 
 def walk(config):

@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
+from handwave.msg import Track, TrackArray
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 
 import radar_ros.nodes.cloud2
-from radar_core import ConfigError, PointCloud
+import radar_ros.nodes.tracking
+from radar_core import ConfigError, PointCloud, Pose, RadarInfo, Waveform
 from radar_core.geometry import spherical_to_cartesian
+from radar_dsp import Baseband, BasebandConfig
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_cloud2, from_time, info_from_msg
+from radar_sim import Action, Effects, NoiseConfig, Person, Scene, SceneRadar, Simulator
+from radar_sim.people import Walk
 
 STAMP = 77 * 10**9 + 5
 
@@ -57,15 +62,22 @@ def node(ros):
         made.clouds = ros.collect(PointCloudMsg, f"{space}/radar/points", qos.sensor(reliable=True))
         made.infos = ros.collect(RadarInfoMsg, f"{space}/radar/info", qos.LATCHED)
         made.frames = ros.collect(TFMessage, "/tf_static", qos.LATCHED)
-        out = ros.node.create_publisher(PointCloud2, "/their/cloud", QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-        assert ros.spin_until(lambda: out.get_subscription_count() and made._points.get_subscription_count())
+        quality, outs = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT), []
+
+        def restart():
+            if outs:
+                ros.node.destroy_publisher(outs.pop())
+                assert ros.spin_until(lambda: not made.count_publishers("/their/cloud"), 30.0)
+            outs.append(ros.node.create_publisher(PointCloud2, "/their/cloud", quality))
+            assert ros.spin_until(lambda: outs[0].get_subscription_count() and made._points.get_subscription_count())
 
         def send(msg):
             before = made.processed + made.dropped
-            out.publish(msg)
+            outs[0].publish(msg)
             assert ros.spin_until(lambda: made.processed + made.dropped > before)
 
-        made.send = send
+        restart()
+        made.send, made.restart = send, restart
         return made
 
     return start
@@ -157,3 +169,29 @@ def test_a_mistake_in_the_settings_is_one_line(ros):
     """Before anything is subscribed."""
     with pytest.raises(ConfigError, match="intensity_unit is 'dB'"):
         radar_ros.nodes.cloud2.make_node(parameter_overrides=[Parameter("intensity_unit", value="dB")])
+
+
+@pytest.mark.long
+def test_a_walker_is_tracked_over_nonsense_and_a_driver_that_starts_again(ros, node):
+    """Their driver sends nonsense, ends and starts again: one person, where the simulated one is."""
+    radar = RadarInfo(waveform=Waveform(frame_interval=0.05), mount=Pose(z=1.2))
+    person = Person(id=1, position=(4.5, -0.6), script=(Action(walk=Walk(to=(1.8, 0.6))),))
+    scene = Scene(duration=3.0, seed=5, radars=(SceneRadar.of(radar),), people=(person,), effects=Effects(noise=NoiseConfig()))
+    simulator = Simulator(scene)
+    baseband = Baseband(BasebandConfig(), simulator.info)
+    n = node(**{"mount.z": 1.2, "frame_interval": 0.05})
+    ros.add(radar_ros.nodes.tracking.make_node())
+    tracks = ros.collect(TrackArray, "tracks", qos.RESULT)
+    assert ros.spin_until(lambda: n.count_subscribers("radar/points") >= 2)
+    for k in range(simulator.n_frames):
+        made = simulator.process(k)
+        if k == 20:
+            broken = theirs()
+            broken.data = broken.data[:7]
+            n.send(broken)
+            n.restart()
+        n.send(cloud_to_cloud2(baseband.process(made.frame)))
+        assert ros.spin_until(lambda: len(tracks) > k, 30.0)  # noqa: B023  (it is called at once)
+    assert n.dropped == 1
+    (last,) = [track for track in tracks[-1].tracks if track.status == Track.CONFIRMED]
+    assert np.hypot(*(np.array(last.position[:2]) - made.truth.position[0, :2])) < 0.4

@@ -107,6 +107,18 @@ def test_stamps_begin_again_after_a_jump():
     assert stamps.of(raw(0, 5 * 10**9)) == first + 4 * 10**9
 
 
+def test_a_program_that_was_held_up_turns_no_time_back():
+    """Packets that waited are read together, up to 35 ms late: stamps rise all the same, and are right again with the next frame in time."""
+    from radar_core import Waveform
+
+    stamps = Stamps(Waveform())
+    offset = round(Waveform().acquisition_ns / 100)
+    late = {5: 35, 6: 15, 7: 0, 8: 0}
+    made = [stamps.of(raw(k, (20 * k + late.get(k, 0)) * 1_000_000 + 10**9 + offset)) for k in range(10)]
+    assert (np.diff(made) > 0).all()
+    np.testing.assert_allclose(np.array(made[8:]) - 10**9, np.arange(8, 10) * 20e6, atol=1e5)
+
+
 def test_samples_at_the_ends_of_their_range():
     """Silence, the largest and the smallest words: no warning, no false judgement."""
     for value in (0, 32767 + 32767j, -32768 - 32768j):
