@@ -40,6 +40,7 @@ def view(
         Path | None, typer.Option(help="folder of a session: keep every gesture there, to be labelled on the page (docs/how-to)")
     ] = None,
     subject: Annotated[str, typer.Option(help="with --log: who performs the gestures; default: as before in that session")] = "",
+    choices: Annotated[Path | None, typer.Option(help="folder that handwave lab tradeoff made; default: what comes with Handwave")] = None,
     param: Params = None,
     config: Configs = None,
     domain: Domain = None,
@@ -62,10 +63,18 @@ def view(
     source = _live(namespace, zones) if what == LIVE else _bag(Path(what), rate, loop, compute, zones, param, config)
     try:
         with _logging(source, log, subject) as tabs:
-            told = _serve(source, tabs, port, host, token_file)
+            told = _serve(source, [*_own_tabs(choices), *tabs], port, host, token_file)
     finally:
         source.close()
     raise typer.Exit(128 + told if told == signal.SIGHUP else 0)  # any other signal is how it ends
+
+
+def _own_tabs(choices: Path | None) -> list[TabMaker]:
+    """List the tabs that every page has."""
+    from radar_app.view.choices_tab import ChoicesTab
+    from radar_app.view.room_tab import RoomTab
+
+    return [RoomTab, partial(ChoicesTab, folder=choices)]
 
 
 @contextmanager
@@ -103,11 +112,10 @@ def _bag(
 def _serve(source: LiveSource | BagSource, tabs: list[TabMaker], port: int, host: str | None, token_file: Path | None) -> int:
     """Serve the page until a signal ends it, and say where it is; returns the signal's number."""
     from radar_app.view.access import LOCAL, LOGIN, addresses, find_token
-    from radar_app.view.room_tab import RoomTab
     from radar_app.view.server import ServerOptions, ViewServer
 
     token, fresh = find_token(token_file) if host is not None else ("", False)
-    server = ViewServer(source, [RoomTab, *tabs], ServerOptions(port, host or LOCAL, token))
+    server = ViewServer(source, tabs, ServerOptions(port, host or LOCAL, token))
     try:
         if host is None:
             print(f"http://{LOCAL}:{server.port}/", flush=True)
