@@ -60,6 +60,6 @@ def commands(text):
     indented = "\n".join(re.findall(r"^    (handwave .*)$", text, re.M))
     shell = "\n".join(blocks(text, "sh", "bash", "shell"))
     for line in re.sub(r" *\\\n *", " ", f"{shell}\n{indented}").splitlines():
-        for part in re.split(r"&&|;", line.partition(" #")[0]):
+        for part in re.split(r"&&|;| [|>] ", line.partition(" #")[0]):
             if part.strip().startswith("handwave "):
                 yield part.strip()
