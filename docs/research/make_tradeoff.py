@@ -12,6 +12,7 @@ from benchmarks.tradeoff.stages import STAGES
 
 HERE = Path(__file__).resolve().parent
 PICTURES = "../img/tradeoff/"
+SHOWN = HERE.parents[1] / "config" / "tradeoff"  # what `handwave view` shows as accuracy against time
 
 
 def main() -> None:
@@ -23,6 +24,7 @@ def main() -> None:
     (HERE / PICTURES).mkdir(parents=True, exist_ok=True)
     for one in results:
         shutil.copyfile(folder / f"{one['stage']}.png", HERE / PICTURES / f"{one['stage']}.png")
+        shutil.copyfile(folder / f"{one['stage']}.json", SHOWN / f"{one['stage']}.json")
     command = "handwave tradeoff -o report" + (" --quick" if quick else "")
     text = report(results, command=command, quick=quick, factor=factor, pictures=PICTURES, note=note)
     (HERE / "accuracy-and-time.md").write_text(text, encoding="utf-8")
