@@ -19,6 +19,7 @@ from radar_tracking.tracks import Reason, Track
 
 _LIFE: Final = LifeConfig()
 _GATE: Final = AssociationConfig().gate  # m: points farther from a track than this are not its own
+_BESIDE: Final = 1.3  # m: and who has no track of their own beside somebody is up to half a body farther away
 TWO: Final = 0.6
 """Two people are at least so far apart [m]: two bodies are 0.5 m wide, and side by side nearer than that they look like one."""
 _LONG: Final = 2.0  # s: tracks that live shorter say nothing about what they are on
@@ -160,7 +161,7 @@ def _lives(pairs: Sequence[tuple[PointCloud, Tracks]], mount: Pose) -> tuple[Lif
         people = _people(tracks)
         place = np.column_stack([cloud.x, cloud.y]).astype(np.float64)
         distance = np.array([np.hypot(*(place - track.position[:2]).T) for track in people]).reshape(len(people), len(cloud))
-        own = (distance < _GATE) & (distance == distance.min(axis=0, initial=np.inf)) if len(people) else distance > 0
+        own = (distance < _BESIDE) & (distance == distance.min(axis=0, initial=np.inf)) if len(people) else distance > 0
         for track, near in zip(people, own, strict=True):
             moves = bool((np.abs(cloud.radial_speed[near]) > MOVES).any())
             two = _is_two(cloud, place, near, track.position[:2], np.array([mount.x, mount.y]))

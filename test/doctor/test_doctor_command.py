@@ -2,8 +2,10 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -96,10 +98,15 @@ def test_what_cannot_be_read_is_status_two(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("fault", WANTED)
 def test_the_fault_of_a_simulated_room(fault, tmp_path):
-    """A walker in a room, real bags of frames, clouds and tracks: the right fault is first."""
+    """A walker in a room, real bags of frames, clouds and tracks: the right fault is first, and its line, pasted, mends the tracking."""
     number, case = next((k, case) for k, case in enumerate(FAULTS) if case.fault == fault)
     case.make(tmp_path / "bag", DEVELOPED + number)
     assert diagnose(tmp_path / "bag", case)[0] == fault
+    words = shlex.split(ask(tmp_path / "bag")[1]["findings"][0]["remedy"])
+    pasted = [word for name, value in pairwise(words) if name == "--param" for word in (name, value)]
+    if fault != "saturation":
+        assert pasted
+        assert fault not in ask(tmp_path / "bag", *pasted)[1]["faults"]
 
 
 @pytest.mark.long
