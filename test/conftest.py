@@ -17,7 +17,7 @@ for _pool in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
 _FILES = ("clouds_graph", "graph", "launch", "recovery", "several_rooms", "supervisor", "two_radars")
-_GRAPHS = ("e2e/", "tradeoff/", *(f"ros/test_{name}.py" for name in _FILES))
+_GRAPHS = ("e2e/", "tradeoff/", "view/", *(f"ros/test_{name}.py" for name in _FILES))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -29,7 +29,7 @@ def pytest_xdist_make_scheduler(config, log):
         def _split_scope(self, nodeid):
             place = nodeid.partition("::")[0].removeprefix("test/")
             if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share but, some of them, a ROS domain
-                return "graphs" if nodeid.endswith(("[budget]", "[graph]")) else nodeid
+                return "graphs" if nodeid.endswith(("[budget]", "[graph]", "[view]")) else nodeid
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)
