@@ -21,7 +21,7 @@ from radar_ros.messages.convert import from_time, info_from_msg, stride
 from radar_ros.messages.zones import areas_from_msg
 
 _WINDOW: Final = 2.0  # s: rates and latencies on the display are those of the last while
-_FRESH: Final = 4.0  # s: how long a gesture stands beside its person
+_FRESH: Final = 4.0  # s: how long a gesture is bright
 _WIDTH: Final = 80  # columns of the display
 _MAP: Final = (34, 14)  # columns and lines of the map
 _PEOPLE: Final = 6  # most that have a line of their own
@@ -187,21 +187,19 @@ class Monitor(Listener):
     def _people(self) -> RenderableType:
         now, people = time.monotonic(), self.people
         lines = [Text(f"{len(people)} {'person' if len(people) == 1 else 'people'}", style="bold")]
-        fresh = {person: f"{name} {sure:.0%}" for at, person, name, sure in self._seen if now - at < _FRESH}
         for track in people[:_PEOPLE]:
             speed = float(np.hypot(track.velocity[0], track.velocity[1]))
             line = Text(f"{track.id:>3} ", style=style_of(track.id))
             line.append(f"{place(track.position)}, {speed:.1f} m/s", style="default")
             lines.append(line)
-            if track.id in fresh:
-                lines[-1:] = [line, Text(f"    {fresh[track.id]}", style="bold green")]
         if len(people) > _PEOPLE:
             lines.append(Text(f"    and {len(people) - _PEOPLE} more", style="dim"))
         if self.hand is not None:
             filled = round(20 * min(max(self.hand.value, 0.0), 1.0))
             lines.append(Text(f"hand [{'#' * filled}{'.' * (20 - filled)}] {self.hand.value:.0%}"))
         lines.append(Text("last gestures", style="bold"))
-        lines += [Text(f"{person:>3} {name}, {sure:.0%} sure, {now - at:.0f} s ago") for at, person, name, sure in reversed(self._seen)]
+        for at, person, name, sure in reversed(self._seen):
+            lines.append(Text(f"{person:>3} {name}, {sure:.0%} sure, {now - at:.0f} s ago", "bold green" if now - at < _FRESH else ""))
         if not self._seen:
             lines.append(Text("    none yet", style="dim"))
         return Text("\n", no_wrap=True, overflow="ellipsis").join(lines[: _MAP[1]])

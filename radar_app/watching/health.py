@@ -18,6 +18,8 @@ _SILENT: Final = 3.0  # s: nodes say once a second how they are; who says nothin
 _KEPT: Final = 200  # latencies of each stage that the median is made of
 _WAITING: Final = 500  # frames whose stages may still come
 _SOME_LOST: Final = 0.05  # share of messages
+_INPUTS: Final = {"radar/frame": "a driver", "radar/points": "baseband, or a driver,", "tracks": "tracking"}
+_READERS: Final = frozenset(("baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones"))
 _WHAT: Final = ": processing"  # how the statuses of stages are named in diagnostics
 _OK, _WARN, _STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.STALE
 _LEVELS: Final = {_OK: "ok", _WARN: "warn", DiagnosticStatus.ERROR: "error", _STALE: "waiting"}
@@ -96,6 +98,16 @@ class Health:
         """Full names of the nodes that are there, whether they say something or not."""
         return {name.strip("/") for name in self._ears.publishers("stage_status")}
 
+    def unfed(self) -> list[str]:
+        """Say which topics stages wait for that nobody publishes, one line each."""
+        lines = []
+        for topic, usual in _INPUTS.items():
+            for name in self._ears.names(topic):
+                readers = sorted({end.node_name for end in self._ears.node.get_subscriptions_info_by_topic(name)} & _READERS)
+                if readers and not self._ears.node.count_publishers(name):
+                    lines.append(f"{name}: nobody publishes it, and {', '.join(readers)} {_wait(readers)} for it; {usual} does, if it runs")
+        return lines
+
     def states(self) -> list[NodeState]:
         """Say how all nodes are doing, in the order of their names."""
         return [self.state(name) for name in sorted(self.present() | self.heard)]
@@ -146,6 +158,10 @@ class Health:
     def _late(self, space: str, stage: str, late_ns: int) -> None:
         if late_ns >= 0:
             self._latencies.setdefault(f"{space.strip('/')}/{stage}".strip("/"), deque(maxlen=_KEPT)).append(late_ns * 1e-9)
+
+
+def _wait(readers: list[str]) -> str:
+    return "waits" if len(readers) == 1 else "wait"
 
 
 def _judged(said: _Said, rate: float | None) -> tuple[str, str]:

@@ -46,14 +46,14 @@ class Ears:
         """Full names of the nodes that publish a topic in the node's namespace or below it, e.g. ``/left/driver``."""
         return {
             f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-            for name in self._names(topic)
+            for name in self.names(topic)
             for end in self.node.get_publishers_info_by_topic(name)
         }
 
     def look(self) -> None:
         """Subscribe to what is new in the graph."""
         for number, (topic, _, _) in enumerate(self._wanted):
-            for name in self._names(topic):
+            for name in self.names(topic):
                 self._hear_there(number, name)
 
     def _hear_there(self, number: int, name: str) -> None:
@@ -62,7 +62,8 @@ class Ears:
             topic, take, reliable = self._wanted[number]
             self._subscribe(name, topic, partial(take, name.removesuffix(f"/{topic}") or "/"), reliable)
 
-    def _names(self, topic: str) -> list[str]:
+    def names(self, topic: str) -> list[str]:
+        """Full names of a topic in the node's namespace and in all below it."""
         space = self.node.get_namespace().rstrip("/")
         there = self.node.get_topic_names_and_types()
         return [name for name, kinds in there if name.startswith(f"{space}/") and name.endswith(f"/{topic}") and TYPES[topic] in kinds]

@@ -68,7 +68,8 @@ def look(namespace: str = "", seconds: float = _FIND) -> GraphStatus:
         if health.present():
             listener.until(enough, seconds)
         nodes = tuple(health.states())
-    return GraphStatus(f"/{namespace.strip('/')}", nodes, people, tuple(_wrong(nodes)))
+        unfed = health.unfed() if nodes else []
+    return GraphStatus(f"/{namespace.strip('/')}", nodes, people, (*unfed, *_wrong(nodes)))
 
 
 def _wrong(nodes: Sequence[NodeState]) -> list[str]:
