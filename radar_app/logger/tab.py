@@ -6,7 +6,7 @@ import html
 from typing import Any, Final
 
 from bokeh.layouts import column, row
-from bokeh.models import ColumnDataSource, CustomJS, InlineStyleSheet, Range1d
+from bokeh.models import ColumnDataSource, CustomJS, Range1d
 from bokeh.models.ui import UIElement
 from bokeh.models.widgets import Button, Div, TextInput
 
@@ -147,8 +147,8 @@ class LoggerTab:
         self._document.remove_periodic_callback(self._periodic)
 
 
-_GAP = InlineStyleSheet(css=":host { gap: 12px; }")
-_WRAP = InlineStyleSheet(css=":host { flex-wrap: wrap; gap: 8px; align-items: center; }")
+_GAP: Final = ":host { gap: 12px; }"
+_WRAP: Final = ":host { flex-wrap: wrap; gap: 8px; align-items: center; }"
 
 
 def keys_of(labels: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -6,7 +6,6 @@ import html
 from typing import Any, Final
 
 from bokeh.layouts import row
-from bokeh.models import InlineStyleSheet
 from bokeh.models.widgets import Button, Slider
 
 from radar_app.view.feed import Feed, History, Snapshot
@@ -16,7 +15,7 @@ from radar_app.view.style import BAD, BUTTON, DOUBTFUL, FAINT, FIELD, FONT, GOOD
 _SILENT: Final = 2.0  # s: without clouds or tracks the page says so
 _STEP: Final = 0.05  # s
 
-_LAYOUT = InlineStyleSheet(css=":host { flex-wrap: wrap; gap: 10px 18px; align-items: center; margin-bottom: 6px; }")
+_LAYOUT: Final = ":host { flex-wrap: wrap; gap: 10px 18px; align-items: center; margin-bottom: 6px; }"
 
 
 class TimeBar:

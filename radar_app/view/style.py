@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from bokeh.layouts import column
-from bokeh.models import Column, InlineStyleSheet, LinearColorMapper
+from bokeh.models import Column, LinearColorMapper
 from bokeh.models.ui import UIElement
 from bokeh.models.widgets import Div
 from bokeh.palettes import cividis
@@ -92,8 +92,8 @@ _TITLE: Final = f"font: 600 13px {FONT}; color: {FAINT}; letter-spacing: .04em; 
 def card(title: str, *parts: UIElement, span: int = 1, **options: Any) -> Column:
     """Put parts below a title on one card, which is so many columns of its grid wide."""
     head = Div(text=f'<div style="{_TITLE}">{title}</div>', sizing_mode="stretch_width")
-    wide = InlineStyleSheet(css=f"@media (min-width: 900px) {{ :host {{ grid-column: span {span}; }} }}")
-    return column(head, *parts, sizing_mode="stretch_width", stylesheets=[InlineStyleSheet(css=_CARD_SHEET), wide], **options)
+    wide = f"@media (min-width: 900px) {{ :host {{ grid-column: span {span}; }} }}"
+    return column(head, *parts, sizing_mode="stretch_width", stylesheets=[_CARD_SHEET, wide], **options)
 
 
 def grid(*cards: UIElement, columns: int) -> Column:
@@ -103,19 +103,16 @@ def grid(*cards: UIElement, columns: int) -> Column:
     @media (min-width: 560px) {{ :host {{ grid-template-columns: repeat({min(columns, 2)}, minmax(0, 1fr)); }} }}
     @media (min-width: 900px) {{ :host {{ grid-template-columns: repeat({columns}, minmax(0, 1fr)); }} }}
     """
-    return column(*cards, sizing_mode="stretch_width", stylesheets=[InlineStyleSheet(css=css)])
+    return column(*cards, sizing_mode="stretch_width", stylesheets=[css])
 
 
-BUTTON: Final = InlineStyleSheet(
-    css=f"""
+BUTTON: Final = f"""
 .bk-btn {{ background: {LINE}; color: {TEXT}; border: 1px solid #3a4656; border-radius: 8px; font: 600 14px {FONT}; min-height: 38px; }}
 .bk-btn:hover {{ background: #36445a; }}
 .bk-btn[disabled] {{ background: {CARD}; color: {FAINT}; border-color: {LINE}; opacity: .6; }}
 .bk-btn.bk-active, .bk-btn.bk-btn-primary {{ background: {ACCENT}; color: #08121c; border-color: {ACCENT}; }}
 """
-)
-FIELD: Final = InlineStyleSheet(
-    css=f"""
+FIELD: Final = f"""
 :host {{ color: {FAINT}; font-family: {FONT}; }}
 .bk-input {{ background: {GROUND}; color: {TEXT}; border: 1px solid #3a4656; border-radius: 8px; min-height: 38px; font: 14px {FONT}; }}
 .bk-slider-title, label {{ color: {FAINT}; font: 13px {FONT}; }}
@@ -123,12 +120,9 @@ FIELD: Final = InlineStyleSheet(
 .noUi-connect {{ background: {ACCENT}; }}
 .noUi-handle {{ background: {TEXT} !important; border-radius: 50% !important; }}
 """
-)
-TABS: Final = InlineStyleSheet(
-    css=f"""
+TABS: Final = f"""
 :host(.bk-above) > .bk-header {{ border-bottom: 1px solid {LINE}; margin-bottom: 12px; }}
 .bk-tab {{ color: {FAINT}; font: 600 14px {FONT}; padding: 10px 16px; border: none !important; }}
 .bk-tab:hover {{ background: {CARD}; }}
 .bk-tab.bk-active {{ color: {TEXT}; background: transparent; border-bottom: 2px solid {ACCENT} !important; }}
 """
-)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from bokeh.layouts import row
-from bokeh.models import InlineStyleSheet
 from bokeh.models.widgets import Button, Div, Select, TextInput
 
 from radar_app.view.page import Context
@@ -21,7 +20,7 @@ _NEW: Final = "a new one"
 _NOWHERE: Final = (
     "The graph reads no zones file. Start the page with --zones FILE: the first zone that is saved makes the file, and the graph is told."
 )
-_WRAP = InlineStyleSheet(css=":host { flex-wrap: wrap; gap: 8px; align-items: end; }")
+_WRAP: Final = ":host { flex-wrap: wrap; gap: 8px; align-items: end; }"
 
 
 class ZonesPanel:
