@@ -150,9 +150,9 @@ class Page:
 
     def _begin(self, _: object) -> None:
         """Start to show: the browser is there, and answers what it is sent from now on."""
-        self._document.add_periodic_callback(self._tick, PERIOD_MS)
+        self._document.add_periodic_callback(self.tick, PERIOD_MS)
 
-    def _tick(self) -> None:
+    def tick(self) -> None:
         """Show what is new, if the browser is ready for it."""
         if not self._pictures.ready:
             return
