@@ -227,7 +227,8 @@ def cut_event(event: EventMaps, history: History, config: LoggerConfig) -> Logge
     if len(history.radars) != 1:
         return f"the radar must be one, these are {', '.join(sorted(history.radars)) or 'none'}; log one of them with --namespace"
     (info,) = history.radars.values()
-    frames = [entry.value for entry in history.frames]
+    half = info.waveform.acquisition_ns // 2  # a cloud's stamp is in the middle of its frame's acquisition
+    frames = [entry.value for entry in history.frames if first <= entry.value.stamp_ns + half <= last]
     own = [one.value for one in history.gestures if (one.value.stamp_ns, one.value.track_id) == (event.stamp_ns, event.track_id)]
     places = {one.value.stamp_ns: one.value.find(event.track_id) for one in history.tracks}
     found = [places.get(cloud.stamp_ns) for cloud in clouds]
@@ -243,5 +244,5 @@ def cut_event(event: EventMaps, history: History, config: LoggerConfig) -> Logge
         maps=event.maps,
         clouds=clouds,
         position=np.array(position, np.float64),
-        frames=[frame for frame in frames if first <= frame.stamp_ns <= last and frame.cube.shape == info.cube_shape],
+        frames=[frame for frame in frames if frame.cube.shape == info.cube_shape],
     )

@@ -118,7 +118,7 @@ def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
     """Digits, a name of one's own, its letter, discard and undo; what the page calls saved is on the disk, also after a kill."""
     folder = tmp_path / "session"
     with browser(tmp_path / "profile") as driver:
-        view = View(driver, bag, folder, "--subject", "anna", "--rate", "2")
+        view = View(driver, bag, folder, "--subject", "anna", "--rate", "3")
         view.until(lambda: view.event == 0)
         image = "renderers[0].data_source.data.micro_doppler[0]"
         view.until(lambda: view.driver.execute_script(f"return Math.max(...{_plot(image)}.filter((x) => x == x)) > 5"))
