@@ -306,6 +306,8 @@ def formats() -> str:
     from radar_lab.importers import KINDS
 
     parts = ["# Formats that can be imported", "`handwave import KIND FILE --out BAG -o option=value`; each kind with its options."]
+    overview = [(f"[`{name}`](#{name})", *map(cell, (kind.doc, kind.truth, kind.licence, kind.good_for))) for name, kind in KINDS.items()]
+    parts.append(table(("kind", "what it is", "truth", "licence", "good for, as data that stays as it is"), overview))
     for name, kind in KINDS.items():
         rows = []
         for option, field, _ in describe(kind.options):
