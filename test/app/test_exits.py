@@ -120,8 +120,7 @@ def wait_until(done, timeout=30.0):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGTERM])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("number", "seed"), [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGHUP, 3), (signal.SIGTERM, 4)])
 def test_signals_at_any_moment_end_in_one_line(number, seed, raw, tmp_path):
     """While it imports, reads, compiles, writes: status 128 + signal, no traceback; a bag says that it is not all there."""
     rng = random.Random(f"{number}{seed}")

@@ -25,6 +25,7 @@ from radar_app.watching.lines import Words, hand_record, people_record, zones_re
 from radar_app.watching.listener import Ears
 from radar_app.watching.people import Comings, finite, place
 from radar_app.watching.room_map import RoomMap
+from radar_app.watching.status import as_json, look
 from radar_app.watching.teller import Teller
 from radar_core import RadarInfo
 from radar_ros.interrupts import ros
@@ -138,13 +139,13 @@ def test_status_names_every_node_and_what_is_wrong(graph):
     wait_until(running, text=lambda: found)
 
 
-@pytest.mark.long
-def test_status_without_a_graph():
-    """Exit status 2, and what to do."""
-    done = run("status", "--namespace", "nowhere")
-    assert done.returncode == 2
-    assert "no graph in ROS domain" in done.stdout
-    assert "handwave up" in done.stdout
+def test_status_without_a_graph(monkeypatch):
+    """Exit status 2: nothing is well and nothing is wrong."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
+    with ros():
+        found = look("nowhere", 0.5)
+    assert (found.code, found.nodes, found.wrong, found.namespace) == (2, (), (), "/nowhere")
+    assert as_json(found)["healthy"] is False
 
 
 @pytest.mark.long
@@ -171,16 +172,17 @@ def test_listen_gives_a_line_for_each_and_ends_with_its_reader(graph):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 0), (signal.SIGHUP, 129)])
-def test_listen_ends_when_told(graph, number, status):
-    """Ctrl-C is how it ends; a terminal that closes is not."""
+def test_listen_ends_when_told(graph):
+    """Ctrl-C is how it ends, status 0; a terminal that closes is not."""
     command = [sys.executable, "-m", "radar_app", "listen", "--json", "--people"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()) as process:
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment()}
+    signals = {signal.SIGINT: 0, signal.SIGHUP: 129}
+    processes = {number: subprocess.Popen(command, **options) for number in signals}
+    for number, process in processes.items():
         assert json.loads(process.stdout.readline())["type"] == "people"
         process.send_signal(number)
         _, complaint = process.communicate(timeout=30.0)
-    assert process.returncode == status
-    assert complaint == ""
+        assert (process.returncode, complaint) == (signals[number], "")
 
 
 @pytest.mark.long
@@ -301,6 +303,7 @@ def test_the_map_has_people_where_they_are():
     assert max(map(len, text)) <= 34
 
 
+@pytest.mark.long
 def test_the_end_of_a_source_is_told(monkeypatch):
     """By a real driver whose scene ends: the teller says ready, then that it has ended; status calls it wrong."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(int(DOMAIN) + 40))
