@@ -48,9 +48,18 @@ def blocks_of(text):
     return found
 
 
+def is_shell(block, commands):
+    """Whether a block is for the shell: by its language, or an indented one that begins with a command, and is no output of one."""
+    if block.language in SHELL:
+        return True
+    first, second, *_ = [*block.code.split(None, 2), "", ""]
+    known = second.startswith("-") or second in commands or not second
+    return block.language == "indented" and bool(re.match(r"[a-z.]\w*$|\.$", first)) and (first != "handwave" or known)
+
+
 def shell_lines(block):
-    """Commands of a block of the shell: comments left out, lines that go on joined, parts between && apart."""
+    """Commands of a block of the shell: comments and redirections left out, lines that go on joined, parts between && apart."""
     for line in re.sub(r" *\\\n *", " ", block.code).splitlines():
-        for part in re.split(r"&&|;", re.sub(r"(^| +)#.*", "", line)):
+        for part in re.split(r"&&|;", re.sub(r"(^| +)#.*| > \S+", "", line)):
             if part.strip():
                 yield part.strip()

@@ -26,11 +26,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+import typer
 from handwave.msg import Track as TrackMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from handwave.msg import Zone as ZoneMsg
 from handwave.msg import ZoneArray as ZoneArrayMsg
-from markdown_blocks import SHELL, Block, blocks_of, shell_lines
+from markdown_blocks import Block, blocks_of, is_shell, shell_lines
 from pages import DOCS, ROOT
 from typer.testing import CliRunner
 
@@ -57,7 +58,9 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "handwave listen": "test/app",
     "handwave doctor": "test/doctor/test_doctor_command.py",
     "handwave view --log": "test/logger/test_logger_page.py",
-    "handwave view": "test/view/test_page.py",
+    "handwave view": "test/view",
+    "handwave show": "test/app",
+    "handwave doctor": "test/doctor",
     "handwave record": "test/ros/test_cli.py",
     "handwave gesture": "test/ros/test_own_gestures_graph.py",
     "handwave lab turntable": "test/ros/test_calibrate.py",
@@ -78,9 +81,13 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "python": "",  # a block of the page under that name: below
     ". ": "",
     "cd ": "",
+    "do ": "",  # of a loop in the shell
+    "done": "",
 }
+COMMANDS = typer.main.get_command(app).commands
 MACHINES = re.compile(
-    r"/dev/tty|\d+\.\d+\.\d+\.\d+|homeassistant\.local|driver\.source=(tinyrad|bgt60|dca1000)|probe (tinyrad|a121|ld2450|ti_demo)"
+    r"/dev/tty|(?!0\.0\.0\.0|127\.)\b\d+\.\d+\.\d+\.\d+|homeassistant\.local"
+    r"|driver\.source=(tinyrad|bgt60|dca1000)|probe (tinyrad|a121|ld2450|ti_demo)"
 )
 """What a line must not name unless the page says that it is not run."""
 
@@ -92,7 +99,7 @@ def name(page):
 def commands_of(page):
     """Commands of a page with the blocks that they stand in."""
     for block in blocks_of(page.read_text(encoding="utf-8")):
-        if block.language in (*SHELL, "indented"):
+        if is_shell(block, COMMANDS):
             for line in shell_lines(block):
                 yield block, line
 
