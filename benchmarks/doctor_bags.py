@@ -223,7 +223,7 @@ def _mirrored(out: Path, number: int) -> None:
 
 def _faint(out: Path, number: int) -> None:
     rng = np.random.default_rng([26, number])
-    room = Room(rng, [walker(rng)], effects={"losses": {"level": float(rng.uniform(38, 43))}})
+    room = Room(rng, [walker(rng)], effects={"losses": {"level": float(rng.uniform(37, 41))}})
     write(out, record(room))
 
 

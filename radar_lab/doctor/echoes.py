@@ -14,11 +14,12 @@ from radar_tracking.people.config import LifeConfig
 
 WALKS: Final = 0.4
 """Somebody walks who has this range rate [m/s]: half of slow walking, 0.8 m/s."""
-REACH: Final = 2.5
-"""Distance up to which somebody has to be found [m]: gestures are made and scored within it (docs/reference/conventions.md)."""
+REACH: Final = 3.0
+"""Distance up to which somebody has to be found [m]: people gesture 1.5 to 3.5 m away in the scenes of the models. Of the rooms for
+development walkers reached 5.6 m and more, arms of somebody on the spot 3.4 m, faint walkers 2.7 m and less."""
 FOLDED: Final = 0.25
-"""Share of the half seconds with somebody who walks whose speed is folded: an eighth is chance (see `_FEWEST`), more is not."""
-_FEWEST: Final = 3  # half seconds with somebody who walks; fewer say nothing
+"""Share of the half seconds with somebody who walks whose speed is folded: an eighth is chance (see `FEWEST`), more is not."""
+FEWEST: Final = 3  # half seconds with somebody who walks; fewer say nothing
 _SURE: Final = 0.25  # m/s: how well the change of range over half a second is known: 0.1 m of range cell over 0.5 s, and more
 _PERIODS: Final = 0.25  # of a period: how far the difference may be from a whole number of them
 
@@ -32,7 +33,7 @@ def walkers(cut: list[Window]) -> list[Heap]:
 def low_snr(evidence: Evidence) -> Finding:
     """Tell how far away somebody who walks would still begin a track, by the strength of their echo (power falls with range^4)."""
     strong = walkers(windows(ordered(evidence), along_range=True))
-    if len(strong) < _FEWEST:
+    if not strong:  # one is enough: chance makes no heap, and who is hardly seen makes few
         return unknown("low SNR", "nobody walks towards the radar or away from it, whose echo could be measured")
     need = LifeConfig().birth_snr
     at_1m = float(np.median([np.nanmax(heap.snr + 40 * np.log10(np.maximum(heap.range, 0.1))) for heap in strong]))
@@ -65,7 +66,7 @@ def aliased(evidence: Evidence) -> Finding:
             sure = 2 * wave.max_speed > 3 * _SURE and abs(periods - whole) < _PERIODS
             turns.append(whole != 0 and sure)
             speeds.append(abs(slope))
-    if len(turns) < _FEWEST:
+    if len(turns) < FEWEST:
         return unknown("aliased speed", "nobody walks towards the radar or away from it, whose range could be followed")
     share = float(np.mean(turns))
     fault = share > FOLDED

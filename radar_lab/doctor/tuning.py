@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from radar_core import HandwaveError, Quality
 from radar_core.config import load, nest
-from radar_lab.doctor.echoes import ordered
+from radar_lab.doctor.echoes import FEWEST, ordered
 from radar_lab.doctor.evidence import Evidence
 from radar_lab.doctor.finding import Finding, unknown
 from radar_lab.doctor.people import Followed, Life, follow
@@ -64,7 +64,7 @@ class Tuning:
 
     def _nobody(self) -> Finding:
         share = self.followed.unfollowed_share
-        if share is None:
+        if share is None or self.followed.walking < FEWEST:
             return unknown("nobody found", "nothing walks towards the radar or away from it: let somebody walk while it is recorded")
         fault = share > UNFOLLOWED
         text = f"in {share:.0%} of the half seconds in which somebody walks nobody is followed there; a fault above {UNFOLLOWED:.0%}"
