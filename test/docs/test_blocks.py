@@ -60,7 +60,6 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "handwave view --log": "test/logger/test_logger_page.py",
     "handwave view": "test/view",
     "handwave show": "test/app",
-    "handwave doctor": "test/doctor",
     "handwave record": "test/ros/test_cli.py",
     "handwave gesture": "test/ros/test_own_gestures_graph.py",
     "handwave lab turntable": "test/ros/test_calibrate.py",
@@ -202,12 +201,6 @@ def results(folder):
     run(folder, "handwave process evening --out results")
 
 
-def shown(folder):
-    """Raw frames, and what comes out of them."""
-    evening(folder, "raw")
-    run(folder, "handwave process raw --out my_demo")
-
-
 def own_cube(folder):
     """An evening, and a cube of another radar with the files that describe it, as the page has them."""
     evening(folder)
@@ -227,7 +220,6 @@ BEFORE = {  # what a page takes for granted
     "docs/how-to/record-and-replay.md": own_cube,
     "docs/how-to/adding-a-board.md": own_board,
     "docs/how-to/ros.md": results,
-    "docs/how-to/watch.md": shown,
     "docs/tutorials/first-five-minutes.md": lambda folder: evening(folder, "out/demo"),
 }
 HERE = [page for page in PAGES if any(level_of(line) == "here" and not block.not_run for block, line in commands_of(page))]
