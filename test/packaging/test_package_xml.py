@@ -39,7 +39,7 @@ LIBRARIES = {
     "h5py": ("h5py", "python3-h5py"),
     "acconeer": ("acconeer-exptool", ""),
 }
-OPTIONAL = {"av", "bpy", "mathutils", "distributed", "mediapipe", "onnx", "onnxruntime", "torch", "stonesoup", "pyfftw"}
+OPTIONAL = {"av", "bpy", "mathutils", "distributed", "mediapipe", "onnx", "onnxruntime", "torch", "stonesoup", "pyfftw", "selenium"}
 """Extras of pyproject.toml: what needs them says so."""
 BRIDGES = {"hri_msgs", "vision_msgs"}
 """Messages of other packages, used where they are installed."""
