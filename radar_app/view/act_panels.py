@@ -21,7 +21,7 @@ class GesturePanel:
 
     def __init__(self, pictures: Pictures) -> None:
         self._pictures = pictures
-        self.list = pictures.div("gestures", min_height=170)
+        self.list = pictures.div("gestures", min_height=126)
         self._labels = FactorRange(factors=[])
         self._source = pictures.source("probabilities", {"label": [], "probability": [], "colour": []})
         self.figure = plot(

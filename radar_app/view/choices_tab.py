@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
+from bokeh.core.properties import value
 from bokeh.layouts import column
 from bokeh.models import ColumnDataSource, DataRange1d
 from bokeh.models.widgets import Div, Select
@@ -108,6 +109,10 @@ def _plot(source: ColumnDataSource) -> figure:
     made.scatter(
         "time", "accuracy", source=source, size="size", fill_color="colour", line_color="line", line_width=3, nonselection_fill_alpha=0.75,
         nonselection_line_alpha=0.9, selection_line_color=TEXT,
+    )  # fmt: skip
+    made.text(
+        "time", "accuracy", "name", source=source, x_offset=14, y_offset=5, text_color=TEXT, text_font_size="12px", text_font=value(FONT),
+        nonselection_text_alpha=0.75,
     )  # fmt: skip
     return made
 

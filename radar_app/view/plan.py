@@ -54,7 +54,7 @@ class Plan:
     def __init__(self, pictures: Pictures, clicked: Callable[[float, float], None]) -> None:
         self._across, self._up = Range1d(start=4.0, end=-4.0), Range1d(start=-0.5, end=6.5)
         self.figure = plot(
-            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=600, tools="tap",
+            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=612, tools="tap",
         )  # fmt: skip
         self._extent: tuple[float, float, float, float] = _USUAL
         self._pictures = pictures
