@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import pkgutil
 import re
 import sys
 import tempfile
@@ -25,7 +26,7 @@ import typer
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from radar_app.graph import NODES
-from radar_driver.boards import boards
+from radar_driver import boards
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -110,7 +111,11 @@ def made(folder: str) -> Iterator[tuple[str, Any]]:
     Link.start = lambda self: None  # type: ignore[method-assign]  # nothing is sent anywhere
     for name in NODES:
         if name == "driver":
-            for source in ("sim", "bag", *sorted(boards().keys() - {"sim", "bag"})):
+            ours = {module.name for module in pkgutil.iter_modules(boards.__path__)} - {
+                "sim",
+                "bag",
+            }  # other people's are not of this project
+            for source in ("sim", "bag", *sorted(ours)):
                 yield f"driver:{source}", node("driver", source=source, autostart="false")
         else:
             yield name, node(name, **({"bag": f"{folder}/bag"} if name == "recorder" else {}))
@@ -200,7 +205,8 @@ Ends = dict[str, tuple[str, dict[str, list[str]], dict[str, list[str]]]]
 def connections(ends: Ends, name: str, made_node: Any) -> None:
     """Add the topics of a node: type, who publishes with which quality of service, who reads with which."""
     latched = {each.topic_name for each in made_node.subscriptions if each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
-    for side, endpoints in ((1, made_node.publishers), (2, () if name == "recorder" else made_node.subscriptions)):
+    publishers = () if name == "bridge" else made_node.publishers  # what it publishes depends on the packages that are installed
+    for side, endpoints in ((1, publishers), (2, () if name == "recorder" else made_node.subscriptions)):
         for each in endpoints:
             if side == 2 and each.topic_name in latched and each.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL:
                 continue  # the second reader of a latched topic, for publishers that do not latch
@@ -229,7 +235,8 @@ def topics(ends: Ends, services: list[tuple[str, ...]]) -> str:
             "still misses nothing. With the parameter `reliable: true` the stages read them reliably too.",
             "`cloud2` reads the topic that its parameter `topic` names, `fusion` the namespaces in `radars` (here `left` and `right`). "
             "The driver publishes what its board gives: frames, points or tracks. `board/...` is what a board finds itself beside its "
-            "points, and `radar/pose` a measured mount. The recorder reads everything.",
+            "points, and `radar/pose` a measured mount. The recorder reads everything. What `bridge` publishes stands with "
+            "[ROS](../how-to/ros.md).",
             table(("topic", "type", "published by", "read by"), rows),
             "## Services",
             table(("service", "type", "node"), services),
