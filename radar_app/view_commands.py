@@ -87,7 +87,10 @@ def _logging(source: LiveSource | BagSource, log: Path | None, subject: str) -> 
     from radar_app.logger.store import SessionStore
     from radar_app.logger.tab import LoggerTab
 
-    with closing(Logger(source.feed, SessionStore(log, subject))) as logger:
+    store = SessionStore(log, subject)
+    for line in store.told:
+        print(line, file=sys.stderr)
+    with closing(Logger(source.feed, store)) as logger:
         yield [partial(LoggerTab, logger=logger)]
 
 
