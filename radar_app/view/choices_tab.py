@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from bokeh.core.properties import value
-from bokeh.layouts import column
 from bokeh.models import ColumnDataSource, DataRange1d
 from bokeh.models.widgets import Div, Select
 from bokeh.plotting import figure
@@ -16,7 +15,7 @@ from bokeh.plotting import figure
 from radar_app.view.choices import Choice, default_folder, load_choices, on_front
 from radar_app.view.feed import Snapshot
 from radar_app.view.page import Context
-from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, NOBODY, TEXT, card, grid, plot
+from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, NOBODY, TEXT, card, grid, plot, stack
 from radar_app.view.table_panels import table
 from radar_core import HandwaveError
 
@@ -54,15 +53,13 @@ class ChoicesTab:
         self._which = Select(title="choices of", value=first, options=names, name="choice_panel", width=330, stylesheets=[FIELD])
         self._which.on_change("value", lambda _attr, _old, new: self._show(new))
         self._source.selected.on_change("indices", lambda _attr, _old, new: self._pick(new))
-        self.layout = column(
+        self.layout = stack(
             grid(
                 card("What a choice costs, and what it gives", self._which, self._figure, span=2),
                 card("The choice", self._about, self._said),
                 columns=3,
             ),
             card("All of them", self._table),
-            sizing_mode="stretch_width",
-            spacing=12,
         )
         if names:
             self._show(first)

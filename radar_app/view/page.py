@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from bokeh.document import Document
-from bokeh.layouts import column
 from bokeh.models import CustomJS
 from bokeh.models.layouts import TabPanel, Tabs
 from bokeh.models.ui import UIElement
@@ -16,7 +15,7 @@ from bokeh.models.ui import UIElement
 from radar_app.view.bar import TimeBar
 from radar_app.view.feed import Feed, Snapshot
 from radar_app.view.pictures import Pictures
-from radar_app.view.style import PAGE, TABS
+from radar_app.view.style import PAGE, TABS, stack
 
 PERIOD_MS: Final = 80
 """How often a page looks whether it has something new to show."""
@@ -144,7 +143,7 @@ class Page:
         document.title = "Handwave"
         document.template = PAGE  # type: ignore[assignment]  # text is as good as a template there
         document.js_on_event("connection_lost", CustomJS(code=_AGAIN))
-        document.add_root(column(self.bar.layout, self._panels, sizing_mode="stretch_width"))
+        document.add_root(stack(self.bar.layout, self._panels))
         self._pictures.join(document)
         document.on_event("document_ready", self._begin)
 

@@ -49,7 +49,7 @@ class Pictures:
     def div(self, name: str, **options: Any) -> Div:
         """Make a text of a name that no other has."""
         # Its text is changed within, not as a whole: after that Bokeh would lay out the page anew, which takes longer than drawing it.
-        wide = ".bk-clearfix { display: block; width: 100%; }"
+        wide = ".bk-clearfix { display: block !important; width: 100%; }"
         inner: dict[str, Any] = {"text": "<div data-text></div>", "stylesheets": [wide], "disable_math": True, "syncable": False}
         made = Div(name=name, sizing_mode="stretch_width", **inner, **options)
         self._places[name] = made

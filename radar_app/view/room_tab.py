@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from bokeh.layouts import column
-
 from radar_app.view.act_panels import ControlPanel, GesturePanel
 from radar_app.view.feed import Snapshot
 from radar_app.view.map_panels import PersonPanel, RangeDopplerPanel
 from radar_app.view.page import Context
 from radar_app.view.plan import Plan
-from radar_app.view.style import card, grid
+from radar_app.view.style import card, grid, stack
 from radar_app.view.table_panels import Tables
 from radar_app.view.zones_panel import ZonesPanel
 
@@ -29,11 +27,9 @@ class RoomTab:
         self._zones.look()
         self._now: Snapshot | None = None
         micro_doppler, azimuth, elevation = self._person.figures
-        acts = column(
+        acts = stack(
             card("Gestures", self._gestures.list, self._gestures.figure),
             card("Control value", self._control.gauge, self._control.figure),
-            sizing_mode="stretch_width",
-            spacing=12,
         )
         top = grid(card("Room from above", self._plan.figure, span=2), acts, columns=3)
         maps = grid(
@@ -50,7 +46,7 @@ class RoomTab:
             columns=3,
         )
         nodes = card("Nodes", self._tables.nodes)
-        self.layout = column(top, maps, tables, nodes, sizing_mode="stretch_width", spacing=12)
+        self.layout = stack(top, maps, tables, nodes)
 
     def _clicked(self, x: float, y: float) -> None:
         """Take a click on the plan: a corner of a zone, or the choice of a person."""

@@ -96,10 +96,16 @@ def card(title: str, *parts: UIElement, span: int = 1, **options: Any) -> Column
     return column(head, *parts, sizing_mode="stretch_width", stylesheets=[_CARD_SHEET, wide], **options)
 
 
+def stack(*parts: UIElement) -> Column:
+    """Put parts below each other, none wider than the screen."""
+    css = ":host { display: grid !important; grid-template-columns: minmax(0, 1fr); gap: 12px; min-width: 0; }"
+    return column(*parts, sizing_mode="stretch_width", stylesheets=[css])
+
+
 def grid(*cards: UIElement, columns: int) -> Column:
     """Put cards side by side, so many in a row; below each other on a narrow screen."""
     css = f"""
-    :host {{ display: grid !important; grid-template-columns: minmax(0, 1fr); gap: 12px; align-items: start; }}
+    :host {{ display: grid !important; grid-template-columns: minmax(0, 1fr); gap: 12px; align-items: start; min-width: 0; }}
     @media (min-width: 560px) {{ :host {{ grid-template-columns: repeat({min(columns, 2)}, minmax(0, 1fr)); }} }}
     @media (min-width: 900px) {{ :host {{ grid-template-columns: repeat({columns}, minmax(0, 1fr)); }} }}
     """
@@ -121,6 +127,7 @@ FIELD: Final = f"""
 .noUi-handle {{ background: {TEXT} !important; border-radius: 50% !important; }}
 """
 TABS: Final = f"""
+:host {{ min-width: 0; max-width: 100%; }}
 :host(.bk-above) > .bk-header {{ border-bottom: 1px solid {LINE}; margin-bottom: 12px; }}
 .bk-tab {{ color: {FAINT}; font: 600 14px {FONT}; padding: 10px 16px; border: none !important; }}
 .bk-tab:hover {{ background: {CARD}; }}
