@@ -1,0 +1,62 @@
+"""Gestures before boards whose radar is not the default's: simulated people, the boards' waveforms and antennas, the shipped model.
+
+``python docs/research/make_board_gestures.py [BOARD ...]`` prints JSON for docs/research/boards.md; a board takes minutes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections import Counter
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.gesture_scenes import body, effects, stroke
+from benchmarks.report import rate, share
+from radar_core import GESTURES, Pose, RadarInfo
+from radar_driver.bgt60.config import Bgt60Config
+from radar_driver.tinyrad.config import TinyRadConfig
+from radar_lab.pipeline import Pipeline
+from radar_sim import Action, Scene, Simulator
+from radar_sim.scene import SceneRadar
+
+NAMES: Final = ("pull", "push", "swipe_up", "swipe_down", "swipe_left", "swipe_right", "rotate", "wave", "push_pull")
+RADARS: Final = {"bgt60": Bgt60Config().info(), "tinyrad": TinyRadConfig(calibrate=False).info()}
+SCENES: Final = {"bgt60": 4, "tinyrad": 1}
+AROUND_NS: Final = 300_000_000  # by which what is seen may begin and end beside what is done
+
+
+def measured(radar: RadarInfo, scenes: int) -> dict[str, Any]:
+    """Count what became of every gesture of some scenes: a person 1 to 2 m away does each once, in random order."""
+    counts: Counter[str] = Counter()
+    for number in range(scenes):
+        rng = np.random.default_rng([28, 7, number])
+        script = [Action(stand=2.0)]
+        for name in rng.permutation(NAMES):
+            script += [Action(stand=float(rng.uniform(1.5, 2.0))), stroke(rng, str(name))]
+        person = body(rng, 1, (float(rng.uniform(1.0, 2.0)), float(rng.uniform(-0.3, 0.3))), [*script, Action(stand=2.0)])
+        placed = dataclasses.replace(radar, mount=Pose(z=1.2))
+        simulator = Simulator(Scene(duration=36.0, seed=number, radars=(SceneRadar.of(placed),), people=(person,), effects=effects(rng)))
+        pipeline, named, done = Pipeline(placed), [], {}
+        for k in range(simulator.n_frames):
+            made = simulator.process(k)
+            named += pipeline.process(made.frame).gestures
+            for label, index in zip(made.truth.gesture.tolist(), made.truth.gesture_index.tolist(), strict=True):
+                if label < len(GESTURES):
+                    done[index] = (label, done.get(index, (0, made.truth.stamp_ns))[1], made.truth.stamp_ns)
+        free = set(range(len(named)))
+        for label, start, end in done.values():
+            over = [k for k, one in enumerate(named) if one.start_ns < end + AROUND_NS and one.end_ns > start - AROUND_NS]
+            free -= set(over)
+            said = named[over[0]].name if over else ""
+            counts["right" if said == GESTURES[label] else "missed" if said in ("", "random") else "wrong"] += 1
+        counts["nothing"] += sum(named[k].name != "random" for k in free)
+    total = counts["right"] + counts["wrong"] + counts["missed"]
+    found = {"gestures": total, **share("right", counts["right"], total), **share("wrong", counts["wrong"], total)}
+    return found | rate("of_nothing_per_minute", counts["nothing"], scenes * 36 / 60)
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: measured(RADARS[name], SCENES[name]) for name in sys.argv[1:] or RADARS}, indent=1))
