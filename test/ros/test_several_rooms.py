@@ -132,7 +132,7 @@ def test_the_command_starts_what_is_asked_for(monkeypatch, tmp_path):
     """--mqtt and --osc add their nodes to any graph; a file of rooms stands alone."""
     started = []
     monkeypatch.setattr("radar_app.supervisor.refuse_busy_domain", lambda *_: None)
-    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, domain: started.append(specs) or 0)
+    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, *_: started.append(specs) or 0)
 
     def run(*words):
         return CliRunner().invoke(app, ["up", *words, "--composed"])
