@@ -15,7 +15,7 @@ from bokeh.plotting import figure
 from radar_app.view.choices import Choice, default_folder, load_choices, on_front
 from radar_app.view.feed import Snapshot
 from radar_app.view.page import Context
-from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, NOBODY, TEXT, card, grid, plot, stack
+from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, NOBODY, TEXT, WIDE, card, grid, plot, stack
 from radar_app.view.table_panels import table
 from radar_core import HandwaveError
 
@@ -39,7 +39,7 @@ class ChoicesTab:
     def __init__(self, context: Context, folder: Path | None = None) -> None:
         self._said = Div(name="choice_said", sizing_mode="stretch_width")
         self._about = Div(name="choice_about", sizing_mode="stretch_width")
-        self._table = Div(name="choice_table", sizing_mode="stretch_width")
+        self._table = Div(name="choice_table", sizing_mode="stretch_width", stylesheets=[WIDE])
         self._source = ColumnDataSource(data={name: [] for name in _COLUMNS}, name="choices")
         self._figure = _plot(self._source)
         self._panels: dict[str, list[Choice]] = {}

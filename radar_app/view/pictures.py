@@ -9,6 +9,8 @@ from bokeh.document import Document
 from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div
 
+from radar_app.view.style import WIDE
+
 AHEAD: Final = 2
 """Pictures that may be on their way to the browser; who is slow gets fewer of them, never late ones."""
 
@@ -49,8 +51,7 @@ class Pictures:
     def div(self, name: str, **options: Any) -> Div:
         """Make a text of a name that no other has."""
         # Its text is changed within, not as a whole: after that Bokeh would lay out the page anew, which takes longer than drawing it.
-        wide = ".bk-clearfix { display: block !important; width: 100%; }"
-        inner: dict[str, Any] = {"text": "<div data-text></div>", "stylesheets": [wide], "disable_math": True, "syncable": False}
+        inner: dict[str, Any] = {"text": "<div data-text></div>", "stylesheets": [WIDE], "disable_math": True, "syncable": False}
         made = Div(name=name, sizing_mode="stretch_width", **inner, **options)
         self._places[name] = made
         return made

@@ -27,6 +27,7 @@ _TRAIL_STEP: Final = 0.2  # s: between two of its corners
 _GLOW: Final = 0.3  # s: how long points stay
 _SPEED: Final = 0.8  # s: arrows point to where somebody will be so much later
 _WIDTHS: Final = (0.22, 0.5)  # m: radius of a person
+_TALL, _NARROW = 612, 520  # pixels: how tall the plan is, and how wide a phone, on which it is less tall
 _MARGIN: Final = 0.4  # m: around all that is shown
 _USUAL: Final = (0.0, 6.0, -3.5, 3.5)  # m: x and y that are shown while no radar is known
 _ZONES: Final[dict[Kind, str]] = {"counting": ACCENT, "entrance": GOOD, "exclusion": BAD, "boundary": "#b8c2cf"}
@@ -54,7 +55,7 @@ class Plan:
     def __init__(self, pictures: Pictures, clicked: Callable[[float, float], None]) -> None:
         self._across, self._up = Range1d(start=4.0, end=-4.0), Range1d(start=-0.5, end=6.5)
         self.figure = plot(
-            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=612, tools="tap",
+            "plan", "y, to the left [m]", "x, ahead of the radar [m]", x_range=self._across, y_range=self._up, height=_TALL, tools="tap",
         )  # fmt: skip
         self._extent: tuple[float, float, float, float] = _USUAL
         self._pictures = pictures
@@ -150,6 +151,7 @@ class Plan:
             return  # no browser has said yet
         if not width or not height:
             return
+        self.figure.height = _TALL if width > _NARROW else _TALL // 2 + 80
         low_x, high_x, low_y, high_y = self._extent
         metres = max((high_y - low_y + 2 * _MARGIN) / width, (high_x - low_x + 2 * _MARGIN) / height)
         middle_x, middle_y = (low_x + high_x) / 2, (low_y + high_y) / 2

@@ -112,6 +112,9 @@ def grid(*cards: UIElement, columns: int) -> Column:
     return column(*cards, sizing_mode="stretch_width", stylesheets=[css])
 
 
+WIDE: Final = ".bk-clearfix { display: block !important; width: 100%; }"
+"""For texts that may be wider than their card: what does not fit scrolls."""
+
 BUTTON: Final = f"""
 .bk-btn {{ background: {LINE}; color: {TEXT}; border: 1px solid #3a4656; border-radius: 8px; font: 600 14px {FONT}; min-height: 38px; }}
 .bk-btn:hover {{ background: #36445a; }}
