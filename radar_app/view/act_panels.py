@@ -57,7 +57,7 @@ class GesturePanel:
 def _list(gestures: list[Gesture], ago: list[int]) -> str:
     """Write the last gestures down, the newest on top."""
     if not gestures:
-        return f'<div style="color:{FAINT};font:14px {FONT}">none yet: push, pull, swipe, wave, or turn your hand</div>'
+        return f'<div style="color:{FAINT};font:14px {FONT}">none yet: push, pull, swipe, wave, or rotate an arm</div>'
     rows = []
     for number, (gesture, seconds) in enumerate(zip(reversed(gestures), reversed(ago), strict=True)):
         size = "19px" if number == 0 else "14px"
@@ -104,7 +104,7 @@ def _trace(entries: Any, now_ns: int) -> dict[str, Any]:
 
 def _gauge(value: float | None) -> str:
     if value is None:
-        return f'<div style="color:{FAINT};font:14px {FONT}">no hand is followed; push and pull starts it</div>'
+        return f'<div style="color:{FAINT};font:14px {FONT}">no hand is followed; the gesture rotate starts it, unless another one was set</div>'
     return (
         f'<div style="font:22px {FONT};font-weight:700;color:{TEXT}">{value:.2f}</div>'
         f'<div style="background:{LINE};border-radius:6px;height:12px"><div style="background:{ACCENT};border-radius:6px;height:12px;'

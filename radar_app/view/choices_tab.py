@@ -101,7 +101,7 @@ def _plot(source: ColumnDataSource) -> figure:
     made = plot(
         "choices_plot", "time [ms]", "accuracy", x_axis_type="log", height=460, tools="tap,hover",
         tooltips=[("", "@name"), ("accuracy", "@accuracy{0.0000}"), ("time", "@time{0.000} ms")],
-        x_range=DataRange1d(range_padding=0.25), y_range=DataRange1d(range_padding=0.15),
+        x_range=DataRange1d(range_padding=0.6), y_range=DataRange1d(range_padding=0.15),
     )  # fmt: skip
     made.scatter(
         "time", "accuracy", source=source, size="size", fill_color="colour", line_color="line", line_width=3, nonselection_fill_alpha=0.75,
