@@ -104,7 +104,7 @@ def _trace(entries: Any, now_ns: int) -> dict[str, Any]:
 
 def _gauge(value: float | None) -> str:
     if value is None:
-        return f'<div style="color:{FAINT};font:14px {FONT}">no hand is followed; the gesture rotate starts it, unless another one was set</div>'
+        return f'<div style="color:{FAINT};font:14px {FONT}">no hand is followed; rotate an arm to start (unless set otherwise)</div>'
     return (
         f'<div style="font:22px {FONT};font-weight:700;color:{TEXT}">{value:.2f}</div>'
         f'<div style="background:{LINE};border-radius:6px;height:12px"><div style="background:{ACCENT};border-radius:6px;height:12px;'

@@ -1,6 +1,5 @@
 """The page over a running graph of real nodes, in a real browser."""
 
-import os
 import subprocess
 import sys
 import threading
@@ -70,4 +69,3 @@ def test_no_thread_is_left(graph):
     finally:
         source.close()
     assert set(threading.enumerate()) == before
-    assert os.getpid()
