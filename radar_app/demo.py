@@ -108,13 +108,14 @@ class _Log:
 
     def __init__(self, console: Console, options: DemoOptions) -> None:
         self.lines: list[str] = []
-        self.compiling = ""  # what a node said last about compiling
+        self.compiling = ""  # what a node that compiles says of it
         self._console, self._options = console, options
 
     def __call__(self, name: str, line: str) -> None:
         self.lines.append(f"{name}: {line}")
         about = compiling.told(line)
-        self.compiling = about or self.compiling
+        if about:
+            self.compiling = about if about.startswith("compiling") else ""
         bad = "[ERROR]" in line or "Traceback" in line
         if self._options.verbose or (self._options.headless and (bad or about)):
             self._console.print(f"{name}: {line}" if self._options.verbose or bad else about, markup=False, highlight=False, soft_wrap=True)
@@ -125,12 +126,13 @@ def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console, 
     log = _Log(console, options)
     supervisor = Supervisor(plan.specs, domain=options.domain, log=log, nursery=nursery)
     started, interrupted = time.monotonic(), False
-    live: dict[str, Any] = {"first_frame_s": None}
+    live: dict[str, Any] = {"first_frame_s": None, "stalled": False}
     try:
         supervisor.start()
         _await_frames(supervisor, monitor, console, log, options)
         live["first_frame_s"] = round(time.time() - psutil.Process().create_time(), 2)
         _watch(supervisor, monitor, plan, options, console)
+        live["stalled"] = "driver" in supervisor.running
     except KeyboardInterrupt:
         interrupted = True
     finally:

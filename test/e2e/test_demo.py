@@ -86,8 +86,8 @@ def test_a_demo_that_saw_nothing_says_what_was_missing():
     assert missing_of(_judged()) == []
     assert missing_of(_judged(people={})) == []
     nobody = {"1": {"tracked_fraction": 0.0, "identity_switches": 0, "position_rms_m": None}}
-    faults = (_judged(frames=0), _judged(received=0), {"frames": 300, "received": 290}, _judged(people=nobody))
-    words = ("no frame came", "no tracks", "wrote no report", "nobody was found")
+    faults = (_judged(frames=0), _judged(received=0), _judged(stalled=True), {"frames": 300, "received": 290}, _judged(people=nobody))
+    words = ("no frame came", "no tracks", "the driver hangs", "wrote no report", "nobody was found")
     for report, word in zip(faults, words, strict=True):
         (said,) = missing_of(report)
         assert word in said
