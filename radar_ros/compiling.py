@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 _ABOUT = {"driver": 10, "baseband": 20, "tracking": 20, "gestures": 5}
-"""How long a stage compiles [s]: its processor time with an empty cache (4.5, 17.5, 12.4 and 0.9 s), rounded up, as others do so beside it."""
+"""How long a stage compiles [s]: processor time with an empty cache (4.5, 17.5, 12.4 and 0.9 s), rounded up: others do so beside it."""
 _AGAIN = 5.0  # s: between two lines about it
 
 Say = Callable[[str], None]

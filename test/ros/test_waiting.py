@@ -52,7 +52,7 @@ def test_patience_begins_anew(clock):
 
 
 def test_a_process_says_that_it_compiles(tmp_path):
-    """Once at the beginning, with the stage and the remedy, and how many loops it was; a second run, which finds them on disk, says nothing."""
+    """Once at the beginning, with the stage and the remedy, and how many loops it was; a second run finds them and says nothing."""
     (tmp_path / "loops.py").write_text("import numba\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
     code = """
         import numba
