@@ -22,16 +22,12 @@ def missing_of(report: dict[str, Any]) -> list[str]:
     if not report["received"]:
         return [f"{report['frames']} frames came, but no tracks: the messages of baseband and tracking say why (--verbose)"]
     if report.get("stalled"):
-        return [
-            f"after {report['frames']} frames no more came, although the scene was not over: the driver hangs (--verbose)"
-        ]
+        return [f"after {report['frames']} frames no more came, although the scene was not over: the driver hangs (--verbose)"]
     if "people" not in report:
         return ["tracks came, but the evaluation node wrote no report: nothing tells how good they were"]
     people = [person["tracked_fraction"] for person in report["people"].values() if person["tracked_fraction"] is not None]
     if people and not any(people):
-        return [
-            f"of {_count(len(people), 'person', 'people')} in view nobody was found: try a longer --duration, or another scene"
-        ]
+        return [f"of {_count(len(people), 'person', 'people')} in view nobody was found: try a longer --duration, or another scene"]
     return []
 
 
