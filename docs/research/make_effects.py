@@ -21,7 +21,7 @@ PAGE = Path(__file__).with_name("effects.md")
 
 def put(text: str, name: str, part: str) -> str:
     """Replace what stands between the two marks of a name."""
-    first, last = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    first, last = f"<!-- {name} -->\n\n", f"<!-- end of {name} -->\n"
     head, found, rest = text.partition(first)
     if not found or last not in rest:
         raise SystemExit(f"{PAGE} has no {first.strip()} ... {last.strip()}; put them where the table belongs")

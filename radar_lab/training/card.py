@@ -57,7 +57,7 @@ def card(
         "",
         f"A {_kind(model)} that tells {len(model.labels)} labels apart: {', '.join(model.labels)}.",
         "",
-        "| | |",
+        "| fact | value |",
         "|---|---|",
         f"| file | format {FORMAT}, {n_bytes:,} bytes |",
         *_decision(model),
