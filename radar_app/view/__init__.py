@@ -28,6 +28,10 @@ A tab is one module with one class (or function) that takes a `page.Context` and
         def close(self) -> None:                                  # the browser has left
             self._wish.close()
 
+What changes many times a second goes through ``context.pictures``: sources and texts that it makes are sent in one piece, when the browser
+has drawn what it was sent before. What seldom changes may be set on Bokeh's models in the usual way. A model belongs to one document, so
+style sheets that several share are texts (`style`), never models of a module.
+
 ``update`` is not called while another tab is seen. What must go on then (a logger that misses nothing) belongs into a thread or a periodic
 callback of its own: ``context.document.add_periodic_callback`` runs in the server's thread as long as the browser is there, and `feed.Feed`
 may be read from anywhere.
