@@ -19,7 +19,7 @@ from radar_ros.bags import BagWriter
 from radar_ros.messages.convert import frame_to_msg, info_to_msg
 
 START = 1_700_000_000_000_000_000
-WANTED = ("saturation", "merged people", "lost when still")
+WANTED = ("merged people", "lost when still")
 
 
 def noise_bag(path, info=None, described=True, lost=()):
@@ -86,11 +86,10 @@ def test_what_cannot_be_read_is_status_two(tmp_path):
     wrong = [[tmp_path / "none"], [tmp_path / "empty"], [good, "--walked", "up"], [good, "--param", "driver.scene=demo"]]
     wrong.append([good, "--param", "tracking.life.birth_pints=2"])
     code = "import sys; from radar_app.cli import app, main; sys.argv[0] = 'handwave'; main()"
-    for words in wrong[:2]:
-        done = subprocess.run([sys.executable, "-c", code, "doctor", *map(str, words)], capture_output=True, text=True, timeout=120)
-        assert done.returncode == 2, done.stderr
-        assert done.stderr.startswith("handwave: ")
-        assert len(done.stderr.strip().splitlines()) == 1
+    done = subprocess.run([sys.executable, "-c", code, "doctor", str(tmp_path / "empty")], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("handwave: ")
+    assert len(done.stderr.strip().splitlines()) == 1
     for words in wrong:
         assert CliRunner().invoke(app, ["doctor", *map(str, words)]).exit_code != 0
 
@@ -104,9 +103,8 @@ def test_the_fault_of_a_simulated_room(fault, tmp_path):
     assert diagnose(tmp_path / "bag", case)[0] == fault
     words = shlex.split(ask(tmp_path / "bag")[1]["findings"][0]["remedy"])
     pasted = [word for name, value in pairwise(words) if name == "--param" for word in (name, value)]
-    if fault != "saturation":
-        assert pasted
-        assert fault not in ask(tmp_path / "bag", *pasted)[1]["faults"]
+    assert pasted
+    assert fault not in ask(tmp_path / "bag", *pasted)[1]["faults"]
 
 
 @pytest.mark.long
