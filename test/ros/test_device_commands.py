@@ -209,7 +209,7 @@ def test_up_takes_the_graph_that_suits_a_board(monkeypatch, tmp_path):
     """live for frames, targets for targets; a file that is none is refused with status 2."""
     started = []
     monkeypatch.setattr("radar_app.supervisor.refuse_busy_domain", lambda *_: None)
-    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, domain: started.append(specs) or 0)
+    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, *_: started.append(specs) or 0)
     for board, nodes in (("tinyrad", "baseband"), ("ti_demo", "tracking"), ("ld2450", "driver")):
         assert run("up", "--board", board, "--composed").exit_code == 0
         driver = next(spec for spec in started[-1] if spec.name == "driver")
