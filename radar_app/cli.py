@@ -103,13 +103,13 @@ def demo(
     """
     from rich.console import Console
 
-    from radar_app.nursery import nursery_of
+    from radar_app.fork_server import fork_server_of
 
-    with nursery_of("demo") as nursery:  # first: it loads what nodes need while this process loads what it needs
+    with fork_server_of("demo") as fork_server:  # first: it loads what nodes need while this process loads what it needs
         from radar_app.demo import DemoOptions, run_demo, show_report
 
         console = Console(stderr=as_json)
-        report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose, zones), console, nursery)
+        report = run_demo(DemoOptions(scene, duration, bag, headless, domain, namespace, verbose, zones), console, fork_server)
     if as_json:
         print(json.dumps(report))
     else:

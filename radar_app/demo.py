@@ -16,9 +16,9 @@ from rich.console import Console
 from rich.live import Live
 
 from radar_app.demo_report import missing_of, show_report
+from radar_app.fork_server import ForkServer
 from radar_app.graph import STAGES, VARIANTS, NodeSpec, graph
 from radar_app.live import Monitor
-from radar_app.nursery import Nursery
 from radar_app.parameters import zone_parameters
 from radar_app.supervisor import LOOK, Supervisor, environment, refuse_running
 from radar_core import ConfigError
@@ -66,8 +66,8 @@ class _Plan:
         return self.bag.with_name(f"{self.bag.name}.json")
 
 
-def run_demo(options: DemoOptions, console: Console, nursery: Nursery | None = None) -> dict[str, Any]:
-    """Run the demo and return its report; nodes come from the ``nursery`` where there is one.
+def run_demo(options: DemoOptions, console: Console, fork_server: ForkServer | None = None) -> dict[str, Any]:
+    """Run the demo and return its report; nodes come from a fork server where there is one.
 
     Of its figures ``crashes`` lists the nodes that died, ``interrupted`` tells whether the user ended it early, ``missing`` what should
     have been seen and was not. A `ConfigError` says that the scene makes no sense, the ROS domain is busy or nodes do not start.
@@ -82,7 +82,7 @@ def run_demo(options: DemoOptions, console: Console, nursery: Nursery | None = N
             monitor.spin(max(due - time.monotonic(), 0.0))
             found = monitor.node.get_node_names_and_namespaces()
             refuse_running(found, [spec.name for spec in plan.specs], options.namespace, options.domain)
-            return _run(plan, monitor, options, console, nursery)
+            return _run(plan, monitor, options, console, fork_server)
         finally:
             monitor.close()
 
@@ -121,10 +121,10 @@ class _Log:
             self._console.print(f"{name}: {line}" if self._options.verbose or bad else about, markup=False, highlight=False, soft_wrap=True)
 
 
-def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console, nursery: Nursery | None) -> dict[str, Any]:
+def _run(plan: _Plan, monitor: Monitor, options: DemoOptions, console: Console, fork_server: ForkServer | None) -> dict[str, Any]:
     """Run the nodes until the scene is over or the user has seen enough; returns the report."""
     log = _Log(console, options)
-    supervisor = Supervisor(plan.specs, domain=options.domain, log=log, nursery=nursery)
+    supervisor = Supervisor(plan.specs, domain=options.domain, log=log, fork_server=fork_server)
     started, interrupted = time.monotonic(), False
     live: dict[str, Any] = {"first_frame_s": None, "stalled": False}
     try:

@@ -19,8 +19,8 @@ from typing import Any
 import psutil
 
 from radar_app.exits import CLOSED, USAGE, note_closed, pipe_closed, say
+from radar_app.fork_server import Forked, ForkServer
 from radar_app.graph import NodeSpec, arguments
-from radar_app.nursery import Forked, Nursery
 from radar_core import ConfigError
 from radar_core.paths import share_dir
 from radar_ros.signals import interruptible, stopped, told
@@ -92,7 +92,7 @@ class Supervisor:
     """Runs nodes as processes of their own, in a ROS domain (None: as in the environment).
 
     ``respawn`` starts a node again that died; ``log`` is called with node name and line for every line that a node prints. With a
-    ``nursery`` nodes are forks of it, which start in half the time.
+    ``fork_server`` nodes are forks of it, which start in half the time.
     """
 
     def __init__(
@@ -102,10 +102,10 @@ class Supervisor:
         domain: int | None = None,
         respawn: bool = False,
         log: LogSink | None = None,
-        nursery: Nursery | None = None,
+        fork_server: ForkServer | None = None,
     ) -> None:
         self.specs = tuple(specs)
-        self._nursery = nursery
+        self._fork_server = fork_server
         self.respawn = respawn
         self.crashes: list[tuple[str, int]] = []
         self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
@@ -133,14 +133,14 @@ class Supervisor:
                 self._children[spec.label] = self._start(spec)
 
     def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
-        process = self._fork(spec) if self._nursery is not None else self._spawn(spec)
+        process = self._fork(spec) if self._fork_server is not None else self._spawn(spec)
         reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
         reader.start()
         return _Child(spec, process, reader, time.monotonic(), deaths)
 
     def _fork(self, spec: NodeSpec) -> Forked:
-        assert self._nursery is not None
-        return self._nursery.start(spec.label, spec.module, arguments(spec), self._environment)
+        assert self._fork_server is not None
+        return self._fork_server.start(spec.label, spec.module, arguments(spec), self._environment)
 
     def _spawn(self, spec: NodeSpec) -> subprocess.Popen[str]:
         return subprocess.Popen(

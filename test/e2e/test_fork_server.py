@@ -10,8 +10,8 @@ import psutil
 import pytest
 import rclpy
 
+from radar_app.fork_server import ForkServer
 from radar_app.graph import NODES
-from radar_app.nursery import Nursery
 from radar_app.supervisor import Supervisor
 from radar_core import ConfigError
 
@@ -21,9 +21,9 @@ SPECS = [NODES[name] for name in NAMES]
 
 
 @pytest.fixture(scope="module")
-def nursery():
+def fork_server():
     """One for all tests here; it loads two nodes."""
-    with Nursery([spec.module for spec in SPECS]) as found:
+    with ForkServer([spec.module for spec in SPECS]) as found:
         yield found
 
 
@@ -47,9 +47,9 @@ def seen():
     rclpy.try_shutdown()
 
 
-def test_nodes_run_and_stop(nursery, seen):
+def test_nodes_run_and_stop(fork_server, seen):
     """Each is a process of its own in the ROS graph, and ends well when it is told to."""
-    with Supervisor(SPECS, nursery=nursery) as supervisor:
+    with Supervisor(SPECS, fork_server=fork_server) as supervisor:
         assert wait_for(lambda: set(NAMES) <= set(seen()))
         pids = {supervisor.pid(name) for name in NAMES}
         assert len(pids) == 2
@@ -60,9 +60,9 @@ def test_nodes_run_and_stop(nursery, seen):
     assert supervisor.crashes == []
 
 
-def test_a_killed_node_is_told_and_started_again(nursery, seen):
+def test_a_killed_node_is_told_and_started_again(fork_server, seen):
     """The status is that of the signal; with respawn it comes back, as a process of another number."""
-    with Supervisor(SPECS, nursery=nursery, respawn=True) as supervisor:
+    with Supervisor(SPECS, fork_server=fork_server, respawn=True) as supervisor:
         assert wait_for(lambda: set(NAMES) <= set(seen()))
         first = supervisor.pid("zones")
         os.kill(first, signal.SIGKILL)
@@ -73,38 +73,38 @@ def test_a_killed_node_is_told_and_started_again(nursery, seen):
         assert supervisor.pid("zones") != first
 
 
-def test_a_node_that_refuses_says_why(nursery):
+def test_a_node_that_refuses_says_why(fork_server):
     """Its message is in the log, its status is 2."""
     said = []
     spec = NODES["zones"].__class__("zones", NODES["zones"].module, {"zones_file": "/nowhere.yaml"})
-    with Supervisor([spec], nursery=nursery, log=lambda name, line: said.append((name, line))) as supervisor:
+    with Supervisor([spec], fork_server=fork_server, log=lambda name, line: said.append((name, line))) as supervisor:
         ended = []
         assert wait_for(lambda: ended.extend(supervisor.poll()) or ended)
     assert ended == [("zones", 2)]
     assert any(name == "zones" and "/nowhere.yaml" in line for name, line in said)
 
 
-def test_it_starts_no_threads(nursery, seen):
+def test_it_starts_no_threads(fork_server, seen):
     """A fork takes no threads along; there are none but those of LTTng, which `import rclpy` starts and which only tracing needs."""
     count = "import os, rclpy; print(len(os.listdir('/proc/self/task')))"
     bare = int(subprocess.run([sys.executable, "-c", count], capture_output=True, text=True, timeout=60).stdout)
-    with Supervisor(SPECS, nursery=nursery):
+    with Supervisor(SPECS, fork_server=fork_server):
         assert wait_for(lambda: set(NAMES) <= set(seen()))
-        assert psutil.Process(nursery._process.pid).num_threads() == bare
+        assert psutil.Process(fork_server._process.pid).num_threads() == bare
 
 
 def test_all_end_with_who_started_them(tmp_path):
-    """After a kill -9 of the command neither the nursery nor its nodes live on."""
+    """After a kill -9 of the command neither the fork server nor its nodes live on."""
     code = f"""
 import time
 from radar_app.graph import NODES
-from radar_app.nursery import Nursery
+from radar_app.fork_server import ForkServer
 from radar_app.supervisor import Supervisor
 specs = [NODES[name] for name in {NAMES!r}]
-nursery = Nursery([spec.module for spec in specs])
-supervisor = Supervisor(specs, nursery=nursery)
+fork_server = ForkServer([spec.module for spec in specs])
+supervisor = Supervisor(specs, fork_server=fork_server)
 supervisor.start()
-print(nursery._process.pid, *(supervisor.pid(name) for name in {NAMES!r}), flush=True)
+print(fork_server._process.pid, *(supervisor.pid(name) for name in {NAMES!r}), flush=True)
 time.sleep(100)
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
@@ -116,5 +116,5 @@ time.sleep(100)
 
 def test_one_that_cannot_load_says_so():
     """A module that is not there: a message that points at what was printed, not a wait."""
-    with Nursery(["radar_ros.nodes.nothing"]) as broken, pytest.raises(ConfigError, match="what it printed stands above"):
-        Supervisor(SPECS, nursery=broken).start()
+    with ForkServer(["radar_ros.nodes.nothing"]) as broken, pytest.raises(ConfigError, match="what it printed stands above"):
+        Supervisor(SPECS, fork_server=broken).start()

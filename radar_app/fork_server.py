@@ -25,28 +25,28 @@ from radar_app.graph import NODES, VARIANTS
 from radar_core import ConfigError
 
 _MESSAGE = 1 << 20  # bytes of the longest request
-_LOOK = 0.1  # s: how often the nursery looks which nodes have ended
+_LOOK = 0.1  # s: how often it looks which nodes have ended
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _BEGUN = 120.0  # s: for a node to be forked, which waits until everything is loaded; a busy machine is slow
 
 
-def nursery_of(variant: str) -> AbstractContextManager[Nursery | None]:
+def fork_server_of(variant: str) -> AbstractContextManager[ForkServer | None]:
     """Begin to load what the nodes of a graph need; None where nodes cannot be forked."""
     if sys.platform != "linux":
         return nullcontext()
-    return Nursery(sorted({NODES[label.rpartition("/")[2]].module for label in VARIANTS[variant].nodes}))
+    return ForkServer(sorted({NODES[label.rpartition("/")[2]].module for label in VARIANTS[variant].nodes}))
 
 
 class Forked:
     """A node that was forked, as `subprocess.Popen` shows one."""
 
-    def __init__(self, nursery: Nursery, pid: int, stdout: IO[str]) -> None:
+    def __init__(self, fork_server: ForkServer, pid: int, stdout: IO[str]) -> None:
         self.pid, self.stdout = pid, stdout
-        self._nursery = nursery
+        self._fork_server = fork_server
 
     def poll(self) -> int | None:
         """Exit status, negative for a signal; None: it lives."""
-        return self._nursery.status(self.pid)
+        return self._fork_server.status(self.pid)
 
     def send_signal(self, number: int) -> None:
         """Send a signal, unless it has ended."""
@@ -55,21 +55,21 @@ class Forked:
                 os.kill(self.pid, number)
 
 
-class Nursery:
+class ForkServer:
     """The process that loads ``modules`` and forks nodes; begins at once, and ends with the block that it is used in."""
 
     def __init__(self, modules: Sequence[str]) -> None:
         self._ended: dict[int, int] = {}
         self._begun: list[int] = []
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        command = [sys.executable, "-m", "radar_app.nursery", str(theirs.fileno()), *modules]
+        command = [sys.executable, "-m", "radar_app.fork_server", str(theirs.fileno()), *modules]
         pools = {f"{pool}_NUM_THREADS": "1" for pool in ("OMP", "OPENBLAS", "MKL", "NUMBA")}  # a fork takes no threads along
         self._process = subprocess.Popen(
             command, pass_fds=(theirs.fileno(),), env={**os.environ, **pools}, stdin=subprocess.DEVNULL, start_new_session=True
         )
         theirs.close()
 
-    def __enter__(self) -> Nursery:
+    def __enter__(self) -> ForkServer:
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -154,12 +154,12 @@ def _load(modules: Sequence[str]) -> None:
         cpu_target.target_context.refresh()
 
 
-def _be(request: dict[str, Any], out: int, libc: ctypes.CDLL, nursery: int) -> None:
+def _be(request: dict[str, Any], out: int, libc: ctypes.CDLL, fork_server: int) -> None:
     """Become the node; does not return."""
     status = 1
     try:
         libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != nursery:  # it ended before we asked to be told
+        if os.getppid() != fork_server:  # it ended before we asked to be told
             os._exit(1)
         libc.prctl(_PR_SET_NAME, request["name"].encode()[:15])
         os.setsid()
