@@ -128,6 +128,21 @@ def test_an_event_at_the_end_of_a_source_is_kept_all_the_same(tmp_path):
     session.close()
 
 
+def test_an_event_is_kept_when_the_time_goes_back(tmp_path):
+    """A recording that is shown again and again: what waits for its last clouds is kept with those that had come."""
+    player, clouds = Player(), clouds_of(["push"])
+    cut = next(k for k, cloud in enumerate(clouds) if cloud.stamp_ns > 1 * S + 22 * S // 10)
+    with closing(Logger(player.feed, SessionStore(tmp_path))) as logger:
+        player.put(clouds[:cut])
+        until(lambda: logger._history.end_ns or logger.state.waiting)
+        for cloud in clouds[:20]:
+            player.feed.put("clouds", cloud.stamp_ns, cloud)
+        until(lambda: logger.state.waiting or logger.state.lost)
+        assert logger.state.lost == 0
+        event = logger.state.current
+        assert event.end_ns <= event.clouds[-1].stamp_ns <= clouds[cut - 1].stamp_ns
+
+
 def test_the_page_learns_what_a_crash_had_left(tmp_path):
     SessionStore(tmp_path).close()
     with (tmp_path / JOURNAL).open("ab") as journal:
