@@ -65,6 +65,8 @@ class Page:
 
     def __init__(self, driver, address):
         self.driver = driver
+        driver.get("about:blank")
+        driver.get_log("browser")  # what the page before said when its server had gone
         driver.get(address)
         self.until(lambda: driver.execute_script("return window.Bokeh != null && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"))
 
