@@ -97,6 +97,11 @@ class Page:
         find = f"Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name('{name}'))"
         return self.driver.execute_script(f"return {find}.shadow_el.textContent")
 
+    def gestures(self):
+        """The list of gestures; empty as long as there are none."""
+        said = self.text("gestures")
+        return "" if "none yet" in said else said
+
     def press(self, name):
         """Click a button of the page."""
         find = f"Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name('{name}')).shadow_el.querySelector('button')"

@@ -31,7 +31,7 @@ def test_a_graph_is_shown_and_a_zone_drawn_on_the_plan_counts(driver, graph, tmp
         first = page.until(lambda: page.data("points", "x"))
         page.until(lambda: page.data("points", "x") != first)
         page.until(lambda: page.data("people", "id"))
-        page.until(lambda: any(name in page.text("gestures") for name in ("push", "swipe")))
+        page.until(lambda: any(name in page.gestures() for name in ("push", "swipe")))
         page.until(
             lambda: all(name in page.text("nodes_table") for name in ("driver", "baseband", "tracking", "gestures", "hand", "zones"))
         )
