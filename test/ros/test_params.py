@@ -80,7 +80,8 @@ def test_unknown_parameters_are_refused(ros):
     """A typing mistake in a parameter file must not be ignored in silence."""
     node = make(ros, association__gaet=1.0)
     declare_config(node, TrackerConfig)
-    with pytest.raises(ConfigError, match=r"no parameter 'association\.gaet' \(did you mean 'association\.gate'\?\); it knows: .*association\.gate"):
+    meant = r"no parameter 'association\.gaet' \(did you mean 'association\.gate'\?\); it knows: .*association\.gate"
+    with pytest.raises(ConfigError, match=meant):
         refuse_unknown(node)
 
 

@@ -108,7 +108,7 @@ def test_stamps_begin_again_after_a_jump():
 
 
 def test_a_program_that_was_held_up_turns_no_time_back():
-    """Packets that waited are read together, up to 35 ms late: stamps rise all the same, and are right again with the next frame in time."""
+    """Packets that waited are read together, up to 35 ms late: stamps rise all the same, and the next frame in time has the right one."""
     from radar_core import Waveform
 
     stamps = Stamps(Waveform())
