@@ -12,7 +12,7 @@ from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares, hidden
 from radar_tracking.poisson.motion import Update
-from radar_tracking.poisson.person import person_odds, went
+from radar_tracking.poisson.person import MOVED_TIME, person_odds, went
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
 from radar_tracking.tracks import Deleted, Reason
@@ -21,7 +21,7 @@ CONFIRM_ODDS: Final = 3.0  # log odds from which a track may be a person; it end
 MOST_ODDS: Final = 6.0  # more evidence than this is not collected
 _LEAST, _MOST = -1.0, 3.0  # nat: one cloud says no more
 _LEAST_RATE: Final = 0.5  # points of a cloud: who has fewer is hard to tell from nobody
-_RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _MOVED_TIME, _ANCHOR_TIME = 1.0, 0.5, 30.0, 6.0, 1.0  # s
+_RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME = 1.0, 0.5, 30.0, 1.0  # s
 _STANDS_WITHIN: Final = 0.35  # m of the anchor
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
@@ -78,14 +78,14 @@ def _patience(table: Table, supported: BoolArray, config: PoissonConfig, origin:
 def note_motion(table: Table, update: Update, measured: Measured, dt: float, now: float, config: PoissonConfig) -> None:
     """Add up how far tracks have moved, and whether they stand."""
     rows, own = table.rows, update.rows
-    rows["moved"] *= math.exp(-dt / _MOVED_TIME)
+    rows["moved"] *= math.exp(-dt / MOVED_TIME)
     speed = np.abs(np.nan_to_num(update.speed))
     stirs = own[speed > measured.still_speed]
     way = (speed[speed > measured.still_speed] - 0.05) * np.minimum(now - rows["stirred"][stirs], config.correlation_time)
     rows["moved"][stirs] += way
     rows["stirred"][stirs] = now
     rows["seen"][own] = now
-    for name, time in (("anchor", _ANCHOR_TIME), ("haunt", _MOVED_TIME)):
+    for name, time in (("anchor", _ANCHOR_TIME), ("haunt", MOVED_TIME)):
         rows[name] += _share(dt, time) * (table.mean[:, :2] - rows[name])
     step = table.mean[:, :2] - rows["anchor"]
     rows["stands"] = np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN

@@ -34,6 +34,7 @@ RECORD = np.dtype(
         ("floor", np.float64),  # how well it fits the echo of such a track by way of the floor, 0 to 1
         ("law", np.float64),  # how much weaker it is than a body as strong as such a track would be at its distance [dB]
         ("alone", np.float64),  # way, by range rates, while such a track did not move; the least of all such tracks [m]
+        ("drift", np.float64),  # where range rates of the last seconds say that it went, along the line of sight [m]
         ("total", np.float64),  # way, by range rates [m]
         ("sight", np.float64, 2),  # unit vector from the sensor
         ("offset", np.float64, 2),  # variances along and across it that no number of points takes away [m^2]
