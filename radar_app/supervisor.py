@@ -304,7 +304,8 @@ def run_composed(specs: Sequence[NodeSpec], domain: int | None = None, tell: Cal
     def make(spec: NodeSpec) -> Any:
         return importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
 
-    makers: list[Callable[[], Any]] = [partial(make, spec) for spec in specs]
+    # Drivers last: their frames begin to come at once, and loops may have to be compiled for whoever reads them.
+    makers: list[Callable[[], Any]] = [partial(make, spec) for spec in sorted(specs, key=lambda spec: spec.name == "driver")]
     if tell is not None:
         makers.append(partial(_teller_node, [spec.path for spec in specs], tell))
     status = run(*makers)
