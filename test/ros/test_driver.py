@@ -119,7 +119,7 @@ def test_many_signals_are_one(ros, start, scene):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (["scnee:=short"], "no parameter 'scnee'; it knows:"),
+        (["scnee:=short"], "no parameter 'scnee' (did you mean 'scene'?); it knows:"),
         (["at_end:=explode"], "at_end of node driver is 'explode'; choose one of stop, loop, exit"),
         (["source:=usb"], "there is no source 'usb'; choose one of"),
         (["rate:=0.0"], "parameter rate of node driver"),

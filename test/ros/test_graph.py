@@ -57,7 +57,7 @@ def test_lists_of_numbers_are_of_one_kind():
     ("call", "message"),
     [
         (lambda: graph("party"), "no graph 'party'; choose one of demo, live"),
-        (lambda: graph("live", parameters={"drvier": {}}), "no node 'drvier'; nodes: driver"),
+        (lambda: graph("live", parameters={"drvier": {}}), "no node 'drvier' \\(did you mean 'driver'\\?\\); nodes: driver"),
         (lambda: run_node("x"), "no node 'x'"),
     ],
 )
