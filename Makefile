@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS = 1
 # Compiled modules are kept, whatever the shell says: without, each of some hundred processes of the tests compiles all of them anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: docs help demo test test-all coverage stability mutations setup lint docs pictures bench clean
+.PHONY: blender docs help demo test test-all coverage stability mutations setup lint docs pictures bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
@@ -46,6 +46,13 @@ stability: setup
 ## make mutations  take every numerical guard out of the code, one at a time, and see that a test fails (make mutations ARGS="--some 10")
 mutations: setup
 	$(VENV)/bin/python test/stability/mutations.py $(ARGS)
+
+## make blender    bodies beside Blender's, which is a Python module here; in an environment of its own because it wants an older numpy (Python 3.11)
+blender: setup
+	test -x build/blender/bin/python || $(PYTHON) -m venv build/blender
+	env -u PIP_CONSTRAINT build/blender/bin/pip install --quiet --disable-pip-version-check 'bpy>=4.5,<4.6' 'numpy<2' scipy numba finufft pydantic pyyaml \
+		joblib scikit-learn threadpoolctl typing-extensions pytest pytest-timeout hypothesis
+	PYTHONPATH=$(CURDIR) build/blender/bin/python -m pytest test/sim/test_blender.py
 
 ## make lint       ruff and mypy
 lint: setup

@@ -15,6 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}
 
+# One to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
+BY_HAND = {"gestures", "tracking", "gesture_model", "budget"}
+
 
 def machines(found):
     """Other kernels and other instructions: a frame to 1e-5, the same audit, the same gestures, and the tests there pass."""
@@ -94,7 +97,14 @@ def boards(found):
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("name", [name for name in names() if not any(name in parts for parts in PARTS.values())])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in BY_HAND else [])
+        for name in names()
+        if not any(name in parts for parts in PARTS.values())
+    ],
+)
 def test_quick_run(name, tmp_path):
     """One JSON object; each choice has stage, choice, accuracy, time and ratio; the plot is a picture."""
     picture = tmp_path / "choices.png"

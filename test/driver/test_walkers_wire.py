@@ -62,7 +62,9 @@ def test_a_walker_before_a_tinyrad(rig):
     gain = 0.15 / np.abs(cubes).max()
     noise = np.random.default_rng(7).normal(0.0, 30 * wire.VOLTS, cubes.shape)
     blocks = [encode_tinyrad(cube, config) for cube in cubes.real * gain + noise]
-    one = rig(blocks, board={"paced": False}, calibrate=False, mount=MOUNT, timeout=5.0).start()
+    one = rig(blocks, calibrate=False, mount=MOUNT, timeout=5.0)  # paced, as stamps are those of arrival
+    warm(one.source.info)
+    one.start()
     assert followed(one.source, len(blocks), truth) < 0.6
 
 
