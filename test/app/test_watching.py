@@ -5,6 +5,7 @@ import io
 import json
 import os
 import pty
+import re
 import select
 import signal
 import struct
@@ -100,7 +101,7 @@ def test_up_says_who_came_and_what_they_did(graph):
     """A line when the person comes, and one for each gesture; the nodes' own logs stay."""
     wait_until(lambda: graph.said("person", "swipe right ("), text=lambda: "\n".join(graph.lines))
     came = graph.said("came")[0]
-    assert "2.3 m ahead" in came or "2.2 m ahead" in came
+    assert abs(float(re.search(r"([0-9.]+) m ahead", came)[1]) - 2.3) < 0.4
     assert any(line.startswith("tracking ") for line in graph.lines)
     assert not graph.said("no data any more")
 
@@ -116,13 +117,17 @@ def test_status_names_every_node_and_what_is_wrong(graph):
         assert done.returncode == (1 if found["wrong"] else 0)
         return {node["state"] for node in found["nodes"]} <= {"running", "warning"}  # a busy machine loses messages
 
-    wait_until(running, text=lambda: found)
+    def known():
+        """Whether all have been heard in the same moment; on a busy machine that takes more than one look."""
+        latencies = {node["name"]: node["latency"] for node in found["nodes"]} if running() else {}
+        return latencies.get("baseband") and latencies.get("tracking") and found["people"] == {"/": 1}
+
+    wait_until(known, text=lambda: found)
     nodes = {node["name"]: node for node in found["nodes"]}
     assert set(nodes) == NODES
     assert all(node["rate"] > 0 for node in nodes.values())
     assert nodes["driver"]["latency"] is None
     assert 0 < nodes["baseband"]["latency"] < nodes["tracking"]["latency"] < 10.0
-    assert found["people"] == {"/": 1}
     held = graph.node("tracking")
     held.suspend()
     try:
@@ -182,7 +187,9 @@ def test_listen_ends_when_told(graph):
         assert json.loads(process.stdout.readline())["type"] == "people"
         process.send_signal(number)
         _, complaint = process.communicate(timeout=30.0)
-        assert (process.returncode, complaint) == (signals[number], "")
+        assert process.returncode == signals[number]
+        # A closed terminal is told where somebody may still read it; nothing else is said.
+        assert complaint in ("", *(["handwave: stopped because its terminal was closed\n"] if number == signal.SIGHUP else []))
 
 
 @pytest.mark.long
