@@ -86,8 +86,8 @@ def test_training_twice_gives_the_same_file():
     assert gesture_tables.repeats(samples(0.3))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("seed", "same"), [(1, True), pytest.param(2, False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "same"), [(1, True), (2, False)])
 def test_a_model_is_told_from_one_that_was_trained_otherwise(seed, same, tmp_path):
     """The shipped file is equal bit for bit when it was trained with the same samples and settings, and only then."""
     shipped = tmp_path / "shipped.npz"

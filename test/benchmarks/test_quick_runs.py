@@ -15,8 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}
 
-# One to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
-BY_HAND = {"gestures", "tracking", "gesture_model", "budget"}
+# Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
+BY_HAND = {"boards", "budget", "calibrate_pair", "chain", "dsp", "gesture_model", "gestures", "tracking"}
 
 
 def machines(found):

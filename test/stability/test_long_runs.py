@@ -34,8 +34,8 @@ def healthy(belief: Belief) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "name",  # the linear filter has its million in test_tracking_estimators.py; two stand for the others where time is short
-    [name if name in ("unscented", "imm") else pytest.param(name, marks=pytest.mark.slow) for name in ESTIMATORS[1:]],
+    "name",  # the linear filter has its million in test_tracking_estimators.py; one stands for the others where time is short
+    [name if name == "unscented" else pytest.param(name, marks=pytest.mark.slow) for name in ESTIMATORS[1:]],
 )
 def test_a_hundred_thousand_steps(name):
     """Of a target at rest in noise that repeats: what is known after 1e5 steps is what was known after 2,000.
