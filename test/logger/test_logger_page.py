@@ -1,4 +1,4 @@
-"""The logger in a real browser, over a recording and over a graph: labels by keyboard alone; a kill loses nothing that was called saved."""
+"""The logger in a real browser over a recording: labels by keyboard alone, and a kill that loses nothing that the page had called saved."""
 
 from __future__ import annotations
 
@@ -19,16 +19,6 @@ from radar_ros.messages.convert import cloud_to_msg, info_to_msg
 PERFORMED = ["push", "pull", "push", "pull", "push", "pull"]
 ENTER, ESCAPE, BACKSPACE = "\ue007", "\ue00c", "\ue003"
 """Keys as WebDriver names them."""
-
-SCENE = """
-duration: 5.0
-seed: 5
-purpose: gestures
-effects:
-  noise: {noise_figure: 15}
-people:
-  - {id: 1, position: [2.2, 0.4], script: [{gesture: push, at: 1.4}]}
-"""
 
 pytestmark = pytest.mark.long
 
@@ -130,38 +120,6 @@ def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
         view.end()
     assert labels(folder) == [*known[:2], (3, "push_pull", "anna")]
     assert read_session(folder).told == ()
-
-
-@pytest.fixture
-def graph(tmp_path):
-    """Real nodes, and a room in which somebody pushes again and again."""
-    (tmp_path / "room.yaml").write_text(SCENE)
-    words = ("up", "--scene", str(tmp_path / "room.yaml"), "--param", "driver.at_end=loop")
-    process = subprocess.Popen([sys.executable, "-m", "radar_app", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    yield
-    process.send_signal(signal.SIGINT)
-    process.wait(60.0)
-
-
-def test_labels_while_a_graph_runs(graph, tmp_path):
-    """An event of the running graph gets a label, loses it, gets it again, and keeps it over a kill."""
-    needs_chromium()
-    folder = tmp_path / "session"
-    with chromium(tmp_path / "profile") as driver:
-        view = View(driver, "live", folder, "--subject", "anna")
-        view.until(lambda: view.event == 0)
-        view.type("2")
-        view.shows("saved: event 0 is push")
-        assert labels(folder) == [(0, "push", "anna")]
-        view.type("u")
-        view.shows("taken back: event 0 was push")
-        assert labels(folder) == []
-        view.until(lambda: view.event == 0)
-        view.type("2")
-        view.shows("saved: event 0 is push")
-        view.until(lambda: view.event == 1)  # detection goes on
-        view.kill()
-    assert labels(folder) == [(0, "push", "anna")]
 
 
 def _plot(what):
