@@ -76,6 +76,21 @@ def encode(out: Path, per_second: float, pictures: Iterable[NDArray[np.uint8]]) 
         container.mux(stream.encode())
 
 
+def draw_over(canvas: Any, still: Any, moving: Iterable[tuple[Axes | None, Artist]]) -> NDArray[np.uint8]:
+    """Draw what moves over a copy of what stands still, shape (height, width, 4); it is valid until the next.
+
+    ``moving``: each with its axes, or None for what stands in the figure itself.
+    """
+    canvas.restore_region(still)
+    renderer = canvas.get_renderer()
+    for ax, artist in moving:
+        if ax is None:
+            artist.draw(renderer)
+        else:
+            ax.draw_artist(artist)
+    return np.asarray(canvas.buffer_rgba())
+
+
 class _Stage:
     """The figure of the film. What stands still is drawn once; artists that move are drawn over a copy of it."""
 
@@ -117,14 +132,7 @@ class _Stage:
                 yield self._render()
 
     def _render(self) -> NDArray[np.uint8]:
-        self._canvas.restore_region(self._still)
-        renderer = self._canvas.get_renderer()
-        for ax, artist in self._moving:
-            if ax is None:
-                artist.draw(renderer)
-            else:
-                ax.draw_artist(artist)
-        return np.asarray(self._canvas.buffer_rgba())
+        return draw_over(self._canvas, self._still, self._moving)
 
     def _update(self, simulated: SimulatedFrame, level: NDArray[np.float32]) -> None:
         now = self._start + simulated.frame.sequence * self._simulator.interval

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from radar_app.preview_video import MOST_PICTURES, encode
+from radar_app.preview_video import MOST_PICTURES, draw_over, encode
 from radar_app.showing.picture import Sheet, colour
 from radar_core import PointCloud
 
@@ -91,11 +91,4 @@ class _Stage:
         self._text.set_text(f"{now:6.2f} s  {count} {'person' if count == 1 else 'people'}  {', '.join(doing)[:40]}")
 
     def _render(self) -> NDArray[np.uint8]:
-        self._canvas.restore_region(self._still)
-        renderer = self._canvas.get_renderer()
-        for ax, artist in self._moving:
-            if ax is None:
-                artist.draw(renderer)
-            else:
-                ax.draw_artist(artist)
-        return np.asarray(self._canvas.buffer_rgba())
+        return draw_over(self._canvas, self._still, self._moving)
