@@ -429,6 +429,7 @@ def test_crowds_measure(tmp_path, monkeypatch):
     assert result["three_users_accuracy"] is None
 
 
+@pytest.mark.long
 def test_both_basebands_are_timed_on_the_same_frames():
     """Three frames each after the ten that compile; no time is asserted beyond being one."""
     for baseband in gesture_crowds.BASEBANDS.values():

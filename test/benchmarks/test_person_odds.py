@@ -24,6 +24,7 @@ def test_a_fit_finds_what_made_the_samples():
     np.testing.assert_allclose(coefficients, slope, rtol=0.1, atol=0.01)
 
 
+@pytest.mark.long
 def test_samples_of_a_room_are_what_the_truth_says():
     """Somebody walks and somebody else, of whom the truth knows nothing, 3 m aside: tracks on the first are people, the others are not."""
     rng, clouds, truths = np.random.default_rng(2), [], []

@@ -278,7 +278,10 @@ class Machine:
         elif word == "fault":
             self.board.faults[rest[0]] = json.loads(rest[1])
         elif word == "report":
-            return {"ready_ns": self.board.ready_ns, "began_ns": self.board.began_ns, "commands": len(self.board.commands)}
+            self.bus.forget_the_dead()
+            holders = sum(program.claimed for program in self.bus.programs.values())
+            times = {"ready_ns": self.board.ready_ns, "began_ns": self.board.began_ns}
+            return {**times, "commands": len(self.board.commands), "holders": holders}
         return {}
 
 

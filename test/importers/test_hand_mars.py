@@ -28,6 +28,7 @@ def figures(train: tuple[str, ...], test: tuple[str, ...], members: int = 4) -> 
     return {name: figures_of(own, name, found) for name, found in over_tests(own, model).items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", KNOWN[1])
 def test_known_people_are_a_third_better_than_their_mean_pose(name):
     """The goal: at least 30 % less error (rms) than the mean pose while a hand moves, in every file and for each hand.
@@ -42,6 +43,7 @@ def test_known_people_are_a_third_better_than_their_mean_pose(name):
     assert found["median_m"] < 0.7 * found["mean_pose_median_m"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", KNOWN[1])
 def test_the_deviation_that_is_told_is_right_on_average(name):
     """Variances within a factor of 1.6, moving and always. Measured: 0.75 to 0.88, for one perceptron is judged and four are used."""
@@ -50,6 +52,7 @@ def test_the_deviation_that_is_told_is_right_on_average(name):
     assert 1 / 1.6 < found["nees_all"] < 1.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("train", "test"), STRANGERS)
 def test_a_stranger_is_still_better_than_the_mean_pose(train, test):
     """The other person held out: no goal, but what the docs say, 0.71 to 0.77 (with two perceptrons a little more, hence the bound)."""

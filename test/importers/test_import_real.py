@@ -156,6 +156,7 @@ def share_with_event(kind, settings, limit):
     return np.mean(hit)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["mhomeges", "mtranssee"])
 def test_gesture_segments_give_events(kind):
     """Measured on 400: 0.75 with the default settings, 0.97 to 0.99 with the preset; 100 segments scatter by 0.02 to 0.05."""
