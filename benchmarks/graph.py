@@ -33,7 +33,7 @@ _START: Final = 40.0  # s: for the first tracks to come; a cold disk is slow
 _SCENE: Final = "demo"
 _SECONDS: Final = (6.0, 25.0)
 _CODE: Final = (
-    "import sys; from benchmarks.graph import nodes; from radar_app.supervisor import run_composed; "
+    "import sys; from benchmarks.graph import nodes; from radar_app.composed import run_composed; "
     "sys.exit(run_composed(nodes(sys.argv[1])))"
 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -128,8 +129,8 @@ def up(
     board: Annotated[str | None, typer.Option(help="where frames come from: a board, or a Python file with one of your own")] = None,
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
-    composed: Annotated[bool, typer.Option("--composed", help="all nodes in this one process")] = False,
-    respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died")] = False,
+    composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
+    respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died or hangs")] = False,
     mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/how-to/home.md)")] = None,
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
     osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/how-to/home.md)")] = None,
@@ -177,11 +178,13 @@ def record(
 ) -> None:
     """Record a running graph into a rosbag2 MCAP until Ctrl-C; a crash loses at most the last half second."""
     from radar_app.graph import NODES
-    from radar_app.supervisor import Supervisor, default_log_sink, supervise
+    from radar_app.printing import Printer
+    from radar_app.supervisor import Supervisor, supervise
 
     parameters = {"bag": str(out), **({"topics": comma_separated(topics)} if topics else {})}
     spec = replace(NODES["recorder"], namespace=namespace, parameters=parameters)
-    raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=default_log_sink(8))))
+    with closing(Printer(8)) as sink:
+        raise typer.Exit(supervise(Supervisor([spec], domain=domain, log=sink)))
 
 
 @app.command(rich_help_panel=_BAGS)

@@ -20,6 +20,7 @@ class NodeSpec:
     parameters: Mapping[str, Any] = field(default_factory=dict)  # that differ from the defaults
     namespace: str = ""  # of ROS
     place: str = ""  # namespace within the graph, for a node of which it has several: left and right; it ends `namespace`
+    words: tuple[str, ...] = ()  # arguments of what is no node but several (`radar_app.composed`)
 
     @property
     def label(self) -> str:
@@ -138,6 +139,8 @@ def graph(
 
 def arguments(spec: NodeSpec) -> list[str]:
     """Command-line arguments after ``python -m module`` that start a node as described."""
+    if spec.words:
+        return list(spec.words)
     result = ["--ros-args", "-r", f"__node:={spec.name}"]
     if spec.namespace:
         result += ["-r", f"__ns:=/{spec.namespace.strip('/')}"]

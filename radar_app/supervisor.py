@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import importlib
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import psutil
 
-from radar_app.exits import CLOSED, USAGE, note_closed, pipe_closed, say
+from radar_app.composed import composed_spec
+from radar_app.exits import CLOSED, USAGE, pipe_closed, say
 from radar_app.fork_server import Forked, ForkServer
 from radar_app.graph import NodeSpec, arguments
+from radar_app.printing import Printer
+from radar_app.watchdog import Watchdog
 from radar_core import ConfigError
 from radar_core.paths import share_dir
+from radar_ros import heartbeat
 from radar_ros.signals import interruptible, stopped, told
 
 _GRACE = (1.5, 0.7)  # s: after SIGINT, after SIGTERM; then SIGKILL. Together below the 3 s that a user waits.
+_STOOD_STILL = 3.0  # s: a machine that is only busy is not worth a line
 _LAST_DOMAIN = 232  # a higher number's ports lie above 65535
 _AGAIN = 0.2  # s: between two SIGINTs, which a node that is still being imported ignores
 _PR_SET_PDEATHSIG = 1
@@ -36,7 +40,7 @@ _LOOK_TIMEOUT = 120.0  # s: to start an interpreter and to look; a busy machine 
 LOOK = 1.0
 """How long discovery needs to find nodes that run already [s]."""
 _PULSE = 0.2  # s: how often it is looked for nodes that ended
-_OURS = "handwave"
+OURS = "handwave"
 """Who tells what no node does."""
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here: between fork and exec nothing may be loaded
 
@@ -108,8 +112,10 @@ class Supervisor:
         self._fork_server = fork_server
         self.respawn = respawn
         self.crashes: list[tuple[str, int]] = []
-        self._log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
-        self._environment = environment(domain)
+        self.hangs: list[tuple[str, str]] = []
+        self.log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
+        self._watchdog = Watchdog()
+        self._environment = environment(domain) | self._watchdog.variables
         self._children: dict[str, _Child] = {}
         self._used: dict[str, float] = {}
         self._due: dict[str, tuple[float, NodeSpec, int]] = {}
@@ -158,7 +164,7 @@ class Supervisor:
     def _read(self, name: str, process: Process) -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            self._log(name, line.rstrip())
+            self.log(name, line.rstrip())
 
     def pid(self, name: str) -> int:
         """Process id of a node."""
@@ -167,7 +173,7 @@ class Supervisor:
     def cpu_seconds(self) -> dict[str, float]:
         """CPU time that each node has used [s]; of one that has ended, what it had used when this was asked last."""
         for name, child in self._children.items():
-            with contextlib.suppress(psutil.Error):
+            with suppress(psutil.Error):
                 times = psutil.Process(child.process.pid).cpu_times()
                 self._used[name] = times.user + times.system
         return dict(self._used)
@@ -178,6 +184,7 @@ class Supervisor:
         Returns name and exit status (negative: signal) of every node that has ended since the last look.
         """
         ended = []
+        self._look_for_hangs()
         for name, child in list(self._children.items()):
             status = child.process.poll()
             if status is None or self._stopping:
@@ -195,12 +202,38 @@ class Supervisor:
                 self._children[name] = self._start(spec, deaths)
         return ended
 
+    def _look_for_hangs(self) -> None:
+        """Tell of nodes that hang, and end them where they are started again."""
+        names = {child.process.pid: name for name, child in self._children.items()}
+        begun, again, late = self._watchdog.look(names)
+        if late > _STOOD_STILL:
+            self.log(OURS, f"this machine or this command stood still for {late:.0f} s; everything goes on")
+        for pid, seconds in again:
+            self.log(names[pid], f"goes on, after {seconds:.1f} s")
+        for pid, why in begun:
+            self.hangs.append((names[pid], why))
+            remedy = "it is ended" if self.respawn else "the others go on, --respawn would start it again"
+            self.log(names[pid], f"hangs: {why}; {remedy}")
+            if self.respawn:
+                self._children[names[pid]].process.send_signal(signal.SIGKILL)
+
+    @property
+    def healthy(self) -> bool:
+        """Whether all nodes have begun to work, live and do not hang."""
+        pids = [child.process.pid for child in self._children.values()]
+        return len(pids) == len(self.specs) and all(map(self._watchdog.alive, pids))
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to all nodes: SIGSTOP and SIGCONT let them rest."""
+        for child in self._children.values():
+            child.process.send_signal(number)
+
     def _plan_restart(self, name: str, status: int, child: _Child) -> None:
         """Start it again: at once the first time, ever later when it dies again and again."""
         now = time.monotonic()
         deaths = 1 if now - child.started > _STABLE else child.deaths + 1
         pause = 0.0 if deaths == 1 else min(0.25 * 2.0**deaths, _LONGEST_PAUSE)
-        self._log(name, f"ended with status {status}; starting it again" + (f" in {pause:g} s" if pause else ""))
+        self.log(name, f"ended with status {status}; starting it again" + (f" in {pause:g} s" if pause else ""))
         self._due[name] = (now + pause, child.spec, deaths)
 
     @property
@@ -222,6 +255,24 @@ class Supervisor:
             waiting = _end(waiting, number, grace)
         for child in self._children.values():
             child.reader.join(timeout=0.5)
+        self._watchdog.close()
+
+
+@contextmanager
+def _resting(supervisor: Supervisor) -> Iterator[None]:
+    """Let Ctrl-Z stop the nodes too: they are in sessions of their own, where a terminal does not reach them."""
+
+    def rest(*_: Any) -> None:
+        supervisor.log(OURS, "stopped by Ctrl-Z, and all nodes with it; fg continues them")
+        supervisor.send(signal.SIGSTOP)
+        os.kill(os.getpid(), signal.SIGSTOP)
+        supervisor.send(signal.SIGCONT)
+
+    before = signal.signal(signal.SIGTSTP, rest)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTSTP, before)
 
 
 def supervise(supervisor: Supervisor, wait: Callable[[float], None] = time.sleep) -> int:
@@ -232,7 +283,7 @@ def supervise(supervisor: Supervisor, wait: Callable[[float], None] = time.sleep
     """
     status = 0
     try:
-        with interruptible(), supervisor:
+        with interruptible(), _resting(supervisor), supervisor:
             status = _oversee(supervisor, wait)
     except KeyboardInterrupt:  # that is how it ends
         status = stopped() if told() == signal.SIGHUP else 0
@@ -244,6 +295,8 @@ def _oversee(supervisor: Supervisor, wait: Callable[[float], None]) -> int:
         wait(_PULSE)
         if pipe_closed():
             return CLOSED
+        if supervisor.healthy:
+            heartbeat.beat()  # for systemd, which starts everything again when it does not come
         for name, code in supervisor.poll():
             if code == _CONFIGURATION:
                 say(f"node {name} refused its configuration, see above; everything is stopped")
@@ -296,73 +349,30 @@ def refuse_running(found: Iterable[tuple[str, str]], names: Sequence[str], names
         )
 
 
-def run_composed(specs: Sequence[NodeSpec], domain: int | None = None, tell: Callable[[str], None] | None = None) -> int:
-    """Run all nodes in this process, on one executor, until interrupted; returns the exit status. ``tell`` is told what happens."""
-    os.environ.update(environment(domain))
-    from radar_ros.stage import run
-
-    def make(spec: NodeSpec) -> Any:
-        return importlib.import_module(spec.module).make_node(cli_args=arguments(spec), use_global_arguments=False)
-
-    # Drivers last: their frames begin to come at once, and loops may have to be compiled for whoever reads them.
-    makers: list[Callable[[], Any]] = [partial(make, spec) for spec in sorted(specs, key=lambda spec: spec.name == "driver")]
-    if tell is not None:
-        makers.append(partial(_teller_node, [spec.path for spec in specs], tell))
-    status = run(*makers)
-    return stopped() if told() == signal.SIGHUP else status
-
-
-def _teller_node(names: Sequence[str], tell: Callable[[str], None]) -> Any:
-    """Make a node that tells what happens in the graph beside it."""
-    import rclpy
-
-    from radar_app.watching.listener import Ears
-    from radar_app.watching.teller import Teller
-
-    node: Any = rclpy.create_node(f"handwave_up_{os.getpid()}", start_parameter_services=False)
-    node.close = lambda: None
-    node.create_timer(_PULSE, Teller(Ears(node), names, tell).look)
-    return node
-
-
 def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool, respawn: bool) -> int:
-    """Run the nodes, in this process or each in its own, until interrupted; returns the exit status.
+    """Run the nodes, all in one process or each in its own, until interrupted; returns the exit status.
 
     A `ConfigError` says that nodes of these names run already.
     """
     refuse_busy_domain([spec.path for spec in specs], "", domain)
-    sink = default_log_sink(max(len(s.label) for s in specs))
-    if composed:
-        return run_composed(specs, domain, partial(sink, _OURS))
+    with closing(Printer(max(len(s.label) for s in specs))) as sink:
+        if composed:
+            return supervise(Supervisor([composed_spec(specs)], domain=domain, respawn=respawn, log=sink))
+        return _told(specs, domain, sink, respawn=respawn)
+
+
+def _told(specs: Sequence[NodeSpec], domain: int | None, sink: Printer, *, respawn: bool) -> int:
+    """Run each node in a process of its own, and tell what happens in the graph."""
     os.environ.update(environment(domain))
     from radar_app.watching.listener import Listener
     from radar_app.watching.teller import Teller
     from radar_ros.interrupts import ros
 
     with ros(), Listener("up") as listener:
-        teller = Teller(listener, [spec.path for spec in specs], partial(sink, _OURS))
+        teller = Teller(listener, [spec.path for spec in specs], partial(sink, OURS))
 
         def wait(seconds: float) -> None:
             listener.spin(seconds)
             teller.look()
 
         return supervise(Supervisor(specs, domain=domain, respawn=respawn, log=sink), wait)
-
-
-def default_log_sink(width: int) -> LogSink:
-    """Print lines with the node's name in a colour of its own."""
-    from rich.console import Console
-    from rich.text import Text
-
-    console = Console()
-    colours = ("cyan", "green", "magenta", "yellow", "blue", "bright_cyan", "bright_green", "bright_magenta")
-    known: dict[str, str] = {}
-
-    def sink(name: str, line: str) -> None:
-        colour = known.setdefault(name, colours[len(known) % len(colours)])
-        try:
-            console.print(Text.assemble((f"{name:>{width}} ", colour), Text.from_ansi(line)), soft_wrap=True)
-        except (OSError, SystemExit):  # rich exits where nobody reads any more; here that is for `supervise`, and nodes must not wait
-            note_closed()
-
-    return sink

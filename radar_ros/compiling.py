@@ -6,9 +6,12 @@ import sys
 import time
 from collections.abc import Callable
 
+from radar_ros import heartbeat
+
 _ABOUT = {"driver": 10, "baseband": 20, "tracking": 20, "gestures": 5}
 """How long a stage compiles [s]: processor time with an empty cache (4.5, 17.5, 12.4 and 0.9 s), rounded up: others do so beside it."""
 _AGAIN = 5.0  # s: between two lines about it
+_LONGEST = 120.0  # s: for one loop and those that it needs, before the node is taken for hanging
 
 Say = Callable[[str], None]
 
@@ -28,6 +31,8 @@ class _Teller:
     def on_start(self, event: object) -> None:
         """Note that a loop is compiled, which may have others compiled for it."""
         now = time.monotonic()
+        if not self._open:
+            heartbeat.allow(_LONGEST)
         if not self._open and not self.loops:
             self._since = self._told = now
             about = f", about {_ABOUT[self.stage]} s" if self.stage in _ABOUT else ""
@@ -41,6 +46,8 @@ class _Teller:
         """Note that a loop is compiled."""
         self._open -= 1
         self.loops += 1
+        if not self._open:
+            heartbeat.allow()
 
     def done(self) -> None:
         """Say how long it took, if there was anything."""

@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 
 from radar_core import ConfigError, HandwaveError
 from radar_core.config import describe, load, nearest, nest
+from radar_ros import heartbeat
 
 T = TypeVar("T")
 _OWN = ("use_sim_time", "start_type_description_service")  # declared or read by rclpy itself
@@ -113,7 +114,7 @@ class _Changes(Generic[T]):
         try:
             wanted = _changed(self._node, type(self._held), self._names, ours) if ours else self._held
             if wanted != self._held:
-                self._pending = wanted, self._prepare(wanted), said
+                self._pending = wanted, heartbeat.busy()(self._prepare)(wanted), said
         except HandwaveError as error:
             log.error(f"refused {said}: {error}")
             return SetParametersResult(successful=False, reason=str(error))

@@ -27,7 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
-from radar_ros import compiling, qos
+from radar_ros import compiling, heartbeat, qos
 from radar_ros.messages.convert import header, info_from_msg
 from radar_ros.params import declare, explained, refuse_unknown
 
@@ -319,7 +319,8 @@ class InfoKeeper:
             return
         if self.info is None:
             try:
-                self._ready(info)
+                with heartbeat.busy():
+                    self._ready(info)
             except HandwaveError as error:
                 self.unusable, self.reason = info, str(error)
                 self._node.problem(f"{self._node.get_name()} cannot work with the radar of radar/info: {error}")
@@ -361,8 +362,7 @@ def run(*makers: Callable[[], Any]) -> int:
     Returns the exit status: 0 after SIGINT, SIGTERM or shutdown; 2 when the configuration makes no sense; 3 when a device is not there or
     fails, which may be mended: whoever respawns nodes tries again.
     """
-    # Our own handlers: with rclpy's there is a moment in which a second SIGINT ends in a traceback. They only take a note, because
-    # rclpy's locks are not reentrant: shutting down from within a handler can wait for ever for the code that it interrupted.
+    # Our own handlers, which only take a note: rclpy's leave a moment for a traceback, and its locks must not be taken within a handler.
     told: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda signum, _: told.append(signum))
@@ -377,7 +377,7 @@ def run(*makers: Callable[[], Any]) -> int:
             refuse_unknown(nodes[-1])
             executor.add_node(nodes[-1])
         # Python sees a signal only when the executor wakes up, and with simulated time nothing wakes it once /clock stands still.
-        nodes[0].create_timer(_PULSE, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        nodes[0].create_timer(_PULSE, heartbeat.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         gc.collect()
         gc.freeze()  # what lives as long as the nodes need not be walked through in the middle of a frame
         while rclpy.ok() and not told:

@@ -19,7 +19,7 @@ from radar_driver import boards
 from radar_driver.live import Reader
 from radar_driver.sources import Context, Reading, Source
 from radar_driver.targets import Targets
-from radar_ros import bag_source, compiling, qos
+from radar_ros import bag_source, compiling, heartbeat, qos
 from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
@@ -142,6 +142,7 @@ class DriverNode(StageMixin, LifecycleNode):
             declare_config(self, other.config, other.parameter())
         return found, declare_config(self, found.config, found.parameter())
 
+    @heartbeat.busy()
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Power up: open the source and tell what the radar is."""
         clock = self.get_clock()

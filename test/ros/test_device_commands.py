@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from radar_app.cli import app, main
+from radar_app.graph import NodeSpec
 from radar_driver import boards as registry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "driver"))
@@ -209,7 +210,8 @@ def test_up_takes_the_graph_that_suits_a_board(monkeypatch, tmp_path):
     """live for frames, targets for targets; a file that is none is refused with status 2."""
     started = []
     monkeypatch.setattr("radar_app.supervisor.refuse_busy_domain", lambda *_: None)
-    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, *_: started.append(specs) or 0)
+    monkeypatch.setattr("radar_app.supervisor.composed_spec", lambda specs: started.append(specs) or NodeSpec("graph", ""))
+    monkeypatch.setattr("radar_app.supervisor.supervise", lambda *_: 0)
     for board, nodes in (("tinyrad", "baseband"), ("ti_demo", "tracking"), ("ld2450", "driver")):
         assert run("up", "--board", board, "--composed").exit_code == 0
         driver = next(spec for spec in started[-1] if spec.name == "driver")

@@ -16,7 +16,7 @@ from mosquitto_broker import Broker, missing
 from typer.testing import CliRunner
 
 from radar_app.cli import app
-from radar_app.graph import arguments
+from radar_app.graph import NodeSpec, arguments
 from radar_app.outputs import mqtt_parameters, osc_parameters, outputs
 from radar_app.rooms import load_rooms, rooms_graph
 from radar_core import ConfigError
@@ -132,7 +132,8 @@ def test_the_command_starts_what_is_asked_for(monkeypatch, tmp_path):
     """--mqtt and --osc add their nodes to any graph; a file of rooms stands alone."""
     started = []
     monkeypatch.setattr("radar_app.supervisor.refuse_busy_domain", lambda *_: None)
-    monkeypatch.setattr("radar_app.supervisor.run_composed", lambda specs, *_: started.append(specs) or 0)
+    monkeypatch.setattr("radar_app.supervisor.composed_spec", lambda specs: started.append(specs) or NodeSpec("graph", ""))
+    monkeypatch.setattr("radar_app.supervisor.supervise", lambda *_: 0)
 
     def run(*words):
         return CliRunner().invoke(app, ["up", *words, "--composed"])
