@@ -214,6 +214,7 @@ class Supervisor:
             self.hangs.append((names[pid], why))
             remedy = "it is ended" if self.respawn else "the others go on, --respawn would start it again"
             self.log(names[pid], f"hangs: {why}; {remedy}")
+            heartbeat.notify(f"STATUS={names[pid]} hangs")
             if self.respawn:
                 self._children[names[pid]].process.send_signal(signal.SIGKILL)
 
@@ -249,6 +250,7 @@ class Supervisor:
     def stop(self) -> None:
         """Stop all nodes within 3 s: SIGINT, then SIGTERM, then SIGKILL."""
         self._stopping = True
+        heartbeat.notify("STOPPING=1")
         self._due.clear()
         waiting = [child.process for child in self._children.values()]
         for number, grace in ((signal.SIGINT, _GRACE[0]), (signal.SIGTERM, _GRACE[1]), (signal.SIGKILL, 0.5)):
