@@ -26,6 +26,7 @@ CLOSED: Final = 128 + signal.SIGPIPE
 USAGE: Final = 2
 """Exit status when what the user gave makes no sense."""
 
+_READ: Final = 1.0  # s: for who reads a full pipe
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PATHS: Final = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG)
 _WHO: Final = {signal.SIGINT: "by Ctrl-C", signal.SIGTERM: "by SIGTERM", signal.SIGHUP: "because its terminal was closed"}
@@ -128,7 +129,12 @@ def _full(error: OSError) -> str:
 
 
 def say(text: str) -> None:
-    """Tell the user on stderr, where there still is one."""
+    """Tell the user on stderr, where there still is one, and where it is read."""
+    reader = select.poll()
+    with suppress(OSError, ValueError):
+        reader.register(sys.stderr.fileno(), select.POLLOUT)
+        if not reader.poll(1000 * _READ):
+            return
     with suppress(OSError, ValueError):
         print(f"handwave: {text}", file=sys.stderr, flush=True)
 

@@ -21,6 +21,7 @@ from radar_app.composed import composed_spec
 from radar_app.exits import CLOSED, USAGE, pipe_closed, say
 from radar_app.fork_server import Forked, ForkServer
 from radar_app.graph import NodeSpec, arguments
+from radar_app.places import writable
 from radar_app.printing import Printer
 from radar_app.watchdog import Watchdog
 from radar_core import ConfigError
@@ -70,7 +71,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
         raise ConfigError(f"ROS_DOMAIN_ID is {number!r}; it must be a number from 0 to {_LAST_DOMAIN}: export ROS_DOMAIN_ID=0")
     if not env.get("HOME") and not env.get("ROS_LOG_DIR"):
         raise ConfigError("neither HOME nor ROS_LOG_DIR is set; ROS 2 writes its logs there: export one of them")
-    return env
+    return writable(env)
 
 
 def _in_child(parent: int) -> None:
@@ -139,6 +140,7 @@ class Supervisor:
                 self._children[spec.label] = self._start(spec)
 
     def _start(self, spec: NodeSpec, deaths: int = 0) -> _Child:
+        self._environment = writable(self._environment)  # a disk may be read-only by now
         process = self._fork(spec) if self._fork_server is not None else self._spawn(spec)
         reader = threading.Thread(target=self._read, args=(spec.label, process), daemon=True)
         reader.start()
@@ -356,6 +358,7 @@ def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool
 
     A `ConfigError` says that nodes of these names run already.
     """
+    os.environ.update(environment(domain))
     refuse_busy_domain([spec.path for spec in specs], "", domain)
     with closing(Printer(max(len(s.label) for s in specs))) as sink:
         if composed:
@@ -365,7 +368,6 @@ def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool
 
 def _told(specs: Sequence[NodeSpec], domain: int | None, sink: Printer, *, respawn: bool) -> int:
     """Run each node in a process of its own, and tell what happens in the graph."""
-    os.environ.update(environment(domain))
     from radar_app.watching.listener import Listener
     from radar_app.watching.teller import Teller
     from radar_ros.interrupts import ros

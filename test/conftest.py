@@ -16,7 +16,7 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _pool in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
-_FILES = ("clouds_graph", "graph", "launch", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
+_FILES = ("clouds_graph", "graph", "launch", "machine", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
 _GRAPHS = ("app/", "e2e/", "logger/test_logger_page", "tradeoff/", "view/", *(f"ros/test_{name}.py" for name in _FILES))
 
 
