@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import signal
 import subprocess
@@ -23,6 +24,7 @@ from radar_app.fork_server import Forked, ForkServer
 from radar_app.graph import NodeSpec, arguments
 from radar_app.places import writable
 from radar_app.printing import Printer
+from radar_app.segments import SETTLED, sweep
 from radar_app.watchdog import Watchdog
 from radar_core import ConfigError
 from radar_core.paths import share_dir
@@ -120,7 +122,7 @@ class Supervisor:
         self._children: dict[str, _Child] = {}
         self._used: dict[str, float] = {}
         self._due: dict[str, tuple[float, NodeSpec, int]] = {}
-        self._stopping = False
+        self._stopping, self._sweep_at = False, math.inf
 
     def __enter__(self) -> Supervisor:
         try:
@@ -196,8 +198,12 @@ class Supervisor:
             del self._children[name]
             if status != 0:
                 self.crashes.append((name, status))
+                self._sweep_at = time.monotonic() + SETTLED
                 if self.respawn and status != _CONFIGURATION:
                     self._plan_restart(name, status, child)
+        if time.monotonic() >= self._sweep_at:
+            self._sweep_at = math.inf
+            sweep()
         for name, (due, spec, deaths) in list(self._due.items()):
             if time.monotonic() >= due:
                 del self._due[name]
@@ -360,6 +366,7 @@ def start_graph(specs: Sequence[NodeSpec], domain: int | None, *, composed: bool
     """
     os.environ.update(environment(domain))
     refuse_busy_domain([spec.path for spec in specs], "", domain)
+    sweep()  # of graphs that were killed
     with closing(Printer(max(len(s.label) for s in specs))) as sink:
         if composed:
             return supervise(Supervisor([composed_spec(specs)], domain=domain, respawn=respawn, log=sink))

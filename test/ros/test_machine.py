@@ -7,13 +7,15 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 import pytest
 from handwave.msg import TrackArray as TrackArrayMsg
 
 from radar_app import places
-from radar_app.supervisor import environment
+from radar_app.graph import graph
+from radar_app.supervisor import Supervisor, environment
 from radar_ros import qos
 
 UP = [sys.executable, "-m", "radar_app", "up", "--scene", "single_target", "--param", "driver.at_end=loop"]
@@ -127,3 +129,30 @@ def test_a_closed_terminal():
     assert process.returncode == 129, output
     assert not any(member.is_running() for member in family)
     assert "Traceback" not in output
+
+
+@pytest.mark.long
+def test_a_killed_node_leaves_no_shared_memory(ros):
+    """Its segment goes, that of the nodes that live stays, and they still hear each other."""
+    tracks, held = ros.collect(TrackArrayMsg, "tracks", qos.RESULT), Path("/dev/shm")
+    specs = graph(
+        "live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand")
+    )
+    with Supervisor(specs, respawn=True, log=lambda name, line: None) as supervisor:
+        assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > 10, 60.0)
+        ros.spin_until(lambda: False, 3.5)
+        owned = {name: segments_of(supervisor.pid(name)) for name in ("zones", "tracking")}
+        assert all(owned.values())
+        os.kill(supervisor.pid("zones"), signal.SIGKILL)
+        gone = owned["zones"] - owned["tracking"]
+        assert ros.spin_until(lambda: supervisor.poll() is not None and not any((held / name).exists() for name in gone), 30.0)
+        assert all((held / name).exists() for name in owned["tracking"])
+        count = len(tracks)
+        assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > count + 10, 30.0)
+
+
+def segments_of(pid):
+    """Segments whose lock a process holds."""
+    inodes = {line.split()[5].rpartition(":")[2] for line in Path("/proc/locks").read_text().splitlines() if line.split()[4] == str(pid)}
+    locks = [path for path in Path("/dev/shm").glob("fast*_el") if "port" not in path.name]
+    return {path.name.removesuffix("_el") for path in locks if str(path.stat().st_ino) in inodes}
