@@ -13,7 +13,7 @@ from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
-FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe"}
+FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe", "soak"}
 
 # Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
 BY_HAND = {"boards", "budget", "calibrate_pair", "chain", "dsp", "gesture_model", "gestures", "tracking"}
@@ -66,6 +66,15 @@ def zones(found):
     assert found["hours"] > 0
     assert found["default_hours_without_exclusion"] > 0
     assert {"baseband", "tracking", "gestures", "hand", "zones", "topic zones"} == found["stale_detected_by_stage_s"].keys()
+
+
+def soak(found):
+    """Nodes that are killed and stopped come back, and leave nothing behind; memory needs hours."""
+    assert found["recovered"] >= 1
+    assert found["unrecovered"] == 0, found["unrecovered_what"]
+    assert found["segments_leaked"] == 0
+    assert found["descriptors_drift"] <= 4
+    assert found["threads_drift"] == 0
 
 
 def one_channel(found):
@@ -133,6 +142,7 @@ def test_quick_run(name, tmp_path):
         "one_channel": one_channel,
         "person_odds": person_odds,
         "probe": probe,
+        "soak": soak,
         "zones": zones,
     }.get(name)
     if check is not None:
