@@ -35,6 +35,7 @@ _TORSO_TIME = 0.15  # s: and the torso's range and range rate this long
 _ACTIVITY_TIME = 0.5  # s
 _SURFACE = (-0.4, 0.05)  # m: a torso is seen before its centre
 _RESIDUAL, _DEAD = 4.0, 0.7  # how much a torso faster than its track (beyond so many m/s) raises the pull
+_MOST_IDS = 2**31 - 1  # messages have no place for more; after some years they begin anew
 _PLANE = np.arange(2)  # axes of the floor plane
 
 _OTHER: Final = "PeopleTracker is for the thesis's trackers; make_tracker() makes poisson_bernoulli"
@@ -313,9 +314,10 @@ class PeopleTracker:
 
     def _start(self, points: Points, own: IndexArray, stamp_ns: int, *, confirmed: bool = False) -> int:
         """Start a track from its points; returns its id."""
-        self._table.add(self._birth.row(points, own, self._next_id, stamp_ns, confirmed=confirmed))
-        self._next_id += 1
-        return self._next_id - 1
+        own_id = self._next_id
+        self._table.add(self._birth.row(points, own, own_id, stamp_ns, confirmed=confirmed))
+        self._next_id = own_id % _MOST_IDS + 1
+        return own_id
 
     def _manage(self, origins: Float64Array, stamp_ns: int) -> tuple[Deleted, ...]:
         """Confirm and delete; ``origins`` [m], shape (n_sensors, 2), are where the sensors stand."""
