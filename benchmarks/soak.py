@@ -78,9 +78,10 @@ class Life:
         return float(slope), float(3 * error)
 
     def drift(self, values: list[int]) -> int:
-        """By how much a count differs between the beginning and the end of a life that is settled."""
+        """By how much a count rises from the first to the second half of a settled life, at the least: visitors come and go."""
         settled = [value for at, value in zip(self.times, values, strict=True) if at >= min(_SETTLED, 0.5 * self.times[-1])]
-        return settled[-1] - settled[0] if settled else 0
+        half = len(settled) // 2
+        return min(settled[half:]) - min(settled[:half]) if half else 0
 
 
 class Ear(Visitor):
@@ -233,8 +234,8 @@ def figures(soak: Soak, hours: float) -> dict[str, Any]:
         "rss_growth_mb_per_hour": max((slope for slope, _ in growth.values()), default=None),
         "rss_growth_by_node": {name: {"mb_per_hour": slope, "three_errors": error} for name, (slope, error) in sorted(growth.items())},
         "rss_mb": {life.name: round(life.rss[-1], 1) for life in long},
-        "descriptors_drift": max((abs(life.drift(life.files)) for life in long), default=0),
-        "threads_drift": max((abs(life.drift(life.threads)) for life in long), default=0),
+        "descriptors_drift": max((life.drift(life.files) for life in long), default=0),
+        "threads_drift": max((life.drift(life.threads) for life in long), default=0),
         "segments_leaked": soak.leaked(),
         "faults": dict(soak.faults),
         "recovered": len(soak.recoveries),
