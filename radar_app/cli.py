@@ -134,6 +134,7 @@ def up(
     mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/how-to/home.md)")] = None,
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
     osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/how-to/home.md)")] = None,
+    also: Annotated[list[str] | None, typer.Option(help="another node beside the graph's, e.g. vital; may be repeated")] = None,
     zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
@@ -152,9 +153,9 @@ def up(
     from radar_app.supervisor import start_graph
 
     parameters = merged(zone_parameters(zones), parse_parameters(param, config))
-    beside = outputs(mqtt, mqtt_password_file, osc, parameters)
+    beside = (*outputs(mqtt, mqtt_password_file, osc, parameters), *(also or ()))
     if is_rooms_file(variant):
-        if board or scene or bag or namespace or parameters:
+        if board or scene or bag or namespace or parameters or also:
             raise ConfigError(f"{variant} says all of its rooms; of the options only --composed, --respawn and --domain go with it")
         house = load_rooms(variant)
         raise typer.Exit(start_graph(rooms_graph(house), domain, composed=composed, respawn=respawn or house.respawn))

@@ -33,7 +33,7 @@ class NodeSpec:
         return f"{self.namespace}/{self.name}" if self.namespace else self.name
 
 
-_REST = ("camera", "visualisation", "evaluation", "hand_evaluation", "recorder", "mqtt", "osc", "bridge")
+_REST = ("camera", "visualisation", "evaluation", "hand_evaluation", "recorder", "mqtt", "osc", "bridge", "vital")
 NODES: Mapping[str, NodeSpec] = {
     name: NodeSpec(name, f"radar_ros.nodes.{name}")
     for name in ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones", *_REST)
@@ -110,7 +110,7 @@ def graph(
     without : sequence of str
         Nodes to leave out.
     beside : sequence of str
-        Nodes that run too: ``mqtt``, ``osc``.
+        Nodes that run too: ``mqtt``, ``osc``, ``vital``.
 
     Raises
     ------

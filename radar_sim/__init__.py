@@ -20,7 +20,7 @@ from radar_sim.effects.config import (
     SwerlingConfig,
 )
 from radar_sim.own_strokes import Stroke, load_stroke
-from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Play, Reach, Variation, Walk
+from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Play, Reach, Variation, Vital, Walk
 from radar_sim.scatterers import Echoes, Motion, Scatterers
 from radar_sim.scene import Fidelity, Scene, SceneRadar, Transmitter, load_scene
 from radar_sim.simulator import Simulator
@@ -32,6 +32,6 @@ __all__ = [
     "CouplingConfig", "Draw", "Echoes", "Effects", "Fidelity", "FieldOfViewConfig", "Furniture", "HighPassConfig", "InterferenceConfig",
     "IqImbalanceConfig", "LossesConfig", "Motion", "MultipathConfig", "NoiseConfig", "OcclusionConfig", "PatternConfig", "Person",
     "PhaseNoiseConfig", "Play", "Point", "Reach", "Scatterers", "Scene", "SceneRadar", "SimulatedFrame", "Simulator", "Stroke",
-    "SwerlingConfig", "Transmitter", "Truth", "Variation", "Walk", "Wall", "load_scene",
+    "SwerlingConfig", "Transmitter", "Truth", "Variation", "Vital", "Walk", "Wall", "load_scene",
     "load_stroke",
 ]  # fmt: skip

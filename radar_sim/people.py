@@ -111,6 +111,19 @@ class Variation:
 
 
 @config
+class Vital:
+    """Breath and pulse of a person whose rates matter; they replace the usual breath, and do not follow `Variation.sway`.
+
+    The rates wander as they do in people: the breath's by 4 %, the pulse's by 3 % with the breath.
+    """
+
+    breath_rate: float = knob(0.25, unit="Hz", low=0.05, high=1.0, doc="mean rate of breath")
+    breath: float = knob(0.004, unit="m", low=0.0, high=0.02, doc="how far the chest goes out and in from its mean")
+    heart_rate: float = knob(1.1, unit="Hz", low=0.5, high=3.0, doc="mean rate of the heart")
+    heart: float = knob(0.0003, unit="m", low=0.0, high=0.002, doc="how far the pulse moves the chest from its mean")
+
+
+@config
 class Person:
     """A person and a script."""
 
@@ -126,4 +139,5 @@ class Person:
         None, unit="rad", low=-2 * math.pi, high=2 * math.pi, doc="direction the person faces while standing; empty: the first radar"
     )
     variation: Variation = Variation()
+    vital: Vital | None = None
     script: tuple[Action, ...] = knob((), doc="what the person does, in order")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from radar_core import ConfigError, DataError, RadarFrame, RadarInfo
 from radar_core.config import config, knob
 from radar_core.windows import window_shape
+from radar_dsp.phase import circle_centre
 
 Complex = NDArray[np.complex64]
 Float64Array = NDArray[np.float64]
@@ -201,7 +202,7 @@ class PresenceDetector:
 
     def _rate(self, series: NDArray[np.complex128]) -> float:
         """Rate of the way that an echo's phase tells [Hz]; NaN: it is no breath."""
-        way = np.unwrap(np.angle(series - _centre(series))) * self._wave / (4 * np.pi)
+        way = np.unwrap(np.angle(series - circle_centre(series))) * self._wave / (4 * np.pi)
         time = np.arange(len(way)) * self._step
         way = way - np.polyval(np.polyfit(time, way, 1), time)
         if not _CHEST[0] <= way.std() <= _CHEST[1]:
@@ -215,14 +216,3 @@ class PresenceDetector:
         all_ = (rate >= _BAND[0]) & (rate <= _BAND[1])
         share = power[around & all_].sum() / max(power[all_].sum(), 1e-300)
         return float(rate[best]) if share >= self._config.regular else math.nan
-
-
-def _centre(series: NDArray[Any]) -> complex:
-    """Centre of the circle that fits best (Kasa 1976): what stands still beside the echo that moves."""
-    x, y = series.real - series.real.mean(), series.imag - series.imag.mean()
-    size = math.sqrt(float((x**2 + y**2).mean())) or 1.0
-    x, y = x / size, y / size
-    found, _, rank, values = np.linalg.lstsq(np.column_stack([x, y, np.ones(len(x))]), x**2 + y**2, rcond=None)
-    if rank < 3 or values[-1] < 1e-3 * values[0]:  # a line: the centre lies anywhere beside it
-        return complex(series.mean())
-    return complex(series.mean()) + size * complex(found[0], found[1]) / 2

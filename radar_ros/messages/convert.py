@@ -235,24 +235,24 @@ def cloud_to_cloud2(cloud: PointCloud) -> PointCloud2:
     points = np.empty(len(cloud), [(name, "<f4") for name in CLOUD2_FIELDS])
     for name in CLOUD2_FIELDS:
         points[name] = getattr(cloud, name)
-    return points_to_cloud2(cloud, points)
+    return points_to_cloud2(cloud.stamp_ns, cloud.frame_id, points)
 
 
-def points_to_cloud2(cloud: PointCloud, points: NDArray[Any]) -> PointCloud2:
-    """Make a PointCloud2 of stamp and frame of a cloud and of points with any fields.
+def points_to_cloud2(stamp_ns: int, frame_id: str, points: NDArray[Any]) -> PointCloud2:
+    """Make a PointCloud2 of points with any fields.
 
     Parameters
     ----------
-    cloud : PointCloud
-        For stamp and frame.
+    stamp_ns, frame_id : int, str
+        Of its header.
     points : structured ndarray, shape (n_points,)
-        Fields of four bytes, one after the other: floats, and whole numbers with a sign. Unsigned ones are declared as floats, as PCL and
-        rviz have the bytes of a colour.
+        Fields of four bytes, one after the other, x, y and z among them: floats, and whole numbers with a sign. Unsigned ones are declared
+        as floats, as PCL and rviz have the bytes of a colour.
     """
     kinds = {"f": PointField.FLOAT32, "i": PointField.INT32, "u": PointField.FLOAT32}
     fields = [(name, place[1], kinds[place[0].kind]) for name, place in (points.dtype.fields or {}).items()]
     return PointCloud2(
-        header=header(cloud.stamp_ns, cloud.frame_id),
+        header=header(stamp_ns, frame_id),
         height=1,
         width=len(points),
         fields=[PointField(name=name, offset=offset, datatype=kind, count=1) for name, offset, kind in fields],
@@ -260,5 +260,5 @@ def points_to_cloud2(cloud: PointCloud, points: NDArray[Any]) -> PointCloud2:
         point_step=points.dtype.itemsize,
         row_step=points.dtype.itemsize * len(points),
         data=array.array("B", points.tobytes()),
-        is_dense=not bool(np.isnan(cloud.position).any()),
+        is_dense=not any(bool(np.isnan(points[name]).any()) for name in "xyz"),
     )

@@ -177,7 +177,7 @@ def labelled_cloud2(cloud: PointCloud, track_id: NDArray[np.int32]) -> PointClou
     points["track_id"] = track_id
     ids, place = np.unique(track_id, return_inverse=True)
     points["rgb"] = np.array([_packed(number) for number in ids.tolist()], np.uint32)[place]
-    return points_to_cloud2(cloud, points)
+    return points_to_cloud2(cloud.stamp_ns, cloud.frame_id, points)
 
 
 def _packed(number: int) -> int:

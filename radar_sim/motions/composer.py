@@ -16,7 +16,7 @@ from radar_sim.bodies.subject import Subject
 from radar_sim.motions.carriage import Carriage
 from radar_sim.motions.curves import Vector, within_reach
 from radar_sim.motions.strokes import REST
-from radar_sim.people import Person
+from radar_sim.people import Person, Vital
 from radar_sim.scatterers import Float64Array
 
 _LEAN = (0.06, 0.03, 0.05)
@@ -45,18 +45,29 @@ class Life(NamedTuple):
 
 
 class Alive:
-    """What person number ``person`` of a scene with that seed always does; ``amount`` is `Variation.sway`, 0: a statue."""
+    """What a person of a scene with that seed always does, as much as `Variation.sway` says; 0: a statue, unless it has a `Vital`."""
 
-    def __init__(self, seed: int, person: int, amount: float) -> None:
-        rng = np.random.default_rng([seed, person, 0xB0D])
+    def __init__(self, seed: int, person: Person) -> None:
+        rng, amount = np.random.default_rng([seed, person.id, 0xB0D]), person.variation.sway
         waves = [(_BREATH, float(rng.uniform(0.22, 0.32))), *_SWAY, *_HEAD, *_TRUNK]
         phases = rng.uniform(0, 2 * math.pi, len(waves)).tolist()
         self._waves = [(amount * size, 2 * math.pi * rate, phase) for (size, rate), phase in zip(waves, phases, strict=True)]
+        self._vital, self._begin = person.vital, phases[0]
 
     def at(self, time: float) -> Life:
         """Return everything at a scene time [s]."""
         breath, fast, slow, aside, turn, glance, nod, pitch, roll = (a * math.sin(w * time + p) for a, w, p in self._waves)
+        if self._vital is not None:
+            breath = _chest(self._vital, time, self._begin)
         return Life(fast + slow, aside, breath, turn + glance, nod, pitch, roll)
+
+
+def _chest(vital: Vital, time: float, begin: float) -> float:
+    """How far breath and pulse push the chest out [m]; neither is a sine, and neither is quite regular."""
+    breath = 2 * math.pi * vital.breath_rate * time + 0.3 * math.sin(2 * math.pi * 0.03 * time + begin) + begin
+    pulse = 2 * math.pi * vital.heart_rate * time + 0.03 * vital.heart_rate / vital.breath_rate * math.sin(breath)
+    chest = math.sin(breath) + 0.15 * math.sin(2 * breath)
+    return vital.breath * chest + vital.heart * (math.sin(pulse) + 0.4 * math.sin(2 * pulse + 1.0))
 
 
 NO_LIFE = Life(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -54,7 +54,7 @@ class Timeline:
     def __init__(self, person: Person, seed: int, radar: tuple[float, float] = (0.0, 0.0), strokes: Sequence[Stroke] = ()) -> None:
         self.person = person
         self._composer = Composer(person)
-        self._alive = Alive(seed, person.id, person.variation.sway)
+        self._alive = Alive(seed, person)
         plan = Planner(person, seed, radar, self._composer, strokes)
         self.segments: list[Segment] = plan.segments
         self._starts = [s.start for s in self.segments]

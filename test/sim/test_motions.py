@@ -17,7 +17,7 @@ from radar_sim.motions.curves import bump, cruise, minimum_jerk, through, window
 from radar_sim.motions.gait import EASE
 from radar_sim.motions.script import Timeline
 from radar_sim.motions.strokes import DRAW_LENGTH, ROUNDING, STROKES, draw_position, library_hash, library_samples, random_stroke
-from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Reach, Variation, Walk
+from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Draw, Person, Reach, Variation, Vital, Walk
 
 RADAR = np.array([0.0, 0.0, 1.2])
 STEP = 0.005
@@ -289,6 +289,20 @@ def test_a_standing_person_is_never_quite_still():
     assert 0.005 < np.ptp(pose.breath) < 0.007
     _, _, statue = act(Action(stand=5.0), variation=Variation(sway=0.0))
     assert np.ptp(statue.joint, axis=0).max() == 0.0
+
+
+def test_breath_and_pulse_have_the_rates_that_the_scene_names():
+    """The strongest lines of the chest below and above 0.7 Hz, and their sizes; nobody else moves, and without them nothing changes."""
+    vital = Vital(breath_rate=0.2, breath=0.005, heart_rate=1.4, heart=0.0004)
+    _, times, pose = act(Action(stand=60.0), variation=Variation(sway=0.0), vital=vital)
+    assert np.ptp(pose.joint, axis=0).max() == 0.0
+    size = np.abs(np.fft.rfft((pose.breath - pose.breath.mean()) * np.hanning(len(times)))) * 4 / len(times)
+    rate = np.fft.rfftfreq(len(times), times[1] - times[0])
+    slow = rate < 0.7
+    assert rate[np.where(slow, size, 0).argmax()] == pytest.approx(0.2, abs=0.02)
+    assert rate[np.where(slow, 0, size).argmax()] == pytest.approx(1.4, abs=0.02)
+    assert size[slow].max() == pytest.approx(0.005, rel=0.2)
+    assert size[~slow].max() == pytest.approx(0.0004, rel=0.2)
 
 
 def test_walking():
