@@ -1,4 +1,4 @@
-"""A player that implements what `examples/media_control.py` uses of MPRIS, on the session bus; prints what it was told. Runs until killed."""
+"""A player on the session bus with what `examples/media_control.py` uses of MPRIS; prints what it was told, until killed."""
 
 from jeepney import message_bus, new_error, new_method_return
 from jeepney.io.blocking import Proxy, open_dbus_connection

@@ -45,7 +45,7 @@ def bus(monkeypatch, tmp_path):
 
 
 def test_gestures_play_music(bus, tmp_path):
-    """Nothing before a wave; then every command arrives, volume stays within its ends; pull and time end it; a player that is gone is said."""
+    """Nothing before a wave; then all commands arrive, volume stays within its ends; pull and time end it; a lost player is said."""
     example, now, told, file = load(), [0.0], [], tmp_path / "player.txt"
     player = example.Player()
     dialogue = example.Dialogue(player.do, told.append, lambda: now[0])
