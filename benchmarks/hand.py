@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks import hand_runs
+from benchmarks import hand_losses, hand_runs
 from benchmarks.hand_runs import DISTANCES, SCRIPTS, TUNING, Followed, HandStore, Tracked, counts, fast, follow, residual, rms, scene, track
 from benchmarks.report import Found, Panel, against_first, of_rms, timed, varied
 from benchmarks.stores import kept
@@ -147,7 +147,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     sure = [fast(t) & (hand_runs.lateral_std(t, f) <= SURE) for t, f in found["mm_vel_est"]]
     by_filter = {name: figures_of(one, sure, slow) for name, one in found.items()}
     single = figures_of(runs(alone, tuned["mm_vel_est"]), sure, slow)
-    best, plain = by_filter["mm_vel_est"], by_filter["linear"]
+    best, plain, losses = by_filter["mm_vel_est"], by_filter["linear"], hand_losses.followed(both)
     result = {
         "rmse_slow_m": best["rmse_slow_m"],
         "p95_fast_mmvelest_m": best["p95_fast_m"],
@@ -155,6 +155,8 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
         "settle_s": best["settle_s"],
         "fast_clouds": int(sum(mask.sum() for mask in sure)),
         "by_filter": by_filter,
+        "hand_followed_at_5pct_lost": losses["5"]["followed"],
+        "by_loss": losses,
         "tuned": {name: {"process_noise": c.estimator.process_noise, "position_std": c.position_std} for name, c in tuned.items()},
         "nees": hand_runs.consistency(found["mm_vel_est"]),
         "single_radar": single,
