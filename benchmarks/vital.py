@@ -135,8 +135,8 @@ def sitters(quick: bool, keep: Path | None) -> dict[str, Any]:
 
 
 def sitting(quick: bool, keep: Path | None) -> dict[str, Any]:
-    """How many keep their track while they sit for ten minutes; quick: one minute."""
-    seconds = 60.0 if quick else 600.0
+    """How many keep their track while they sit for ten minutes; quick: one, for twenty seconds."""
+    seconds = 20.0 if quick else 600.0
     sat = [once(keep and keep / f"vital_sits_{k}.json", functools.partial(sits, k, seconds)) for k in range(1 if quick else 3)]
     return {**share("sitting_kept_10min", sum(one["kept"] for one in sat), len(sat)), "sitting": sat}
 

@@ -13,7 +13,10 @@ from benchmarks.__main__ import PARTS, names
 
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
-FIGURES_ONLY = {"doctor", "fuzz", "gestures_shipped", "house", "machines", "newcomer", "one_channel", "person_odds", "probe", "soak"}
+FIGURES_ONLY = {
+    "doctor", "fuzz", "gestures_shipped", "hand_losses", "house", "machines", "newcomer", "one_channel", "person_odds", "probe", "soak",
+    "vital",
+}  # fmt: skip
 
 # Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
 BY_HAND = {"boards", "budget", "calibrate_pair", "chain", "dsp", "gesture_model", "gestures", "tracking"}
@@ -77,6 +80,18 @@ def soak(found):
     assert found["threads_drift"] <= 2
 
 
+def vital(found):
+    """One sitter's rates are right, and one who sits for a while has a track."""
+    assert found["respiration_error_bpm_p90"] <= 1
+    assert found["heart_error_bpm_p90"] <= 5
+    assert found["sitting"][0]["covered"] > 0.9
+
+
+def hand_losses(found):
+    """One hand, with one cloud in twenty lost."""
+    assert found["hand_followed_at_5pct_lost"] >= 0.95
+
+
 def one_channel(found):
     """Nobody is nobody, who sits is there, and of six gestures most are named."""
     assert found["empty_rooms_with_presence"] == 0
@@ -134,6 +149,8 @@ def test_quick_run(name, tmp_path):
         assert picture.read_bytes().startswith(b"\x89PNG")
     check = {
         "machines": machines,
+        "vital": vital,
+        "hand_losses": hand_losses,
         "house": house,
         "boards": boards,
         "doctor": doctor,
