@@ -127,8 +127,6 @@ class VitalMonitor:
         chirps = np.delete(frame.cube, lost, axis=1) if len(lost) else frame.cube
         if chirps.shape[1]:
             mean = chirps.mean(axis=1, dtype=np.complex128)
-            if not np.isfinite(mean).all():
-                raise DataError(f"frame {frame.sequence}: cube has samples that are not finite")
             self._seen.append((stamp, (mean @ self._transform).reshape(-1).astype(np.complex64)))
         if stamp - self._looked_ns < _LOOK * 1e9:
             return None

@@ -318,6 +318,7 @@ BEHIND = {
     "Zones": "its own test of whatever a cloud holds",
     "ZoneMonitor": "test/tracking/test_zone_monitor.py: places and covariances that are no numbers",
     "PostureFeatures": "PostureTracker",
+    "VitalMonitor": "test/stability/test_vital_hazards.py: frames that are not finite, places beyond all cells",
     **dict.fromkeys(("GospaMetric", "OspaMetric", "ClearMot"), "ObjectSet"),
     "HandResiduals": "TrackSample, ReferenceSample",
     **dict.fromkeys(("SyntheticCamera", "MarkerFinder", "MediapipePose"), "images of 8 bits, which have no NaN"),
