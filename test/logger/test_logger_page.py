@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
-
 import pytest
-from browser import Page, chromium, needs_chromium
+from browser import chromium, needs_chromium
+from log_page import BACKSPACE, ENTER, ESCAPE, LogPage, labels
 from performances import clouds_of
 
 from radar_app.logger.store import read_session
@@ -17,8 +13,6 @@ from radar_ros.bags import BagWriter
 from radar_ros.messages.convert import cloud_to_msg, info_to_msg
 
 PERFORMED = ["push", "pull", "push", "pull", "push", "pull"]
-ENTER, ESCAPE, BACKSPACE = "\ue007", "\ue00c", "\ue003"
-"""Keys as WebDriver names them."""
 
 pytestmark = pytest.mark.long
 
@@ -34,58 +28,14 @@ def bag(tmp_path_factory):
     return path
 
 
-class View(Page):
-    """The command, and its page in the browser, on the tab of the logger."""
-
-    def __init__(self, driver, bag, folder, *options):
-        words = ("view", str(bag), "--log", str(folder), "--port", "0", *options)
-        self.process = subprocess.Popen([sys.executable, "-m", "radar_app", *words], stdout=subprocess.PIPE, text=True)
-        super().__init__(driver, self.process.stdout.readline().strip())
-        tabs = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.type == 'Tabs')"
-        driver.execute_script(f"const tabs = {tabs}; tabs.active = tabs.tabs.findIndex((tab) => tab.title == 'Log')")
-
-    @property
-    def event(self):
-        return self.model("logger_event", "data.event[0]")
-
-    @property
-    def said(self):
-        return self.model("logger_said", "text")
-
-    def type(self, *keys):
-        """Press keys, wherever the focus is."""
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        ActionChains(self.driver).send_keys(*keys).perform()
-
-    def shows(self, words):
-        self.until(lambda: words in self.said)
-
-    def kill(self):
-        os.kill(self.process.pid, signal.SIGKILL)
-        assert self.process.wait(30.0) == -signal.SIGKILL
-        self.process.stdout.close()
-
-    def end(self):
-        """End it as Ctrl-C does."""
-        self.process.send_signal(signal.SIGINT)
-        self.process.wait(60.0)
-        self.process.stdout.close()
-
-
-def labels(folder):
-    return [(one.event, one.gesture, one.subject) for one in read_session(folder).labels]
-
-
 def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
     """Digits, a name of one's own, its letter, discard and undo; what the page calls saved is on the disk, also after a kill."""
     needs_chromium()
     folder = tmp_path / "session"
     with chromium(tmp_path / "profile") as driver:
-        view = View(driver, bag, folder, "--subject", "anna", "--rate", "3")
+        view = LogPage(driver, bag, folder, "--subject", "anna", "--rate", "3")
         view.until(lambda: view.event == 0)
-        image = "renderers[0].data_source.data.micro_doppler[0]"
-        view.until(lambda: view.driver.execute_script(f"return Math.max(...{_plot(image)}.filter((x) => x == x)) > 5"))
+        view.until(lambda: max(view.map("micro_doppler"), default=0.0) > 5)
         view.type("2")
         view.shows("saved: event 0 is push")
         assert labels(folder) == [(0, "push", "anna")]
@@ -109,7 +59,7 @@ def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
         view.kill()
         known = [(0, "thumb_up", "anna"), (2, "thumb_up", "anna"), (3, "pull", "anna")]
         assert labels(folder) == known
-        view = View(driver, bag, folder)
+        view = LogPage(driver, bag, folder)
         view.until(lambda: view.event >= 0)
         assert "anna" in view.model("logger_about", "text")
         view.type("u")
@@ -120,7 +70,3 @@ def test_labels_by_keyboard_and_a_kill(bag, tmp_path):
         view.end()
     assert labels(folder) == [*known[:2], (3, "push_pull", "anna")]
     assert read_session(folder).told == ()
-
-
-def _plot(what):
-    return f"Bokeh.documents[0].get_model_by_name('logger_micro_doppler_plot').{what}"
