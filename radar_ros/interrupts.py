@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+
+from radar_ros.executor import make_executor
 
 _PULSE = 0.1  # s: Python sees a signal only between two waits of the executor
 
@@ -28,7 +29,7 @@ class Visitor:
 
     def __init__(self, name: str, namespace: str = "") -> None:
         self.node = rclpy.create_node(name, namespace=namespace, start_parameter_services=False)
-        self.executor = SingleThreadedExecutor()
+        self.executor = make_executor()
         self.executor.add_node(self.node)
 
     def spin(self, seconds: float) -> None:

@@ -21,13 +21,14 @@ for _pool in ("OMP", "OPENBLAS", "MKL"):  # before numpy's libraries start their
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
 from radar_ros import compiling, heartbeat, qos
+from radar_ros.executor import make_executor
 from radar_ros.messages.convert import header, info_from_msg
 from radar_ros.params import declare, explained, refuse_unknown
 
@@ -370,7 +371,7 @@ def run(*makers: Callable[[], Any]) -> int:
     nodes: list[Any] = []
     status = 0
     try:
-        executor = SingleThreadedExecutor()
+        executor = make_executor()
         for make_node in makers:
             nodes.append(make_node())
             compiling.done()
@@ -381,7 +382,7 @@ def run(*makers: Callable[[], Any]) -> int:
         gc.collect()
         gc.freeze()  # what lives as long as the nodes need not be walked through in the middle of a frame
         while rclpy.ok() and not told:
-            executor.spin_once()
+            executor.spin_once(timeout_sec=_PULSE)
     except (ExternalShutdownException, KeyboardInterrupt):
         pass
     except HandwaveError as error:

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
@@ -25,6 +25,7 @@ from radar_app.view.messages import Taker
 from radar_app.view.spectra import FrameTaker, wanted
 from radar_core import HandwaveError, RadarFrame
 from radar_ros import qos
+from radar_ros.executor import make_executor
 from radar_ros.messages.convert import frame_from_msg
 
 Told = Callable[[bool, str], None]
@@ -67,7 +68,7 @@ class LiveSource:
         self._context = Context()
         self._context.init(args=[])  # without signal handlers, which only rclpy.init installs
         self._node = Node("handwave_view", namespace=namespace, context=self._context, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         self._space = self._node.get_namespace().rstrip("/")
         self._everywhere: set[str] = set()

@@ -48,8 +48,7 @@ class Feed:
 
     def __init__(self, node: Any, source: Source, publish: Callable[[Reading, int], None]) -> None:
         self._node, self._source, self._publish = node, source, publish
-        self._guard = node.create_guard_condition(self._arrived)
-        self._reader = Reader(source, self._guard.trigger)
+        self._reader = Reader(source, self._wake)
         self._running = False
         self._told = ""
 
@@ -71,7 +70,14 @@ class Feed:
     def close(self) -> None:
         """Stop, for good."""
         self.stop()
-        self._node.destroy_guard_condition(self._guard)
+
+    def _wake(self) -> None:
+        """Have a reading published by the node's own thread; called in the reader's."""
+        while self._node.executor is None:  # the node is being made
+            if not self._running:
+                return
+            time.sleep(_NAP)
+        self._node.executor.create_task(self._arrived)
 
     def _arrived(self) -> None:
         started, problem = time.monotonic_ns(), self._reader.problem

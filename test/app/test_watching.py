@@ -22,19 +22,19 @@ from rich.console import Console
 
 from radar_app.live import Monitor
 from radar_app.watching.health import Health
-from radar_app.watching.lines import Words, hand_record, people_record, zones_record
+from radar_app.watching.lines import Words, gesture_record, hand_record, people_record, zones_record
 from radar_app.watching.listener import Ears
 from radar_app.watching.people import Comings, finite, place
 from radar_app.watching.room_map import RoomMap
 from radar_app.watching.status import as_json, look
 from radar_app.watching.teller import Teller
-from radar_core import RadarInfo
+from radar_core import GESTURES, RadarInfo
 from radar_ros.interrupts import ros
 from radar_ros.messages.convert import to_time
 from radar_ros.nodes.driver import DriverNode
 
 DOMAIN = str(10 + (os.getpid() + 20) % 40)
-NODES = {"driver", "baseband", "tracking", "gestures", "hand", "zones", "visualisation"}
+NODES = {"driver", "baseband", "tracking", "gestures", "hand", "zones", "visualisation", "vital"}
 SCENE = """
 duration: 6.0
 seed: 7
@@ -57,7 +57,7 @@ class Graph:
     """`handwave up` as a process, and what it has said so far."""
 
     def __init__(self, scene):
-        command = [sys.executable, "-m", "radar_app", "up", "--scene", str(scene), "-p", "driver.at_end=loop"]
+        command = [sys.executable, "-m", "radar_app", "up", "--scene", str(scene), "-p", "driver.at_end=loop", "--also", "vital"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment())
         self.lines = []
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -128,6 +128,13 @@ def test_status_names_every_node_and_what_is_wrong(graph):
     assert all(node["rate"] > 0 for node in nodes.values())
     assert nodes["driver"]["latency"] is None
     assert 0 < nodes["baseband"]["latency"] < nodes["tracking"]["latency"] < 10.0
+    wait_until(lambda: running() and found["gestures"] and found["persons"] and found["zones"], text=lambda: found)
+    assert found["persons"][0]["position"][:2] == pytest.approx([2.3, 0.2], abs=0.4)
+    assert [(zone["name"], zone["count"]) for zone in found["zones"]] == [("room", 1)]
+    assert found["gestures"][0]["gesture"] in ("push", "swipe_right")
+    assert found["radars"][0] | {"position": None} == {
+        "name": "radar", "position": None, "yaw_deg": 0.0, "view_deg": 120.0, "range": pytest.approx(6.4, abs=0.01),
+    }  # fmt: skip
     held = graph.node("tracking")
     held.suspend()
     try:
@@ -263,6 +270,11 @@ def test_records_are_json():
     assert words.process("gestures", "/", Gesture(label=Gesture.RANDOM, name="random")) == []
     swipe = Gesture(label=Gesture.SWIPE_UP, name="swipe_up", track_id=3, confidence=0.97, zones=["sofa"])
     assert words.process("gestures", "/", swipe) == ["person 3: swipe up (97%), in sofa"]
+    assert gesture_record("/", swipe)["probabilities"] == {}
+    swipe.probabilities = [0.1 * (k == 0) + 0.9 * (k == Gesture.SWIPE_UP) for k in range(10)]
+    assert finite(gesture_record("/", swipe))["probabilities"] == {
+        name: 0.1 * (name == "random") + 0.9 * (name == "swipe_up") for name in GESTURES
+    }
 
 
 def test_the_display_fits_a_terminal(monkeypatch):
@@ -315,13 +327,13 @@ def test_the_end_of_a_source_is_told(monkeypatch):
     """By a real driver whose scene ends: the teller says ready, then that it has ended; status calls it wrong."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(int(DOMAIN) + 40))
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
+    from radar_ros.executor import make_executor
 
     said = []
     with ros():
         overrides = [rclpy.parameter.Parameter(name, value=value) for name, value in (("scene", "single_target"), ("duration", 1.5))]
         driver, node = DriverNode(parameter_overrides=overrides), rclpy.create_node("watcher")
-        executor = SingleThreadedExecutor()
+        executor = make_executor()
         for each in (driver, node):
             executor.add_node(each)
         ears = Ears(node)

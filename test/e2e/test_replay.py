@@ -26,7 +26,8 @@ def raw(tmp_path_factory):
 def test_replay_recognises_and_tells_the_time(raw):
     """The gestures of the recording come out; /clock runs from its start to its end, never back."""
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
+
+    from radar_ros.executor import make_executor
 
     domain = str(100 + (os.getpid() + 3) % 130)
     slower = ["--rate", "0.5"]  # other tests share the machine
@@ -35,7 +36,7 @@ def test_replay_recognises_and_tells_the_time(raw):
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=int(domain))
     node = rclpy.create_node("clock_reader", context=context)
-    executor = SingleThreadedExecutor(context=context)
+    executor = make_executor(context)
     executor.add_node(node)
     clocks = []
     node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock.sec + m.clock.nanosec * 1e-9), 100)

@@ -4,7 +4,8 @@ import time
 
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+
+from radar_ros.executor import make_executor
 
 
 class Ros:
@@ -13,7 +14,7 @@ class Ros:
     def __init__(self):
         rclpy.init(args=[])
         self.node = rclpy.create_node("tester")
-        self.executor = SingleThreadedExecutor()
+        self.executor = make_executor()
         self.nodes = []
         self.add(self.node)
 
