@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 LIVE = "live"
 _PORT = 5006
+_NICE = 10  # on a busy machine the page draws fewer pictures, and the graph that it looks at goes on as before
 
 
 def view(
@@ -97,6 +98,7 @@ def _logging(source: LiveSource | BagSource, log: Path | None, subject: str) -> 
 def _live(namespace: str, zones: Path | None) -> LiveSource:
     from radar_app.view.live import LiveSource
 
+    os.nice(_NICE)
     return LiveSource(namespace.strip("/"), zones)
 
 
