@@ -73,15 +73,14 @@ def lines(found: CameraCalibration) -> list[str]:
 
 def _read(config: Path | None) -> dict[str, Any]:
     """Read what the camera node was told; empty: its defaults."""
-    import yaml
-
     from radar_core.config import load_file
+    from radar_core.yaml_text import read_yaml
     from radar_lab.camera.truth import CameraTruthConfig
 
     if config is None:
         return {}
     load_file(CameraTruthConfig, config)  # for its messages
-    return dict(yaml.safe_load(config.read_text(encoding="utf-8")) or {})
+    return dict(read_yaml(config.read_text(encoding="utf-8"), config) or {})
 
 
 def trajectories(bag: Path, what: str, joint: str) -> tuple[Trajectory, Trajectory]:

@@ -320,11 +320,10 @@ def import_(
     Examples: `handwave import crossing two_people.npz --out walkers` · `handwave import dca1000 x.pcap --out raw -o config=x.cfg`
     · `handwave import npy cube.npy --waveform w.yaml --array a.yaml --out raw -o axes='frame chirp channel sample'`
     """
-    import yaml
-
+    from radar_core.yaml_text import read_yaml
     from radar_ros.importing import import_recording
 
-    options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in option or [])}
+    options = {name: read_yaml(value, f"-o {name}") for name, _, value in (text.partition("=") for text in option or [])}
     options |= {name: value for name, value in (("waveform", waveform), ("array", array)) if value}
     with stopping(lambda: f"stopped: nothing was imported to {out}"):
         print(import_recording(kind, source, out, **options))

@@ -231,14 +231,14 @@ def _probe_frames(path: Path, waveform: str, array: str, axes: str, walked: str,
 
 def _parse(given: list[str] | None, option: str) -> dict[str, Any]:
     """Read ``name=value``; a `ConfigError` says that one is not of that form."""
-    import yaml
+    from radar_core.yaml_text import read_yaml
 
     result: dict[str, Any] = {}
     for text in given or []:
         name, equals, value = text.partition("=")
         if not (name and equals):
             raise ConfigError(f"{option} {text!r}: write knob=value, e.g. {option} port=/dev/ttyACM1")
-        parsed = yaml.safe_load(value)
+        parsed = read_yaml(value, f"{option} {text!r}")
         result[name] = "" if parsed is None else parsed
     return result
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 
 from radar_core import ConfigError
 from radar_core.paths import find_config
+from radar_core.yaml_text import read_yaml
 
 Domain = Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, else 0", min=0, max=232)]
 Namespace = Annotated[str, typer.Option(help="namespace of the graph, one per radar, e.g. left")]
@@ -60,9 +60,9 @@ def _config_of(node: str, name: str) -> dict[str, Any]:
     """Read a configuration file of a node."""
     path = find_config(name, node, ".yaml")
     try:
-        config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: this is no YAML ({error})") from None
+        config = read_yaml(path.read_text(encoding="utf-8"), path)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not valid YAML: {error}") from None
     if not isinstance(config, dict):
         raise ConfigError(f"{path}: must hold knobs of the node {node}, one 'name: value' a line")
     return dotted(config)
@@ -89,7 +89,7 @@ def parse_parameters(given: list[str] | None, files: list[str] | None = None) ->
         node, dot, parameter = name.partition(".")
         if not (equals and dot and node and parameter):
             raise ConfigError(f"--param {text!r}: write node.parameter=value, e.g. tracking.association.gate=1.2")
-        result.setdefault(node, {})[parameter] = yaml.safe_load(value)
+        result.setdefault(node, {})[parameter] = read_yaml(value, f"--param {text!r}")
     return result
 
 

@@ -31,7 +31,7 @@ class _Watched:
     heard: float  # on CLOCK_MONOTONIC [s]
     ready: bool = False  # whether it has begun to work
     limit: float = _LIMIT  # of silence from then on [s]
-    suspect: tuple[float, float] | None = None  # since when [s], and the processor time that it had used by then [s]
+    suspect: tuple[float, float, int] | None = None  # since when [s], processor time [s] and times its main thread had waited by then
     why: str = ""  # it hangs; empty: it does not
     since: float = 0.0  # when it was last heard before it hung [s]
 
@@ -127,18 +127,19 @@ def _why(pid: int, watched: _Watched, now: float) -> str:
         process = psutil.Process(pid)
         times, state = process.cpu_times(), process.status()
         used = times.user + times.system
+        waits = process.num_ctx_switches().voluntary  # of its main thread
         if watched.suspect is None:
-            watched.suspect = now, used
+            watched.suspect = now, used, waits
         used -= watched.suspect[1]
         told = f"nothing was heard of it for {silent:.1f} s: "
         if state == psutil.STATUS_STOPPED:
             return told + "a signal has stopped it" if silent >= _LIMIT else ""
         if state in (psutil.STATUS_TRACING_STOP, psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD) or silent < limit:
             return ""  # in a debugger, or at its end
-        if state == psutil.STATUS_SLEEPING:
+        if state == psutil.STATUS_SLEEPING and (waits == watched.suspect[2] or silent >= _STARVED):
             return told + "it waits for something that does not come (a deadlock?)"
         if used >= _LOOP:
             return told + "it works and comes to no end (an endless loop?)"
-        if silent >= max(limit, _STARVED):
+        if state != psutil.STATUS_SLEEPING and silent >= max(limit, _STARVED):
             return told + ("it waits for the disk" if state == psutil.STATUS_DISK_SLEEP else "it gets no time of a processor")
     return ""

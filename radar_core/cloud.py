@@ -112,10 +112,16 @@ class PointCloud:
         return replace(self, **{name: getattr(self, name)[index] for name in ARRAY_FIELDS})
 
     def to_room(self, mount: Pose) -> PointCloud:
-        """Return the same points with x, y, z levelled into ``room``; what the sensor measured stays as measured."""
+        """Return the same points with x, y, z levelled into ``room``; what the sensor measured stays as measured.
+
+        A `DataError` says that a place is infinite.
+        """
         if self.frame_id == "room":
             return self
-        room = mount.to_room(self.position).astype(np.float32)
+        position = self.position
+        if np.isinf(position).any():
+            raise DataError(f"cloud {self.sequence} of {self.frame_id!r} has infinite places; its sender is broken (NaN: not measured)")
+        room = mount.to_room(position).astype(np.float32)
         return replace(self, frame_id="room", x=room[:, 0].copy(), y=room[:, 1].copy(), z=room[:, 2].copy())
 
 

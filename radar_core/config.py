@@ -21,6 +21,8 @@ from pydantic import TypeAdapter, ValidationError
 from typing_extensions import dataclass_transform
 
 from radar_core.errors import ConfigError
+from radar_core.lookalikes import lookalikes
+from radar_core.yaml_text import read_document
 
 T = TypeVar("T")
 
@@ -169,10 +171,15 @@ def load(cls: type[T], data: Any, source: str = "configuration", lines: yaml.Nod
         Naming source, line, key and what was expected.
     """
     try:
-        return TypeAdapter(cls).validate_python(_complete(cls, {} if data is None else data))
+        made = TypeAdapter(cls).validate_python(_complete(cls, {} if data is None else data))
     except ValidationError as error:
         problems = [_explain(cls, problem, source, lines) for problem in error.errors()]
         raise ConfigError("\n".join(problems)) from None
+    except RecursionError:
+        raise ConfigError(f"{source}: it is nested too deeply") from None
+    if problems := [f"{_place(source, lines, place)}: {'.'.join(map(str, place))}: {text}" for place, text in lookalikes(data, made)]:
+        raise ConfigError("\n".join(problems))
+    return made
 
 
 def load_file(cls: type[T], path: str | Path) -> T:
@@ -190,10 +197,7 @@ def load_file(cls: type[T], path: str | Path) -> T:
         raise ConfigError(f"{path}: cannot read it ({error.strerror or error}); check the path") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is no text ({error}); check the path") from None
-    try:
-        data, lines = yaml.safe_load(text), yaml.compose(text, Loader=yaml.SafeLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not valid YAML: {error}") from None
+    data, lines = read_document(text, path)
     return load(cls, data, str(path), lines)
 
 
@@ -217,8 +221,7 @@ def _merged(base: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
 def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> str:
     location = [part for part in problem["loc"] if not str(part).startswith("function-")]
     location += getattr(problem.get("ctx", {}).get("error"), "key", ())
-    line = _line_of(lines, location)
-    where = f"{source}:{line}" if line else source
+    where = _place(source, lines, location)
     key = ".".join(map(str, location)) or "(top level)"
     if problem["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
         owner = _inside(cls, location[:-1])
@@ -234,6 +237,12 @@ def _explain(cls: type, problem: Any, source: str, lines: yaml.Node | None) -> s
     given = problem.get("input")
     shown = f" (given {given!r})" if isinstance(given, (str, int, float, bool)) and problem["type"] != "value_error" else ""
     return f"{where}: {key}: {message}{shown}"
+
+
+def _place(source: str, lines: yaml.Node | None, location: Sequence[Any]) -> str:
+    """Name a source, and the line where it is known."""
+    line = _line_of(lines, location)
+    return f"{source}:{line}" if line else source
 
 
 def _line_of(node: yaml.Node | None, location: Sequence[Any]) -> int | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,11 @@ from radar_core.config import config, knob
 from radar_core.errors import ConfigError, DataError
 from radar_core.geometry import Pose
 from radar_core.waveform import Waveform
+
+MOST_CHANNELS: Final = 1024
+"""Virtual channels of a radar; imaging radars of several chips have some hundreds."""
+MOST_SAMPLES: Final = 1 << 25
+"""Complex samples of a frame, 256 MiB: memory and time are set aside for what a radar says of itself."""
 
 
 @config
@@ -28,11 +35,17 @@ class RadarInfo:
     )
 
     def validate(self) -> None:
-        """Raise `ConfigError` when waveform and array disagree on the number of transmitters."""
+        """Raise `ConfigError` when waveform and array disagree on the number of transmitters, or frames are larger than any radar's."""
         if self.waveform.n_tx != self.array.n_tx:
             raise ConfigError(
                 f"the waveform uses {self.waveform.n_tx} transmitters but the array has {self.array.n_tx}; make waveform.n_tx equal "
                 "to the number of entries of array.tx"
+            )
+        channels = self.array.n_tx * self.array.n_rx
+        if channels > MOST_CHANNELS or math.prod(self.cube_shape) > MOST_SAMPLES:
+            raise ConfigError(
+                f"a frame of {self.cube_shape} (tx, chirp, rx, sample) is larger than any radar's: at most {MOST_CHANNELS} virtual "
+                f"channels and {MOST_SAMPLES} samples; whatever describes the radar is broken"
             )
 
     @property

@@ -11,6 +11,7 @@ from radar_core.config import config, knob
 from radar_driver.boards import Board, register
 from radar_driver.sources import Context, meant
 from radar_ros.messages.convert import frame_from_msg, info_from_msg
+from radar_ros.salvage import door
 
 if TYPE_CHECKING:
     from radar_driver.paced import Paced
@@ -35,21 +36,21 @@ class BagFrames:
     """
 
     def __init__(self, path: Path, namespace: str = "") -> None:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
 
+        self._path, self._open = path, False
         try:
-            self._reader = AnyReader([path])
-            self._reader.open()
-            self._open = True
-            place = self._radar(path, namespace.strip("/"))
-        except (AnyReaderError, OSError) as error:
-            raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
+            with door(path):
+                self._reader = AnyReader([path])
+                self._reader.open()
+                self._open = True
+                place = self._radar(path, namespace.strip("/"))
+                self._frames = self._connections(place + "radar/frame")
+                connection, _, raw = next(self._reader.messages(connections=self._connections(place + "radar/info")))
+                self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
         except DataError:
             self.close()
             raise
-        self._frames = self._connections(place + "radar/frame")
-        connection, _, raw = next(self._reader.messages(connections=self._connections(place + "radar/info")))
-        self.info: RadarInfo = info_from_msg(self._reader.deserialize(raw, connection.msgtype))
         self.n_frames: int | None = sum(c.msgcount for c in self._frames)
         self.interval: float = self.info.waveform.frame_interval
         self.delay: float = 0.0
@@ -78,10 +79,11 @@ class BagFrames:
         """Read a frame; going back starts from the front. A `DataError` says that the bag has fewer frames."""
         if number < self._next or self._next == 0:
             self._messages, self._next = self._reader.messages(connections=self._frames), 0
-        for connection, _, raw in self._messages:
-            self._next += 1
-            if self._next > number:
-                return frame_from_msg(self._reader.deserialize(raw, connection.msgtype)), None
+        with door(self._path):
+            for connection, _, raw in self._messages:
+                self._next += 1
+                if self._next > number:
+                    return frame_from_msg(self._reader.deserialize(raw, connection.msgtype)), None
         raise DataError(f"the bag ends before frame {number}")
 
     def close(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -12,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import ReaderError, StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.metadata import parse_qos
@@ -28,6 +25,7 @@ from radar_core import DataError
 from radar_core.paths import share_dir
 from radar_ros import qos
 from radar_ros.definitions import as_recorded, translator_of
+from radar_ros.salvage import door, salvage, write_checksums
 from radar_ros.signals import unbroken
 
 TYPES: Mapping[str, str] = {
@@ -144,6 +142,7 @@ class BagWriter:
         # rosbag2's own name for the first file, so that its reindex finds it after a crash.
         named = self.path / f"{self.path.name}_0.mcap"
         self._storage.path.rename(named)
+        write_checksums(storage)
         self._storage.path = named
 
     def __enter__(self) -> BagWriter:
@@ -198,10 +197,14 @@ class BagWriter:
             try:
                 self._writer.close()
             except OSError:
-                self._writer.storage = None
-                with suppress(OSError):
-                    self._storage.bio.close()  # here, because Python would try once more at its end, and complain
+                self.abandon()
                 raise
+
+    def abandon(self) -> None:
+        """Leave the bag as it is, without its end, for `repair`."""
+        self._writer.storage = None
+        with suppress(OSError):
+            self._storage.bio.close()  # here, because Python would try once more at its end, and complain
 
     @contextmanager
     def _naming(self) -> Iterator[None]:
@@ -229,11 +232,9 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     path = Path(path)
     if was_cut_off(path):
         raise DataError(f"{path}: the recording was cut off (no metadata.yaml); recover it with: handwave repair {path}")
-    try:
+    with door(path):
         reader = AnyReader([path], default_typestore=typestore())
         reader.open()
-    except (AnyReaderError, OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read as a bag ({error}); check the path, or try: handwave repair {path}") from None
     try:
         yield reader
     finally:
@@ -250,12 +251,29 @@ def read(path: Path, topics: Iterable[str] | None = None) -> Iterator[Recorded]:
     """
     wanted = None if topics is None else set(topics)
     with open_bag(path) as reader:
-        connections = [c for c in reader.connections if wanted is None or local(c.topic) in wanted]
-        translate = {c.id: translator_of(path, c, typestore()) for c in connections}
-        if connections:
-            for connection, stamp, data in reader.messages(connections=connections):
-                change = translate[connection.id]
-                yield Recorded(connection.topic, connection.msgtype, stamp, bytes(data) if change is None else change(bytes(data)))
+        with door(path):
+            connections = [c for c in reader.connections if wanted is None or local(c.topic) in wanted]
+            translate = {c.id: translator_of(path, c, typestore()) for c in connections}
+        for connection, stamp, data in raw_messages(reader, path, connections):
+            change = translate[connection.id]
+            with door(path):
+                given = bytes(data) if change is None else change(bytes(data))
+            yield Recorded(connection.topic, connection.msgtype, stamp, given)
+
+
+def raw_messages(reader: AnyReader, path: Path, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
+    """Give connection, time [ns] and bytes of the messages of some connections, in order; a `DataError` says that the file is damaged."""
+    messages = iter(reader.messages(connections=connections)) if connections else iter(())
+    left = sum(connection.msgcount for connection in connections)
+    while True:
+        with door(path):
+            found = next(messages, None)
+            if found is None and left > 0:
+                raise DataError(f"{path}: {left} messages are not where the index says; recover the others with: handwave repair {path}")
+        if found is None:
+            return
+        left -= 1
+        yield found
 
 
 def local(topic: str) -> str:
@@ -267,7 +285,7 @@ def local(topic: str) -> str:
 
 def incomplete(path: Path) -> str:
     """Say why a bag does not hold all that it was to hold, as `BagWriter` wrote it; empty: nobody says so."""
-    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+    with suppress(Exception):  # a damaged file says nothing
         about = yaml.safe_load((Path(path) / "metadata.yaml").read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         return str((about.get("custom_data") or {}).get(_INCOMPLETE, ""))
     return ""
@@ -275,7 +293,7 @@ def incomplete(path: Path) -> str:
 
 def contents(path: Path) -> dict[str, int]:
     """Count the messages of every topic of a bag; a `DataError` says that it cannot be read."""
-    with open_bag(path) as reader:
+    with open_bag(path) as reader, door(path):
         counts: dict[str, int] = {}
         for connection in sorted(reader.connections, key=lambda c: c.topic):  # several publishers: several connections
             counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
@@ -321,10 +339,17 @@ def _rescue(files: Sequence[Path], rescue: Path) -> dict[str, int]:
     """Write all that can be read of files into a new bag, whose metadata names the bag that it belongs to."""
     with BagWriter(rescue) as writer:
         for file in files:
-            for schema, channel, message in _salvage(file):
+            for schema, channel, message in salvage(file):
                 writer.offered.setdefault(channel.topic, _offered(channel))
-                definition = schema.data.decode() if schema.encoding == "ros2msg" else ""
-                writer.write(channel.topic, schema.name, message.log_time, message.data, definition)
+                try:
+                    definition = schema.data.decode() if schema.encoding == "ros2msg" else ""
+                    writer.write(channel.topic, schema.name, message.log_time, message.data, definition)
+                except OSError:
+                    raise
+                except Exception as error:
+                    raise DataError(f"{file}: {channel.topic} cannot be read ({error}); its definition is damaged") from None
+    if not writer.counts:
+        raise DataError(f"{', '.join(map(str, files))}: nothing can be recovered: no whole message is in it")
     about = rescue / "metadata.yaml"
     text = about.read_text(encoding="utf-8").replace(f"{rescue.name}_0.mcap", f"{rescue.name.removesuffix('.rescue')}_0.mcap")
     about.write_text(text, encoding="utf-8")
@@ -343,24 +368,6 @@ def _is_whole(path: Path) -> bool:
     """Whether every message of a bag can be read."""
     try:
         with open_bag(path) as reader:  # not `read`: a whole recording is whole, whichever version made it
-            return sum(1 for _ in reader.messages()) == sum(contents(path).values())
-    except (DataError, McapError, EOFError, ValueError, struct.error, KeyError, AssertionError):
+            return sum(1 for _ in raw_messages(reader, path, reader.connections)) == sum(contents(path).values())
+    except DataError:
         return False
-
-
-def _salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:
-    """Every whole message of a file, up to where it is cut off."""
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    with file.open("rb") as stream:
-        try:
-            for record in StreamReader(stream, record_size_limit=None).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    channels[record.id] = record
-                elif isinstance(record, Message):
-                    channel = channels[record.channel_id]
-                    yield schemas[channel.schema_id], channel, record
-        except (McapError, EOFError, ValueError, KeyError, struct.error):
-            return  # the cut

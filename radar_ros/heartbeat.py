@@ -18,24 +18,27 @@ class _Line:
     beaten = -1e9  # on CLOCK_MONOTONIC [s], when it was last
 
 
-def notify(*assignments: str) -> None:
-    """Send assignments such as ``READY=1``, where somebody asked for them (``NOTIFY_SOCKET``); one that cannot be sent is left out."""
+def notify(*assignments: str) -> bool:
+    """Send assignments such as ``READY=1``, where somebody asked for them (``NOTIFY_SOCKET``); returns whether they went, or nobody asked.
+
+    They do not go while those of others wait to be read: a datagram socket holds ten.
+    """
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address.startswith(("/", "@")):
-        return
+        return True
     if _Line.socket is None:
         _Line.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         _Line.socket.setblocking(False)  # who does not read must not hold up a node
     with suppress(OSError):
-        _Line.socket.sendto("\n".join(assignments).encode(), address.replace("@", "\0", 1) if address[0] == "@" else address)
+        return bool(_Line.socket.sendto("\n".join(assignments).encode(), address.replace("@", "\0", 1) if address[0] == "@" else address))
+    return False
 
 
 def beat() -> None:
     """Tell that this process goes on; for the executor, so that a callback that does not return silences it. May be called often."""
     now = time.monotonic()
-    if now - _Line.beaten >= _PERIOD:
+    if now - _Line.beaten >= _PERIOD and notify("READY=1", "WATCHDOG=1"):
         _Line.beaten = now
-        notify("READY=1", "WATCHDOG=1")
 
 
 def allow(seconds: float | None = None) -> None:

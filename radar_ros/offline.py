@@ -39,8 +39,11 @@ _FLUSH = 50
 
 
 def parse(data: bytes, topic: str) -> Any:
-    """Make a message from its bytes, by the topic's name within the namespace."""
-    return deserialize_message(data, qos.message_class(TYPES[topic]))
+    """Make a message from its bytes, by the topic's name within the namespace; a `DataError` says that they make none."""
+    try:
+        return deserialize_message(data, qos.message_class(TYPES[topic]))
+    except Exception as error:
+        raise DataError(f"a message of {topic} cannot be read ({error or type(error).__name__}): the recording is damaged") from None
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import gc
 import os
-import re
 import signal
 import sys
 import time
@@ -29,29 +27,19 @@ from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
 from radar_ros import compiling, heartbeat, qos
 from radar_ros.executor import make_executor
+from radar_ros.guard import GuardMixin, Problems
 from radar_ros.messages.convert import header, info_from_msg
+from radar_ros.middleware import unreadable
 from radar_ros.params import declare, explained, refuse_unknown
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
-_REPEAT_AFTER = 5.0  # s: a problem that goes on is logged again after this long
 _BUDGET = 0.8  # of the frame interval; above that, a little more load loses frames
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
 _LOOK = 0.1  # s: how often a stage looks whether messages still come
 _HELD_UP = 0.5  # s: a look that comes so late says that the node itself was held up, and its messages wait
+_JUMP = 1000  # messages that are missing in a row are worth a line
+_MOST = 2**64 - 1  # what a count in a message can hold; a sequence that jumps may make more of it
 _INTERVALS = 5  # a stage is not stale within so many frames of its radar, however long these take
-
-
-def refusing(take: Callable[..., None]) -> Callable[..., None]:
-    """Let a message that a stage's callback cannot use cost itself only: a `HandwaveError` is counted and logged, and the node goes on."""
-
-    @functools.wraps(take)
-    def taking(self: Any, *msgs: Any) -> None:
-        try:
-            take(self, *msgs)
-        except HandwaveError as error:
-            self.refuse(error)
-
-    return taking
 
 
 @dataclass
@@ -116,7 +104,7 @@ class Silence:
         return self.stale
 
 
-class StageMixin:
+class StageMixin(GuardMixin):
     """Plumbing of one stage; mixed into `Node` or `LifecycleNode`.
 
     Attributes
@@ -143,7 +131,7 @@ class StageMixin:
         self._stamp_ns = -1
         self.frame_interval, self.hardware_id = 0.0, "none"
         self.commands: set[str] = set()
-        self._problems: dict[str, tuple[float, int]] = {}
+        self._problems = Problems()
         self._period = Period(time.monotonic(), 0, 0)
         self.reliable = bool(declare(self, "reliable", False, "nothing may be lost: reliable streams, for replay in lockstep"))
         doc = "the stage is stale, and says so, when nothing has come for so long; 0: never"
@@ -193,6 +181,7 @@ class StageMixin:
     def finish(self: Any, stamp_ns: int, sequence: int, started_ns: int) -> None:
         """Tell everyone that the stage is done with a message."""
         self._finished = stamp_ns, sequence
+        self.went_on()
         self.hear()
         compute = (time.monotonic_ns() - started_ns) * 1e-9
         self.processed += 1
@@ -202,10 +191,10 @@ class StageMixin:
 
     def publish_status(self: Any, stamp_ns: int, sequence: int, compute: float) -> None:
         """Publish what the stage has done so far; stamp 0 says only that it is ready."""
-        counts = {"stage": self.stage, "sequence": sequence, "processed": self.processed, "dropped": self.dropped}
-        counts["stale"] = self.silence.stale
+        counts = {"sequence": sequence, "processed": self.processed, "dropped": self.dropped}
+        told = {"stage": self.stage, "stale": self.silence.stale, **{name: min(count, _MOST) for name, count in counts.items()}}
         now = time.monotonic_ns()
-        self._status.publish(handwave.msg.StageStatus(header=header(stamp_ns, ""), compute_s=compute, monotonic_ns=now, **counts))
+        self._status.publish(handwave.msg.StageStatus(header=header(stamp_ns, ""), compute_s=compute, monotonic_ns=now, **told))
 
     def ready(self: Any) -> None:
         """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
@@ -219,24 +208,27 @@ class StageMixin:
 
     def count_gap(self: Any, sequence: int, every: int = 1) -> None:
         """Count what was lost between the last message and this one, of which one in so many is taken (see `Gaps.lost`)."""
-        self.dropped += self._gaps.lost(sequence, every)
+        lost = self._gaps.lost(sequence, every)
+        self.dropped += lost
+        if lost >= _JUMP:
+            self.caution(f"{lost} messages are missing before number {sequence}: a sequence that jumps, or a long pause")
 
     def went_back(self: Any, stamp_ns: int) -> bool:
         """Whether stamps went back: another recording, or the same one once more; the stage starts afresh."""
         back = bool(stamp_ns < self._stamp_ns)
         self._stamp_ns = stamp_ns
         if back:
-            self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
+            self.caution("stamps went back in time (a recording starts again?): everything is forgotten")
         return back
 
     def problem(self: Any, text: str) -> None:
         """Log an error once, and again only when it goes on for long; texts that differ only in their numbers are one problem."""
-        if said := self._not_again(text):
+        if said := self._problems.told(text):
             self.get_logger().error(said)
 
     def caution(self: Any, text: str) -> None:
         """Log a warning as `problem` logs an error: for what is processed all the same."""
-        if said := self._not_again(text):
+        if said := self._problems.told(text):
             self.get_logger().warning(said)
 
     def refuse(self: Any, reason: object) -> None:
@@ -244,22 +236,13 @@ class StageMixin:
         self.dropped += 1
         self.problem(str(reason))
 
-    def _not_again(self: Any, text: str) -> str:
-        """Make the text to log; empty when the same was logged a moment ago."""
-        kind = re.sub(r"\d+", "#", text)
-        now = time.monotonic()
-        last, hidden = self._problems.get(kind, (-1e9, 0))
-        if now - last < _REPEAT_AFTER:
-            self._problems[kind] = (last, hidden + 1)
-            return ""
-        self._problems[kind] = (now, 0)
-        return f"{text} ({hidden} more like this since the last time)" if hidden else text
-
     def extra_diagnostics(self: Any) -> tuple[dict[str, Any], list[str]]:
         """Values of the stage's own for the period that ends, and what to warn of; overridden where there is such a thing."""
         return {}, []
 
     def _diagnose(self: Any) -> None:
+        if why := unreadable():
+            self.refuse(f"a message cannot be read: {why}")
         period, now = self._period, time.monotonic()
         self._period = Period(now, self.processed, self.dropped)
         values, warnings = period.figures(now, self.processed, self.dropped, self.frame_interval)

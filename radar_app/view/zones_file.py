@@ -11,6 +11,7 @@ import yaml
 
 from radar_core import ConfigError
 from radar_core.config import load, load_file
+from radar_core.yaml_text import read_yaml
 from radar_tracking.zones import LayoutConfig
 
 _WIDTH = 120
@@ -60,7 +61,7 @@ class ZonesFile:
         self.layout()  # what makes no sense is not written again
         if not self.path.exists():
             return {}
-        data = yaml.safe_load(self.path.read_text(encoding="utf-8")) or {}
+        data = read_yaml(self.path.read_text(encoding="utf-8"), self.path) or {}
         data["zones"] = [dict(zone) for zone in data.get("zones") or []]
         return dict(data)
 

@@ -22,6 +22,7 @@ MAGIC: Final = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 LONGEST: Final = 1 << 16  # bytes of the longest packet that is believed: 0.7 s of the line at 921600 baud; heat maps of a small frame fit
 SHORTEST: Final = 40
 _DEMOS: Final = (("demo", 40), ("area scanner", 44))
+_KINDS: Final = 64  # counts that are kept apart: a broken board may send items of four thousand million types
 _PIECE: Final = 4096  # bytes taken in at a time, so that a long read does not pile up before it is looked through
 
 
@@ -139,7 +140,8 @@ class Parser:
     received : int
         Bytes so far.
     counts : Counter
-        ``packets``, ``refused`` (a magic word without a packet), ``garbage_bytes``, and ``item_N``: items of type N that are not used.
+        ``packets``, ``refused`` (a magic word without a packet), ``garbage_bytes``, and ``item_N``: items of type N that are not used
+        (``item_others`` beyond 64 counts).
     reason : str
         Why the last packet was refused; empty: none was.
     """
@@ -194,7 +196,9 @@ class Parser:
             if packet is None:
                 return None
             self.counts["packets"] += 1
-            self.counts.update(f"item_{kind}" for kind in packet.skipped)
+            for kind in packet.skipped:
+                name = f"item_{kind}"
+                self.counts[name if name in self.counts or len(self.counts) < _KINDS else "item_others"] += 1
             self._accept(packet.length)
             return packet
 

@@ -31,6 +31,8 @@ _WAVEFORM: Final = {name: name for name in ("modulation", "n_chirp", "code_seed"
 }
 _ARRAY: Final = {"gain": "gain_dbi", "tx_power": "tx_power_dbm", "fov_azimuth": "fov_azimuth_rad", "fov_elevation": "fov_elevation_rad"}
 _MOUNT: Final = {"x": "mount_x_m", "y": "mount_y_m", "z": "mount_z_m", "yaw": "mount_yaw_rad", "tilt": "mount_tilt_rad"}
+MOST_POINTS: Final = 1 << 16
+"""Points of a cloud that is taken from others; a radar gives hundreds, an imaging radar thousands."""
 CLOUD2_FIELDS: Final = ("x", "y", "z", "range", "radial_speed", "azimuth", "elevation", "snr")
 """Fields of the PointCloud2 on radar/points2."""
 
@@ -52,7 +54,9 @@ def header(stamp_ns: int, frame_id: str) -> Header:
 
 def pack(values: NDArray[Any], code: str) -> array.array[Any]:
     """Copy an array of any shape, in C order, into the buffer that messages take fastest; ``code`` is a type code of `array.array`."""
-    return array.array(code, np.ascontiguousarray(values, np.dtype(code)).tobytes())
+    packed = array.array(code)
+    packed.frombytes(np.ascontiguousarray(values, np.dtype(code)).reshape(-1).view(np.uint8))  # type: ignore[arg-type]
+    return packed
 
 
 def unpack(field: Any, dtype: Any) -> NDArray[Any]:
@@ -153,7 +157,7 @@ def frame_to_msg(frame: RadarFrame) -> handwave.msg.RadarFrame:
     return handwave.msg.RadarFrame(
         header=header(frame.stamp_ns, frame.frame_id),
         sequence=frame.sequence,
-        data=array.array("f", np.ascontiguousarray(frame.cube).tobytes()),
+        data=pack(np.ascontiguousarray(frame.cube).view(np.float32), "f"),
         missing_chirps=pack(frame.missing, "I"),
         **dict(zip(("n_tx", "n_chirp", "n_rx", "n_sample"), frame.cube.shape, strict=True)),
     )
@@ -180,7 +184,7 @@ def frame_from_msg(msg: Any) -> RadarFrame:
 
 def cloud_to_msg(cloud: PointCloud) -> handwave.msg.PointCloud:
     """Put a point cloud into a message; a `CloudComposite` stays one."""
-    arrays = {name: array.array("f", getattr(cloud, name).tobytes()) for name in ARRAY_FIELDS}
+    arrays = {name: pack(getattr(cloud, name), "f") for name in ARRAY_FIELDS}
     head = header(cloud.stamp_ns, cloud.frame_id)
     msg = handwave.msg.PointCloud(header=head, sequence=cloud.sequence, every=cloud.every, quality=int(cloud.quality), **arrays)
     if isinstance(cloud, CloudComposite):
@@ -195,10 +199,13 @@ def cloud_from_msg(msg: Any) -> PointCloud:
     Raises
     ------
     DataError
-        When its arrays differ in length, or points name a sensor that is not among the sources.
+        When it has more points than a radar gives, its arrays differ in length, or points name a sensor that is not among the sources.
     ConfigError
         When a sensor's mount makes no sense.
     """
+    longest = max(len(getattr(msg, name)) for name in (*ARRAY_FIELDS, "sensor", "sources"))
+    if longest > MOST_POINTS:
+        raise DataError(f"cloud {msg.sequence} has {longest} points, more than a radar gives ({MOST_POINTS}); its sender is broken")
     named: dict[str, Any] = {name: unpack(getattr(msg, name), np.float32) for name in ARRAY_FIELDS}
     stamp_ns, frame_id = from_time(msg.header.stamp), msg.header.frame_id
     named |= {"quality": Quality(msg.quality), "every": stride(msg)}
@@ -259,6 +266,6 @@ def points_to_cloud2(stamp_ns: int, frame_id: str, points: NDArray[Any]) -> Poin
         is_bigendian=False,
         point_step=points.dtype.itemsize,
         row_step=points.dtype.itemsize * len(points),
-        data=array.array("B", points.tobytes()),
+        data=pack(points.view(np.uint8), "B"),
         is_dense=not any(bool(np.isnan(points[name]).any()) for name in "xyz"),
     )

@@ -19,7 +19,7 @@ from radar_ros import qos
 from radar_ros.budget import Budget
 from radar_ros.messages.convert import cloud_to_cloud2, cloud_to_msg, frame_from_msg
 from radar_ros.params import declare_config, on_change
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 
 
 class BasebandNode(StageNode):
@@ -78,7 +78,6 @@ class BasebandNode(StageNode):
         made = {config: Baseband(config, radar) for config in set(configs)}  # or only in how many frames they leave out
         return tuple(made[config] for config in configs)
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 from radar_ros import qos
 from radar_ros.messages.people import bodies_to_msg, body_frames, detections_to_msg, messages_of
 from radar_ros.messages.tracks import tracks_from_msg
-from radar_ros.stage import StageNode, refusing, run
+from radar_ros.stage import StageNode, run
 from radar_tracking.tracks import Tracks
 
 _BODIES = "/humans/bodies/tracked"  # REP-155 names it so, for everybody
@@ -36,7 +36,6 @@ class BridgeNode(StageNode):
             self._frames = self.create_publisher(TFMessage, "/tf", qos.RESULT)
         self.create_subscription(handwave.msg.TrackArray, "tracks", self._take, qos.RESULT)
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(msg.sequence, msg.every)

@@ -15,7 +15,7 @@ from radar_ros.announce import Announcer, in_namespace
 from radar_ros.messages.convert import cloud_to_msg, from_time
 from radar_ros.messages.pointcloud2 import read_fields
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import StageNode, refusing, run
+from radar_ros.stage import StageNode, run
 
 _QUIET: Final = 4.0  # s without a cloud: worth a word
 
@@ -45,7 +45,6 @@ class Cloud2Node(StageNode):
         self.frame_interval = self._config.frame_interval
         self._announcer.start(self._info)
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started, head = time.monotonic_ns(), msg.header
         self._heard = time.monotonic()

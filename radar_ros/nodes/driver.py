@@ -21,6 +21,7 @@ from radar_driver.sources import Context, Reading, Source
 from radar_driver.targets import Targets
 from radar_ros import bag_source, compiling, heartbeat, qos
 from radar_ros.announce import Announcer, in_namespace
+from radar_ros.guard import guarded
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
@@ -77,7 +78,7 @@ class Feed:
             if not self._running:
                 return
             time.sleep(_NAP)
-        self._node.executor.create_task(self._arrived)
+        self._node.executor.create_task(guarded(self._node, self._arrived))
 
     def _arrived(self) -> None:
         started, problem = time.monotonic_ns(), self._reader.problem

@@ -18,7 +18,7 @@ from radar_ros.messages.gestures import gesture_from_msg
 from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_ros.sync import ApproximateTimeSynchronizer, Subscriber
 
 _SLOP = 0.005  # s: stamps of tracks and truth are equal by construction; another clock's rounding may differ
@@ -44,7 +44,6 @@ class EvaluationNode(StageNode):
     def _configure(self, info: RadarInfo) -> None:
         self._evaluator = Evaluator(info, self._config)
 
-    @refusing
     def _take(self, tracks_msg: Any, truth_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(tracks_msg.sequence, tracks_msg.every)

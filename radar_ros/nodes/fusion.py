@@ -133,7 +133,7 @@ class FusionNode(StageNode):
 
     def _forget(self) -> None:
         """Begin anew: stamps went back in time."""
-        self.get_logger().warning("stamps went back in time (a recording starts again?): everything is forgotten")
+        self.caution("stamps went back in time (a recording starts again?): everything is forgotten")
         self._presence.forget()
         self._clocks.forget()
         for radar in self._radars.values():

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, HandwaveError, RadarInfo
 from radar_core.config import flat
 from radar_gestures.classifiers.model import Classifier, model_of
-from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
@@ -23,7 +23,7 @@ from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
 from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.messages.zones import areas_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import TrackedCloud
 from radar_tracking.zones.area import Area
@@ -59,6 +59,7 @@ class GesturesNode(StageNode):
         self._sync = TimeSynchronizer(inputs, 10)
         self._sync.registerCallback(self._take)
         self._zones: list[tuple[str, Area]] = []
+        self._last: Gesture | None = None  # that was one
         self.commands.add(self.create_subscription(handwave.msg.ZoneArray, "zones", self._take_zones, qos.LATCHED).topic_name)
 
     def _configure(self, info: RadarInfo) -> None:
@@ -104,11 +105,9 @@ class GesturesNode(StageNode):
             self._adopting = False
         self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._chosen['model']} from now on")
 
-    @refusing
     def _take_zones(self, msg: Any) -> None:
         self._zones = areas_from_msg(msg)
 
-    @refusing
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(cloud_msg.sequence, tracks_msg.every)
@@ -121,6 +120,7 @@ class GesturesNode(StageNode):
         events = self._recognizer.find(tracked)
         gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
         for gesture in filter(self._recognizer.wanted, gestures):
+            self._last = gesture if gesture.label else self._last
             zones = tuple(name for name, area in self._zones if area.inside(gesture.position))
             self._gestures.publish(gesture_to_msg(dataclasses.replace(gesture, zones=zones)))
         self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
@@ -128,6 +128,15 @@ class GesturesNode(StageNode):
             for event in events:
                 if event.maps is not None:
                     self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
+
+    def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
+        """Say which gesture was the last, for whoever looks at the graph now and then."""
+        last = self._last
+        if last is None:
+            return {}, []
+        ago = (self.get_clock().now().nanoseconds - last.stamp_ns) * 1e-9
+        about = {"": last.name, "_person": last.track_id, "_confidence": f"{last.confidence:.3f}", "_ago_s": f"{ago:.1f}"}
+        return {f"last_gesture{key}": value for key, value in about.items()}, []
 
 
 def _ready(model: str, person: str) -> Classifier:

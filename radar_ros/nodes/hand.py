@@ -17,7 +17,7 @@ from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time
 from radar_ros.messages.tracks import hand_to_msg, tracks_from_msg
 from radar_ros.params import declare_config, on_change
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackStatus
 
@@ -105,7 +105,6 @@ class HandNode(StageNode):
             response.success, response.message = True, "the hand is looked for"
         return response
 
-    @refusing
     def _take(self, cloud_msg: Any, tracks_msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(cloud_msg.sequence, tracks_msg.every)

@@ -23,7 +23,7 @@ from radar_ros.messages.camera import joints_from_msg, residual_to_msg
 from radar_ros.messages.tracks import hand_from_msg
 from radar_ros.messages.truth import truth_from_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import StageNode, refusing, run
+from radar_ros.stage import StageNode, run
 
 Reference = Literal["camera", "truth"]
 
@@ -63,7 +63,6 @@ class HandEvaluationNode(StageNode):
         self._figure = str(declare(self, "figure", "", "file to draw the figure into at the end (PNG); empty: none"))
         self._keep = int(declare(self, "keep", 50_000, "residuals that the report is made of: the latest so many", low=1, high=10**7))
 
-    @refusing
     def _take_hand(self, topic: str, msg: Any) -> None:
         started, hand = time.monotonic_ns(), hand_from_msg(msg)
         self._hand = hand.position
@@ -71,11 +70,9 @@ class HandEvaluationNode(StageNode):
             self._add(TrackSample(topic, hand.stamp_ns, hand.position, hand.covariance[:3, :3]))
             self.finish(hand.stamp_ns, hand.sequence, started)
 
-    @refusing
     def _take_joints(self, msg: Any) -> None:
         self._add(reference_of(joints_from_msg(msg), self._joint))
 
-    @refusing
     def _take_truth(self, msg: Any) -> None:
         self._add(self._acting(truth_from_msg(msg)))
 
@@ -103,7 +100,7 @@ class HandEvaluationNode(StageNode):
         back = newest - sample.stamp_ns > 1e9 * max(self._config.wait, 1.0)
         self._newest_ns = sample.stamp_ns if back else max(newest, sample.stamp_ns)
         if back:
-            self.get_logger().warning("stamps went back in time (a recording starts again?): what waits is forgotten")
+            self.caution("stamps went back in time (a recording starts again?): what waits is forgotten")
         return back
 
     def _serve(self, request: Any, response: Any) -> Any:

@@ -15,7 +15,7 @@ from radar_ros import qos
 from radar_ros.messages.convert import frame_from_msg
 from radar_ros.messages.gestures import gesture_to_msg
 from radar_ros.params import declare, declare_config
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_tracking.presence import PresenceConfig, PresenceDetector
 
 
@@ -40,7 +40,6 @@ class PresenceNode(StageNode):
         self._detector = PresenceDetector(self._config, info)
         self._gestures.reset()
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(msg.sequence)

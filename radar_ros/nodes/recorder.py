@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import tempfile
 import threading
 import time
 from collections import deque
@@ -15,13 +16,15 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy
 from rosbags.interfaces import Qos, QosHistory
 
-from radar_core import ConfigError
+from radar_core import ConfigError, DataError
 from radar_ros import qos
 from radar_ros.bags import RECORDED, TYPES, BagWriter, free_folder, recorded_qos, was_cut_off
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
 
 _FLUSH_AFTER = 0.5  # s: what a crash may cost
+_AGAIN = 5.0  # s: a recording that ended because the disk was full begins anew beside, as soon as there is room
+_ROOM = 16  # MiB that have to be free for that
 _WAITING = 500  # messages between the network and the disk; 2.5 s of everything at 50 Hz
 
 
@@ -52,7 +55,7 @@ class RecorderNode(StageNode):
         if unknown:
             raise ConfigError(f"cannot record {', '.join(unknown)}; topics: {', '.join(TYPES)}")
         self._writer = BagWriter(self._folder(Path(path)))
-        self._broken = False
+        self._broken, self._tried = False, 0.0  # whether writing failed, and when it was last tried to begin anew
         self._queue: queue.Queue[tuple[str, str, int, bytes] | None] = queue.Queue(_WAITING)
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
@@ -109,6 +112,7 @@ class RecorderNode(StageNode):
                 self._to_disk(partial(self._writer.write, *item))
                 self.processed += not self._broken
                 self.dropped += self._broken
+            self._begin_anew()
             if time.monotonic() - flushed > _FLUSH_AFTER:
                 self._to_disk(self._writer.flush)
                 flushed = time.monotonic()
@@ -119,16 +123,37 @@ class RecorderNode(StageNode):
             try:
                 write()
             except OSError as error:
-                self._broken = True
+                self._broken, self._tried = True, time.monotonic()
                 self._advice = f"the recording ended ({error}): make room, then recover it with: handwave repair {self._writer.path}"
         if self._broken:
             self.problem(self._advice)
+
+    def _begin_anew(self) -> None:
+        """Go on in a folder beside the one that could not be written, where that is possible now."""
+        if not self._broken or time.monotonic() - self._tried < _AGAIN:
+            return
+        self._tried, offered = time.monotonic(), dict(self._writer.offered)
+        with suppress(DataError, OSError):
+            _require_room(self._writer.path.parent)
+            writer = BagWriter(free_folder(self._writer.path))
+            self._writer.abandon()
+            writer.offered.update(offered)
+            self._writer, self._broken = writer, False
+            self.get_logger().warning(f"there is room again: the recording goes on in {writer.path}")
 
     def close(self) -> None:
         """Write what waits and finish the bag."""
         self._queue.put(None)
         self._thread.join()
         self._to_disk(self._writer.close)
+
+
+def _require_room(folder: Path) -> None:
+    """Raise `OSError` unless so much can be written there that it makes sense to begin a recording."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        for _ in range(_ROOM):
+            file.write(bytes(1 << 20))
+        file.flush()
 
 
 make_node = RecorderNode

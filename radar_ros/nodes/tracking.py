@@ -18,7 +18,7 @@ from radar_ros.messages.convert import cloud_from_msg, stride
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.messages.zones import areas_from_msg
 from radar_ros.params import declare_config, on_change
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_tracking import TrackerConfig, make_tracker
 from radar_tracking.people.make import AnyTracker
 from radar_tracking.people.tally import Tally, TrackConsistencyConfig
@@ -70,7 +70,6 @@ class TrackingNode(StageNode):
             warm_up(level)
         return lambda: None  # the level is looked up with every cloud
 
-    @refusing
     def _take_zones(self, msg: Any) -> None:
         """Work with the zones that the zones node works with, from the next cloud on, once it has some."""
         if not msg.zones and not self._follows_zones:
@@ -82,7 +81,6 @@ class TrackingNode(StageNode):
             self._budget.rebase(self._config)
             self.get_logger().info(f"works with {len(areas)} zones of the topic zones from now on")
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started, worked, every = time.monotonic_ns(), time.thread_time_ns(), stride(msg) * self._budget.every
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget

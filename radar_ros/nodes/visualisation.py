@@ -21,7 +21,7 @@ from radar_core import ConfigError, DataError, PointCloud
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time, points_to_cloud2, unpack
 from radar_ros.params import declare
-from radar_ros.stage import StageNode, refusing, run
+from radar_ros.stage import StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 
 _HEIGHT = 1.7  # m: of the cylinder that stands for a person; the few points of a body do not tell how tall it is
@@ -76,7 +76,6 @@ class VisualisationNode(StageNode):
             result.append(marker)
         return result
 
-    @refusing
     def _label(self, cloud_msg: Any, tracks_msg: Any) -> None:
         if self._labelled.get_subscription_count():
             self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))

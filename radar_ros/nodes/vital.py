@@ -16,7 +16,7 @@ from radar_ros import qos
 from radar_ros.messages.convert import frame_from_msg, points_to_cloud2
 from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.params import declare_config
-from radar_ros.stage import InfoKeeper, StageNode, refusing, run
+from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_tracking.tracks import Track, Tracks, TrackStatus
 
 _ROW: Final = np.dtype([("track_id", "<i4"), *((name, "<f4") for name in ("x", "y", "z", "breath", "heart", "motion"))])
@@ -42,7 +42,6 @@ class VitalNode(StageNode):
         VitalMonitor(self._config, info)  # refuses a radar that is not able to
         self._people, self._told, self._tracks = {}, {}, None
 
-    @refusing
     def _follow(self, msg: Any) -> None:
         self._tracks = tracks_from_msg(msg)
         there = {track.id for track in self._tracks.tracks}
@@ -50,7 +49,6 @@ class VitalNode(StageNode):
             for gone in known.keys() - there:
                 del known[gone]
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(msg.sequence)

@@ -16,7 +16,7 @@ from radar_ros import qos
 from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.messages.zones import zones_to_msg
 from radar_ros.params import declare_config, on_change
-from radar_ros.stage import StageNode, refusing, run
+from radar_ros.stage import StageNode, run
 from radar_tracking.zones import LayoutConfig, ZoneMonitor, ZoneStates
 
 _AT_LEAST = 1.0  # s of tracks: without news, zones are said again after this long
@@ -71,7 +71,6 @@ class ZonesNode(StageNode):
         self._zones.publish(zones_to_msg(states))
         self._said = states
 
-    @refusing
     def _take(self, msg: Any) -> None:
         started = time.monotonic_ns()
         self.count_gap(msg.sequence, msg.every)

@@ -5,8 +5,11 @@ from typing import Literal
 
 import pytest
 
-from radar_core import ConfigError, Pose, RadarInfo, Waveform
+from radar_core import AntennaArray, ConfigError, Pose, RadarInfo, Waveform
 from radar_core.config import config, describe, flat, knob, load, load_file, nest, override, plain
+from radar_core.yaml_text import read_yaml
+from radar_dsp.config import DoaConfig
+from radar_sim import load_scene
 
 
 @config
@@ -159,3 +162,44 @@ def test_info_must_agree_with_itself():
     """Waveform and array count the same transmitters."""
     with pytest.raises(ConfigError, match="uses 1 transmitters but the array has 2"):
         RadarInfo(waveform=Waveform(n_tx=1))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("duration: 1.0\nduration: 2.0\n", "the key 'duration' stands twice"),
+        ("duration: true\n", "file.yaml:1: duration: is true, which is no number"),
+        ("seed: 1\nduration: '2.0'\n", "file.yaml:2: duration: is '2.0': leave the quotes out"),
+        ("points: [{position: [2.0, '0.5', 1.4], rcs: 0.1}]\n", "points.0.position.1: is '0.5': leave the quotes out"),
+        ("a: " + 5000 * "[", "not valid YAML"),
+        ("duration: 1" + 5000 * "0", "not valid YAML|finite|duration"),
+    ],
+)
+def test_what_only_looks_like_it(tmp_path, text, said):
+    """Keys that stand twice, true for a number, numbers in quotes, and depth without an end: refused, with the place."""
+    (tmp_path / "file.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        load_scene(tmp_path / "file.yaml")
+
+
+def test_one_is_not_true():
+    """A switch takes true and false."""
+    with pytest.raises(ConfigError, match="gate: is 1; write true or false"):
+        load(DoaConfig, {"gate": 1})
+    assert load(DoaConfig, {"gate": False}) == DoaConfig(gate=False)
+
+
+@pytest.mark.parametrize(("text", "value"), [("77e9", 77e9), ("1e-3", 1e-3), ("-2.5E+3", -2500.0), ("'77e9'", "77e9"), ("e9", "e9")])
+def test_numbers_as_people_write_them(text, value):
+    """YAML 1.1 takes 77e9 for text."""
+    assert read_yaml(text, "here") == value
+
+
+def test_a_radar_that_cannot_be():
+    """What a message says of itself is bounded before anything is set aside for it."""
+    rx = tuple((0.0, 0.001 * k) for k in range(2000))
+    with pytest.raises(ConfigError, match="larger than any radar's"):
+        RadarInfo(array=AntennaArray(rx=rx))
+    large = Waveform(n_chirp=1 << 16, n_sample=1 << 13, chirp_duration=1e-9, chirp_pause=0.0, frame_interval=100.0)
+    with pytest.raises(ConfigError, match="larger than any radar's"):
+        RadarInfo(waveform=large)

@@ -14,6 +14,7 @@ from radar_app.graph import graph
 from radar_app.supervisor import Supervisor
 from radar_core.paths import find_config
 from radar_ros import bags
+from radar_ros.nodes import recorder as recording
 from radar_ros.nodes.recorder import make_node
 
 FRAME = bytes(131_200)
@@ -81,6 +82,30 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(ros, tmp_path, monkeypa
     assert "handwave repair" in problems[0]
     node._writer.close()  # what the guard leaves open; the file ends where the disk was full
     assert bags.contents(tmp_path / "full") == {"/radar/frame": 20}
+    monkeypatch.setattr(node, "close", lambda: None)
+
+
+def test_a_recorder_goes_on_when_there_is_room_again(ros, tmp_path, monkeypatch):
+    """Beside what the full disk cut off; while nothing can be written, no folder comes of it."""
+    node, full = recorder(ros, tmp_path / "full"), [True]
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recording, "_AGAIN", 0.1)
+    room = recording._require_room
+    monkeypatch.setattr(recording, "_require_room", lambda folder: fail() if full[0] else room(folder))
+    monkeypatch.setattr(node._writer, "write", fail)
+    node._queue.put(("/radar/frame", bags.TYPES["radar/frame"], 0, FRAME))
+    assert wait_for(lambda: node.dropped == 1, 10.0)
+    time.sleep(0.5)
+    assert os.listdir(tmp_path) == ["full"]
+    full[0] = False
+    assert wait_for(lambda: (tmp_path / "full_2").exists() and not node._broken, 10.0)
+    node._queue.put(("/radar/frame", bags.TYPES["radar/frame"], 1, FRAME))
+    assert wait_for(lambda: node.processed == 1, 10.0)
+    node.close()
+    assert bags.contents(tmp_path / "full_2") == {"/radar/frame": 1}
     monkeypatch.setattr(node, "close", lambda: None)
 
 

@@ -122,6 +122,19 @@ def test_an_old_straggler_in_a_full_queue(package):
     assert sets == [(100_000_000, 101_000_000)]
 
 
+@pytest.mark.parametrize("kind", ["TimeSynchronizer", "ApproximateTimeSynchronizer"])
+@pytest.mark.parametrize("ahead", [1, 9, 10, 12, 40])
+def test_messages_of_another_time_do_not_block_an_input(kind, ahead):
+    """A peer whose clock is an hour ahead: what it sent is given up, and every pair that comes afterwards comes out."""
+    (tracks, clouds), sets = connect(sync, kind, 10, *(() if kind == "TimeSynchronizer" else (0.005,)))
+    for number in range(ahead):
+        tracks.signalMessage(Stamped(3_600_000_000_000 + number * 20_000_000))
+    for number in range(50):
+        for each in (tracks, clouds):
+            each.signalMessage(Stamped(number * 20_000_000))
+    assert sets == [(number * 20_000_000,) * 2 for number in range(50)]
+
+
 @pytest.mark.parametrize("allowed", [False, True])
 def test_headerless_messages_need_permission(package, allowed):
     """Without a header a message is passed over unless allowed, as message_filters does."""

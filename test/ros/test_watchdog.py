@@ -177,3 +177,51 @@ def test_ctrl_z_stops_all_nodes_and_fg_continues_them(ros, way):
     assert "stopped by Ctrl-Z" in output
     assert "everything goes on" in output
     assert "hangs" not in output, output
+
+
+def test_a_sign_of_life_that_finds_no_room_is_sent_again():
+    """The socket holds ten: with more nodes than that, whoever finds it full must not wait for its next turn, or it seems to hang."""
+    watchdog = Watchdog()
+    code = "import os, time\nfrom radar_ros import heartbeat\nn = 0\nwhile heartbeat.notify('STATUS=x') and n < 5000: n += 1\n"
+    code += "heartbeat.beat(); print('full', heartbeat._Line.beaten < 0, flush=True); input()\n"
+    code += "heartbeat.beat(); print('sent', flush=True); input()"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, **watchdog.variables}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    with child:
+        assert child.stdout.readline() == "full True\n"
+        watchdog.look([child.pid])
+        assert not watchdog.alive(child.pid)
+        child.stdin.write("\n")
+        child.stdin.flush()
+        assert child.stdout.readline() == "sent\n"
+        watchdog.look([child.pid])
+        assert watchdog.alive(child.pid)
+        child.communicate("\n")
+    watchdog.close()
+
+
+@pytest.mark.long
+def test_who_is_only_late_does_not_hang():
+    """A process that still comes to its turn now and then on a machine with too much to do; one that waits for ever does."""
+    watchdog = Watchdog()
+    late = "end = time.monotonic() + 30\nwhile time.monotonic() < end: time.sleep(0.2)"
+    environment = {**os.environ, **watchdog.variables}
+    children = {
+        name: subprocess.Popen([sys.executable, "-c", BEGIN + code], env=environment, stdout=subprocess.PIPE)
+        for name, code in (("late", late), ("deadlock", ENDS["deadlock"]))
+    }
+    names, found = {child.pid: name for name, child in children.items()}, {}
+    try:
+        watchdog.look(names)
+        assert all(child.stdout.readline() == b"begun\n" for child in children.values())
+        end = time.monotonic() + 8.0
+        while time.monotonic() < end:
+            time.sleep(0.2)
+            found |= {names[pid]: why for pid, why in watchdog.look(names)[0]}
+        assert found.keys() == {"deadlock"}
+    finally:
+        for child in children.values():
+            child.kill()
+            child.communicate()
+        watchdog.close()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 
-from radar_core import PointCloud, RadarFrame
+from radar_core import DataError, PointCloud, RadarFrame
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.gaps import Gaps
 from radar_ros.filters import ApproximateTimeSynchronizer, SimpleFilter, TimeSynchronizer
@@ -23,13 +23,20 @@ def test_stamps_keep_their_nanosecond(stamp):
     assert convert.from_time(convert.to_time(stamp)) == stamp
 
 
-@pytest.mark.parametrize("n", [0, 1, 1_000_000])
+@pytest.mark.parametrize("n", [0, 1, convert.MOST_POINTS])
 def test_clouds_of_any_size(n):
-    """Nobody and a million points."""
+    """Nobody, and as many points as are taken."""
     cloud = PointCloud(0, 0, "radar", **{name: np.arange(n, dtype=np.float32) for name in ARRAY_FIELDS})
     msg = deserialize_message(serialize_message(convert.cloud_to_msg(cloud)), type(convert.cloud_to_msg(cloud)))
     assert convert.cloud_from_msg(msg).snr.tobytes() == cloud.snr.tobytes()
     assert convert.cloud_to_cloud2(cloud).width == n
+
+
+def test_a_cloud_that_is_too_large_is_refused():
+    """Before anything is copied: whoever sends it is broken."""
+    msg = convert.cloud_to_msg(PointCloud(0, 7, "radar", **{n: np.zeros(convert.MOST_POINTS + 1, np.float32) for n in ARRAY_FIELDS}))
+    with pytest.raises(DataError, match="cloud 7 has 65537 points, more than a radar gives"):
+        convert.cloud_from_msg(msg)
 
 
 def test_an_empty_frame():
@@ -53,12 +60,14 @@ def test_synchronisers_stay_small_over_long_runs(kind):
 
 def test_drops_are_counted_across_jumps():
     """A gap counts; a source that starts again, or goes back, does not; huge sequences do not overflow."""
-    stage = types.SimpleNamespace(_gaps=Gaps(), dropped=0)
+    said = []
+    stage = types.SimpleNamespace(_gaps=Gaps(), dropped=0, caution=said.append)
     for sequence in (5, 6, 9, 0, 1, 2**63, 2**64 - 1):
         before = stage.dropped
         StageMixin.count_gap(stage, sequence)
         assert stage.dropped >= before
     assert stage.dropped == 2 + (2**63 - 2) + (2**64 - 1 - 2**63 - 1)
+    assert [text.partition(" ")[2][:34] for text in said] == 2 * ["messages are missing before number"]
 
 
 STRIDES = st.one_of(st.integers(1, 9), st.just(2**32 - 1))
@@ -66,7 +75,7 @@ STRIDES = st.one_of(st.integers(1, 9), st.just(2**32 - 1))
 
 def drops(messages):
     """What a stage counts as lost among (sequence, every), one after the other."""
-    stage, found = types.SimpleNamespace(_gaps=Gaps(), dropped=0), []
+    stage, found = types.SimpleNamespace(_gaps=Gaps(), dropped=0, caution=lambda text: None), []
     for message in messages:
         before = stage.dropped
         StageMixin.count_gap(stage, *message)
