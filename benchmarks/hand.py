@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from benchmarks import hand_losses, hand_runs
-from benchmarks.hand_runs import DISTANCES, SCRIPTS, TUNING, Followed, HandStore, Tracked, counts, fast, follow, residual, rms, scene, track
+from benchmarks import hand_gain, hand_losses, hand_runs
+from benchmarks.hand_runs import DISTANCES, SCRIPTS, TUNING, HandStore, Script, Tracked, counts, fast, follow, residual, rms, scene, track
+from benchmarks.hand_search import Searched, configured, tune
+from benchmarks.hand_snapshots import judge, nees, scene_figures, tables
 from benchmarks.report import Found, Panel, against_first, of_rms, timed, varied
-from benchmarks.stores import kept
+from benchmarks.stores import kept, once, sources
 from benchmarks.tradeoff.people import short
 from benchmarks.tradeoff.stages import StudyConfig
-from radar_core import RadarFrame, RadarInfo, merge
+from radar_core import ConfigError, RadarFrame, RadarInfo, merge
 from radar_core.config import load, nest
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Scene, Simulator
@@ -24,43 +27,38 @@ from radar_tracking import HandConfig, PeopleTracker, TrackedCloud
 from radar_tracking.fusion.clouds import fused_info
 
 FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")  # estimators that are compared; all take the same points
-GRID: Final = {"process_noise": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0), "position_std": (0.02, 0.04, 0.08)}
-"""What is searched for every one of them."""
 CLOCKS: Final = (0.0, 1.0, 5.0, 20.0)  # how much the second radar's clock is ahead [ms]
 SURE: Final = 0.4  # the fast parts that are judged: the snapshot's velocity across is known to this [m/s]
 SMOOTH: Final = (0.04, 0.08, 0.16, 0.32, 0.64)  # errors of positions that filters are told where they are tuned for slow hands [m]
 _TUNING_SEEDS: Final = ((11, 1.0), (12, 1.4), (13, 2.2))
+_FIRST: Final = 1001  # seed of the first scene that is measured; those below were looked at before
+_SCENES: Final = 50
+_SHORT: Final = 3.6  # s: more scenes tell more than longer ones
+_KNOBS_FROM: Final = 5  # knobs are varied on every so many scenes
+_CLOCK_SCENES: Final = 4
 
-Runs = Sequence[tuple[Tracked, Followed]]
+_CODE: Final = ("radar_core", "radar_dsp", "radar_sim", "radar_tracking", "benchmarks/hand_runs.py", "benchmarks/hand_search.py")
+
+Runs = hand_gain.Runs
+
+
+def plan(quick: bool) -> list[tuple[Script, int, float]]:
+    """Give script, seed and distance [m] of the scenes that are measured: fifty people, every script at every distance twice."""
+    if quick:
+        return [(SCRIPTS[1], 1, DISTANCES[0])]
+    short = [dataclasses.replace(script, duration=_SHORT) for script in SCRIPTS]
+    return [(short[k % len(short)], _FIRST + k, DISTANCES[k // len(short) % len(DISTANCES)]) for k in range(_SCENES)]
 
 
 def scenes(quick: bool) -> list[Scene]:
-    """Scenes that are measured, seed by seed."""
-    chosen = SCRIPTS[1:2] if quick else SCRIPTS
-    body = "ellipsoids" if quick else "mesh"
-    return [scene(script, seed, far, body) for seed, far in enumerate(DISTANCES[: 1 if quick else None], 1) for script in chosen]
+    """Scenes that are measured."""
+    return [scene(*one, "ellipsoids" if quick else "mesh") for one in plan(quick)]
 
 
 def tuning_scenes(quick: bool) -> list[Scene]:
     """Scenes that filters are tuned on: other scripts, other people, other distances."""
     chosen, body = (TUNING[:1], "ellipsoids") if quick else (TUNING, "mesh")
     return [scene(script, seed, far, body) for seed, far in _TUNING_SEEDS[: 1 if quick else None] for script in chosen]
-
-
-def configured(name: str, process_noise: float, position_std: float) -> HandConfig:
-    """Configure another estimator."""
-    knobs = {"estimator.name": name, "estimator.process_noise": process_noise, "position_std": position_std}
-    return load(HandConfig, nest(knobs))
-
-
-def tune(tracked: Sequence[Tracked], names: Sequence[str], quick: bool) -> dict[str, HandConfig]:
-    """Search each estimator's noise for the smallest error (rms) on the tuning scenes."""
-    grid = list(itertools.product(*GRID.values()))[:: 6 if quick else 1]
-    found = {}
-    for name in names:
-        error = [rms(residual(t, follow(t, configured(name, *noise)))[counts(t)] for t in tracked) for noise in grid]
-        found[name] = configured(name, *grid[int(np.argmin(error))])
-    return found
 
 
 def runs(tracked: Sequence[Tracked], config: HandConfig) -> Runs:
@@ -74,19 +72,26 @@ def errors(found: Runs, masks: Sequence[Any], axes: int = 3) -> list[Any]:
 
 
 def figures_of(found: Runs, sure: Sequence[Any], slow: Sequence[bool]) -> dict[str, float]:
-    """Errors of one estimator; ``sure``: clouds of fast parts in which the snapshot tells the velocity across; ``slow``: slow lines."""
-    every, quickly = [counts(t) for t, _ in found], [fast(t) for t, _ in found]
-    lines = [run for run, own in zip(found, slow, strict=True) if own]
+    """Errors of one estimator where it follows the hand, and how often it does not.
+
+    ``sure``: clouds of fast parts in which the snapshot tells the velocity across; ``slow``: slow lines.
+    """
+    near, quickly = [hand_gain.follows(*run) for run in found], [fast(t) for t, _ in found]
+    lines = [k for k, own in enumerate(slow) if own]
     turns = [value for run in found for value in hand_runs.settling(*run)]
+
+    def where(masks: Sequence[Any]) -> list[Any]:
+        return errors(found, [mask & own for mask, own in zip(masks, near, strict=True)])
+
     return {
-        "rmse_slow_m": rms(errors(lines, [counts(t) for t, _ in lines])),
-        "rmse_m": rms(errors(found, every)),
-        "rmse_floor_m": rms(errors(found, every, 2)),
-        "p95_fast_m": hand_runs.percentile(errors(found, sure)),
-        "p95_fast_everywhere_m": hand_runs.percentile(errors(found, quickly)),
+        "rmse_slow_m": rms(where(near)[k] for k in lines),
+        "rmse_m": rms(where(near)),
+        "rmse_floor_m": rms(errors(found, near, 2)),
+        "p95_fast_m": hand_runs.percentile(where(sure)),
+        "p95_fast_everywhere_m": hand_runs.percentile(where(quickly)),
         "settle_s": float(np.mean(turns)) if turns else float("nan"),
         "settle_p95_s": float(np.percentile(turns, 95)) if turns else float("nan"),
-        "active": float(np.mean(np.concatenate([np.isfinite(f.value)[mask] for (_, f), mask in zip(found, every, strict=True)]))),
+        **hand_gain.lost(found),
     }
 
 
@@ -95,10 +100,11 @@ KNOBS: Final[Mapping[str, Sequence[Any]]] = {
     "extent": (0.04, 0.16),
     "angle_std": (0.06,),
     "rest_speed": (0.1,),
-    "snapshot.spin": (0.0, 5.0),
+    "snapshot.spin": (0.0, 2.5),
     "snapshot.iterations": (1,),
-    "snapshot.spread": (0.06, 0.24),
-    "snapshot.common": (0.0, 0.1),
+    "snapshot.spread": (0.035, 0.14),
+    "snapshot.common": (0.0, 0.05),
+    "snapshot.rest": (0.3, 10.0),
     "snapshot.max_std": (0.3, 1.2),
     "split.gate": (0.25, 0.6),
     "split.gate_sigmas": (3.0, 6.0),
@@ -133,44 +139,120 @@ def slider(found: Runs) -> dict[str, float]:
     return {"value_rmse": rms(wrong), "value_rest_jump": float(np.max(np.concatenate(steps), initial=0.0))}
 
 
-def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
-    """Simulate what is missing, tune, and measure."""
-    store, made, other = HandStore(folder), scenes(quick), tuning_scenes(quick)
-    store.fill([*made, *other], n_jobs=n_jobs, progress=not quick)
-    both = [track(store, one) for one in made]
-    alone = [track(store, one, single=True) for one in made]
-    names = ("linear", "mm_vel_est") if quick else FILTERS
-    tuned = tune([track(store, one) for one in other], names, quick)
-    found = {name: runs(both, config) for name, config in tuned.items()}
-    scripts = [script.name for script in (SCRIPTS[1:2] if quick else SCRIPTS)]
-    slow = [scripts[k % len(scripts)] == "slow line" for k in range(len(made))]
-    sure = [fast(t) & (hand_runs.lateral_std(t, f) <= SURE) for t, f in found["mm_vel_est"]]
-    by_filter = {name: figures_of(one, sure, slow) for name, one in found.items()}
-    single = figures_of(runs(alone, tuned["mm_vel_est"]), sure, slow)
-    best, plain, losses = by_filter["mm_vel_est"], by_filter["linear"], hand_losses.followed(both)
-    result = {
+class Study:
+    """The scenes of a run, simulated where they are missing, and what every filter makes of them, each tuned by the same search."""
+
+    def __init__(self, folder: Path, quick: bool, n_jobs: int) -> None:
+        self.store, self.quick, self.n_jobs = HandStore(folder), quick, n_jobs
+        self.made, other = scenes(quick), tuning_scenes(quick)
+        self.store.fill([*self.made, *other], n_jobs=n_jobs, progress=not quick)
+        self.both, self.scripts = [track(self.store, one) for one in self.made], [script.name for script, _, _ in plan(quick)]
+        name = f"hand_tuned_{sources(_CODE)}{'_quick' if quick else ''}.joblib"
+        self.tuned: dict[str, Searched] = once(folder / name, lambda: self._tune(other))
+        self.configs = {name: one.config for name, one in self.tuned.items()}
+
+    def _tune(self, other: Sequence[Scene]) -> dict[str, Searched]:
+        some = [one for k, one in enumerate(other) if (k + k // len(TUNING)) % 2 == 0]  # every script and every person
+        names, tracked = ("linear", "mm_vel_est") if self.quick else FILTERS, [track(self.store, one) for one in some]
+        return {name: tune(tracked, name, 1 if self.quick else 60) for name in names}
+
+    @cached_property
+    def found(self) -> dict[str, Runs]:
+        """Every filter's hands."""
+        return {name: runs(self.both, config) for name, config in self.configs.items()}
+
+    @cached_property
+    def sure(self) -> list[Any]:
+        """Clouds of fast parts in which the snapshot tells the velocity across, scene by scene."""
+        return [fast(t) & (hand_runs.lateral_std(t, f) <= SURE) for t, f in self.found["mm_vel_est"]]
+
+
+def _gain(study: Study) -> dict[str, Any]:
+    searched = {name: {"tried": one.tried, "inside": one.inside, "rmse_m": one.error} for name, one in study.tuned.items()}
+    return gained(study.found, study.sure, study.scripts) | {
+        "optimum_inside": all(one.inside for one in study.tuned.values()),
+        "tuned": {name: one.knobs() for name, one in study.tuned.items()},
+        "searched": searched,
+        "when": hand_gain.when(study.found),
+    }
+
+
+def _rates(study: Study) -> dict[str, Any]:
+    return {"by_rate": hand_gain.by_rate(study.found, study.configs, ("50 Hz",) if study.quick else tuple(hand_gain.RATES))}
+
+
+def _losses(study: Study) -> dict[str, Any]:
+    found = hand_losses.followed(study.both)
+    return {"hand_followed_at_5pct_lost": found["5"]["followed"], "by_loss": found}
+
+
+def _single(study: Study) -> dict[str, Any]:
+    alone = runs([track(study.store, one, single=True) for one in study.made], study.configs["mm_vel_est"])
+    return {"single_radar": figures_of(alone, study.sure, slow(study.scripts))}
+
+
+def _slider(study: Study) -> dict[str, Any]:
+    sliders = [run for run, name in zip(study.found["mm_vel_est"], study.scripts, strict=True) if name == "slider"]
+    return slider(sliders) if sliders else {}
+
+
+def _clocks(study: Study) -> dict[str, Any]:
+    return {} if study.quick else {"by_clock_ms": by_clock(study.store, study.n_jobs)}
+
+
+def _slow(study: Study) -> dict[str, Any]:
+    return {} if study.quick else {"tuned_for_slow_hands": as_in_the_thesis(study.both)}
+
+
+def _knobs(study: Study) -> dict[str, Any]:
+    some = study.both[::_KNOBS_FROM]
+    return {"choices": rows("hand estimator", study.configs, some) + rows("hand", varied(HandConfig, {} if study.quick else KNOBS), some)}
+
+
+def measure(folder: Path, quick: bool, n_jobs: int, parts: Sequence[str]) -> dict[str, Any]:
+    """Simulate what is missing, tune where no earlier run of the same code did, and measure some parts."""
+    study, result = Study(folder, quick, n_jobs), dict[str, Any](choices=[])
+    for part in parts:
+        result |= PARTS[part](study)
+    return result
+
+
+def slow(scripts: Sequence[str]) -> list[bool]:
+    """Whether each scene is a slow line."""
+    return [name == "slow line" for name in scripts]
+
+
+def gained(found: Mapping[str, Runs], sure: Sequence[Any], scripts: Sequence[str]) -> dict[str, Any]:
+    """Errors of every filter, those of ours over the single filter's on the same clouds, and what the covariance of the track is worth."""
+    by_filter = {name: figures_of(one, sure, slow(scripts)) for name, one in found.items()}
+    best, ratios = by_filter["mm_vel_est"], hand_gain.ratios(hand_gain.paired(found, sure))
+    return {
         "rmse_slow_m": best["rmse_slow_m"],
         "p95_fast_mmvelest_m": best["p95_fast_m"],
-        "p95_fast_ratio": best["p95_fast_m"] / plain["p95_fast_m"],
+        "p95_fast_ratio": ratios["linear"]["ratio"] if ratios else None,
+        "p95_fast_ratio_interval": ratios["linear"]["interval"] if ratios else None,
+        "p95_fast_ratios": ratios,
         "settle_s": best["settle_s"],
         "fast_clouds": int(sum(mask.sum() for mask in sure)),
+        "scenes": len(scripts),
         "by_filter": by_filter,
-        "hand_followed_at_5pct_lost": losses["5"]["followed"],
-        "by_loss": losses,
-        "tuned": {name: {"process_noise": c.estimator.process_noise, "position_std": c.position_std} for name, c in tuned.items()},
         "nees": hand_runs.consistency(found["mm_vel_est"]),
-        "single_radar": single,
         "by_script": {
-            name: rms(errors(found["mm_vel_est"][k :: len(scripts)], [counts(t) for t in both[k :: len(scripts)]]))
-            for k, name in enumerate(scripts)
+            kind: rms(
+                errors([run], [hand_gain.follows(*run)])[0] for run, own in zip(found["mm_vel_est"], scripts, strict=True) if own == kind
+            )
+            for kind in dict.fromkeys(scripts)
         },
     }
-    if not quick:
-        result |= slider([run for k, run in enumerate(found["mm_vel_est"]) if scripts[k % len(scripts)] == "slider"])
-        result["by_clock_ms"] = by_clock(store, n_jobs)
-        result["tuned_for_slow_hands"] = as_in_the_thesis(both)
-    chosen = {"linear": tuned["linear"], **{name: tuned[name] for name in names if name != "linear"}}
-    return {**result, "choices": rows("hand estimator", chosen, both) + rows("hand", varied(HandConfig, {} if quick else KNOBS), both)}
+
+
+def _snapshots(study: Study) -> dict[str, Any]:
+    """How far velocities of snapshots are off, over what they say, in the measured scenes with the default configuration."""
+    judged = judge(runs(study.both, HandConfig()))
+    every = nees(judged)
+    return {"nees_scenes": every["nees"], "nees_scenes_interval": every["interval"], "snapshots": scene_figures(judged)} | (
+        {} if study.quick else {"snapshots_by": tables(judged, DISTANCES)}
+    )
 
 
 def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:
@@ -179,8 +261,7 @@ def by_clock(store: HandStore, n_jobs: int) -> dict[str, dict[str, float]]:
     Returns for each offset ``rmse_m`` and ``p95_fast_m`` of radars that start their frames by their own clocks, so that clouds with the
     same stamp were measured at different times; ``rmse_stamps_m`` where both measure at the same time and only stamps are wrong.
     """
-    kinds = [script for script in SCRIPTS if script.name in ("fast line", "circle")]
-    drawn = [(script, seed, far) for seed, far in enumerate(DISTANCES, 1) for script in kinds]
+    drawn = [one for one in plan(quick=False) if one[0].name in ("fast line", "circle")][:_CLOCK_SCENES]
     made, found = [scene(*one) for one in drawn], {}
     for offset in CLOCKS:
         late = [scene(*one, offset=made[0].radars[1].trigger_offset + offset * 1e-3) for one in drawn]
@@ -213,18 +294,29 @@ def as_in_the_thesis(tracked: Sequence[Tracked]) -> dict[str, dict[str, float]]:
     return found
 
 
-def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+PARTS: Final[Mapping[str, Callable[[Study], dict[str, Any]]]] = {
+    "gain": _gain, "losses": _losses, "snapshots": _snapshots, "rates": _rates, "single": _single, "slider": _slider, "clocks": _clocks,
+    "slow": _slow, "knobs": _knobs,
+}  # fmt: skip
+
+
+def run(quick: bool = False, keep: Path | None = None, parts: str = "") -> dict[str, Any]:
     """Follow hands.
 
     ``quick``: one scene and one to tune on, bodies of ellipsoids: to see that it runs; ``keep``: folder for the simulated clouds; None:
-    they are thrown away.
+    they are thrown away; ``parts``: some of `PARTS`, with commas between; empty: all.
     Returns ``rmse_slow_m`` (slow lines), ``p95_fast_mmvelest_m`` and ``p95_fast_ratio`` (to the single Kalman filter; fast parts in which
-    the snapshot tells the velocity across to `SURE`), ``settle_s`` after a reversal; the same and more for every estimator, each tuned by
-    the same search, and for one radar; ``value_rmse`` and ``value_rest_jump`` of the control value; ``by_clock_ms``;
-    ``tuned_for_slow_hands``; ``choices``.
+    the snapshot tells the velocity across to `SURE`, and all follow the hand) with its interval by scenes, ``optimum_inside`` of the
+    search, ``settle_s`` after a reversal; the same and more for every estimator, each tuned by the same search, and for one radar; errors
+    are those of clouds at which the hand is followed, ``lost`` is the share of the others; ``when`` by speed and distance; ``by_rate``;
+    ``hand_followed_at_5pct_lost``; ``nees_scenes`` of single snapshots; ``value_rmse`` and ``value_rest_jump`` of the control value;
+    ``by_clock_ms``; ``tuned_for_slow_hands``; ``choices``.
     """
+    chosen = parts.split(",") if parts else list(PARTS)
+    if unknown := set(chosen) - PARTS.keys():
+        raise ConfigError(f"hand has no part {', '.join(sorted(unknown))}; parts: {', '.join(PARTS)}")
     with kept(keep) as folder:
-        return measure(folder, quick, 1 if quick else os.cpu_count() or 1)
+        return measure(folder, quick, 1 if quick else os.cpu_count() or 1, chosen)
 
 
 _TRIGGER, _COUNTED = 0.8, 1.3  # s: the hand is followed from there on; its errors count from there on

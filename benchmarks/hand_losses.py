@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.hand_gain import NEAR
 from benchmarks.hand_runs import DISTANCES, SCRIPTS, HandStore, MaskArray, Tracked, counts, follow, residual, rms, scene, track
 from benchmarks.stores import kept
 
-_NEAR: Final = 0.25  # m: a track within that of the hand follows it
 _RUN: Final = 10  # clouds that are lost together
 LOSSES: Final = {"0": (0.0, 1), "5": (0.05, 1), "10": (0.1, 1), "20": (0.2, 1), "5_in_tens": (0.05, _RUN)}
 """Share of clouds that are lost, and how many of them in a row, by name."""
@@ -40,8 +40,8 @@ def followed(every: Sequence[Tracked]) -> dict[str, Any]:
         for number, tracked in enumerate(every):
             rest = without(tracked, lost(len(tracked.time), share, row, number))
             error = residual(rest, follow(rest))[counts(rest)]
-            shares.append(float((error < _NEAR).mean()))
-            errors.append(error[error < _NEAR])
+            shares.append(float((error < NEAR).mean()))
+            errors.append(error[error < NEAR])
         drawn = np.random.default_rng(0).choice(shares, size=(1000, len(shares))).mean(axis=1)
         found[name] = {
             "followed": float(np.mean(shares)),

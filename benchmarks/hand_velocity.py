@@ -4,114 +4,33 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from benchmarks import velocity_room
 from benchmarks.hand import scenes
-from benchmarks.hand_runs import BASELINE, DISTANCES, Followed, HandStore, Tracked, counts, follow, rms, track
+from benchmarks.hand_runs import DISTANCES, HandStore, Tracked, counts, follow, rms, track
+from benchmarks.hand_snapshots import judge, scene_figures, tables
 from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
-from benchmarks.velocity_room import Errors, Hand, draw, draws, estimate, forearm, in_view, mounts, ratios, summary
+from benchmarks.velocity_room import Errors, Hand, draw, draws, estimate, forearm, mounts, ratios, summary
 from radar_core.config import load
 from radar_tracking import HandConfig
 from radar_tracking.estimators import Snapshot, SnapshotConfig
 
 Float64Array = NDArray[np.float64]
 
-SPEEDS: Final = {"below 0.3 m/s": (0.0, 0.3), "0.3 to 1 m/s": (0.3, 1.0), "above 1 m/s": (1.0, np.inf)}  # classes of true speed [m/s]
-_WINDOW: Final = 5  # clouds over which the place of the visible hand is differentiated
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """Snapshots of clouds that count, against the truth."""
-
-    # error, visible: shape (n, 3): along the snapshot's own axes, the best known first: estimate minus the velocity of the hand's joint,
-    # and minus that of the centroid of what is seen of the hand [m/s]; NaN: not told
-    error: Float64Array
-    visible: Float64Array
-    std: Float64Array  # shape (n, 3): what the snapshot says of the error [m/s]
-    # speed, distance: shape (n,): of the hand [m/s], and from the middle between the radars [m]
-    speed: Float64Array
-    distance: Float64Array
-    alone: NDArray[np.bool_]  # shape (n,): whether there was one point only, which nothing can test
-
-    def select(self, mask: NDArray[np.bool_]) -> Judged:
-        """Keep some clouds."""
-        return Judged(*(getattr(self, field.name)[mask] for field in dataclasses.fields(self)))
-
-
-def judge(runs: Sequence[tuple[Tracked, Followed]]) -> Judged:
-    """Compare all snapshots of hands within the common field of view."""
-    return _join([_judge(tracked, followed) for tracked, followed in runs])
-
-
-def _judge(tracked: Tracked, followed: Followed) -> Judged:
-    sensors = mounts(BASELINE)
-    step = float(np.median(np.diff(tracked.time)))
-    visible = savgol_filter(tracked.hand, _WINDOW, 2, deriv=1, delta=step, axis=0)
-    use = counts(tracked) & in_view(tracked.hand, sensors) & np.array([found is not None for found in followed.snapshots])
-    index = np.flatnonzero(use)
-    rows = []
-    for k in index:
-        found = followed.snapshots[k]
-        assert found is not None
-        alone = np.count_nonzero(np.isfinite(found.weight)) < 2
-        rows.append((found.along - found.axes @ tracked.velocity[k], found.along - found.axes @ visible[k], found.std, alone))
-    error, seen, std = (np.array([row[part] for row in rows]).reshape(-1, 3) for part in range(3))
-    speed = np.linalg.norm(tracked.velocity[index], axis=1)
-    distance = np.linalg.norm(tracked.hand[index] - sensors.mean(axis=0), axis=1)
-    return Judged(error, seen, std, speed, distance, np.array([row[3] for row in rows], np.bool_))
-
-
-def _join(parts: Sequence[Judged]) -> Judged:
-    return Judged(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in dataclasses.fields(Judged)))
-
-
-def scene_figures(found: Judged) -> dict[str, float]:
-    """NEES along the two best axes, errors (rms), and how often each axis is told; ``several``: of snapshots of more than one point."""
-    made: dict[str, float] = {"clouds": len(found.speed), "alone": int(found.alone.sum())}
-    for axis, name in enumerate(("first", "second")):
-        told = np.isfinite(found.error[:, axis])
-        made[f"told_{name}"] = float(told.mean()) if len(told) else float("nan")
-        if not told.any():
-            continue
-        error, std = found.error[told, axis], found.std[told, axis]
-        made[f"nees_{name}"] = float(np.mean((error / std) ** 2))
-        made[f"nees_{name}_several"] = float(np.mean(((error / std) ** 2)[~found.alone[told]]))
-        made[f"nees_{name}_visible"] = float(np.mean((found.visible[told, axis] / std) ** 2))
-        made[f"largest_{name}"] = float(np.max(np.abs(error / std)))
-        made[f"rms_{name}_m_s"] = float(np.sqrt(np.mean(error**2)))
-    return made
-
-
-def tables(found: Judged, distances: Sequence[float]) -> dict[str, dict[str, dict[str, float]]]:
-    """Give the figures over distance and over speed."""
-    edges = [0.0, *((a + b) / 2 for a, b in itertools.pairwise(distances)), np.inf]
-    near = {f"{far:g} m": edge for far, edge in zip(distances, itertools.pairwise(edges), strict=True)}
-    made: dict[str, dict[str, dict[str, float]]] = {}
-    for title, value, classes in (("distance", found.distance, near), ("speed", found.speed, SPEEDS)):
-        made[title] = {}
-        for name, (low, high) in classes.items():
-            if (own := (value >= low) & (value < high)).any():
-                made[title][name] = scene_figures(found.select(own))
-    return made
-
 
 def knobs() -> dict[str, HandConfig]:
     """Give the defaults, which stand first, and what else could be believed of the errors of range rates."""
-    one = {"spread": (0.12, 0.06), "common": (0.03, 0.1), "spin": (1.5, 5.0), "huber": (1.5,), "iterations": (1,)}
+    one = {"spread": (0.05, 0.1), "common": (0.0, 0.05), "spin": (1.0, 2.5), "rest": (0.3, 10.0), "huber": (1.5,), "iterations": (1,)}
     changes: list[dict[str, float]] = [{knob: value} for knob, values in one.items() for value in values]
-    changes = [{}, *changes, {"common": 0.03, "spin": 1.5}]
+    changes = [{}, *changes, {"spread": 0.08, "common": 0.05, "spin": 2.5, "rest": 1e3}]  # the last: until the noise was measured
     return {
         ", ".join(f"{knob}={value:g}" for knob, value in own.items()) or "default": load(HandConfig, {"snapshot": own}) for own in changes
     }

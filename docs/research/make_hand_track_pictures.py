@@ -23,20 +23,20 @@ import matplotlib.pyplot as plt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the benchmarks are not installed
 
-from benchmarks.hand import configured
-from benchmarks.hand_runs import DISTANCES, SCRIPTS, SETTLED, Followed, HandStore, Tracked, counts, follow, residual, scene, track
+from benchmarks.hand import plan
+from benchmarks.hand_runs import DISTANCES, SETTLED, Followed, HandStore, Tracked, counts, follow, residual, scene, track
+from benchmarks.hand_search import configured
 from radar_tracking import HandConfig
 
 COLOURS = {"linear": "#E69F00", "mm_vel_est": "#0072B2"}  # Okabe and Ito: told apart by everybody
 NAMES = {"linear": "Kalman filter", "mm_vel_est": "MMVelEst"}
-SEED = 3
+DISTANCE = DISTANCES[2]  # m
 _LABELS = ("x (depth) [m]", "y (across) [m]", "z (height) [m]")
 
 
-def scene_of(store: HandStore, name: str, seed: int = SEED) -> Tracked:
+def scene_of(store: HandStore, name: str) -> Tracked:
     """Tracked clouds of one of the benchmark's scenes."""
-    script = next(one for one in SCRIPTS if one.name == name)
-    return track(store, scene(script, seed, DISTANCES[seed - 1]))
+    return track(store, scene(*next(one for one in plan(quick=False) if one[0].name == name and one[2] == DISTANCE), "mesh"))
 
 
 def positions(store: HandStore, tuned: Mapping[str, Any], path: Path) -> None:

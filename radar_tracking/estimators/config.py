@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, get_args
 
 from radar_core import ConfigError
@@ -50,11 +51,20 @@ class EstimatorConfig:
 
 @config
 class SnapshotConfig:
-    """How the velocity of a hand is estimated from range rates."""
+    """How the velocity of a hand is estimated from range rates.
 
-    spread: float = knob(0.08, unit="m/s", low=0.0, high=5.0, doc="how far range rates of points of one hand differ for reasons unknown")
-    common: float = knob(0.05, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common")
-    spin: float = knob(2.5, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand turns while it moves; 0: it is a point")
+    `spread`, `common`, `spin` and `rest` are maximum-likelihood estimates from range rates of simulated hands whose velocity is known:
+    docs/research/tracking.md. What errs comes from the hand's turning, and a hand that moves faster turns faster.
+    """
+
+    spread: float = knob(0.07, unit="m/s", low=0.0, high=5.0, doc="how far rates of points of a hand at 1 m/s differ for reasons unknown")
+    common: float = knob(0.01, unit="m/s", low=0.0, high=5.0, doc="error that all points of one radar have in common, at 1 m/s")
+    spin: float = knob(1.25, unit="rad/s", low=0.0, high=100.0, doc="how fast a hand at 1 m/s turns; 0: it is a point")
+    rest: float = knob(0.9, unit="m/s", low=1e-3, high=1e3, doc="these three grow with the speed of a hand that is faster than about this")
     huber: float = knob(2.0, low=0.1, high=100.0, doc="points farther off than this many standard deviations count less and less")
     iterations: int = knob(4, low=1, high=50, doc="rounds of weighing and solving; 1: no point is an outlier")
     max_std: float = knob(0.6, unit="m/s", low=1e-3, high=100.0, doc="axes along which the velocity is less certain are not given")
+
+    def factor(self, speed: float | None) -> float:
+        """How large `spread`, `common` and `spin` are at a speed [m/s], over those at 1 m/s; None: it is not known, and taken for that."""
+        return 1.0 if speed is None else math.hypot(speed, self.rest) / math.hypot(1.0, self.rest)

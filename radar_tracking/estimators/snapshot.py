@@ -91,12 +91,14 @@ class Snapshot:
         offset: Float64Array | None = None,
         sensor: NDArray[np.integer] | None = None,
         amplitude: Float64Array | None = None,
+        speed: float | None = None,
     ) -> SnapshotVelocity:
         """Estimate the velocity at the place from which ``offset`` counts, by weighted least squares.
 
         The model of point i is ``rate = u.v + u.(w x offset) + b + e`` with its direction u, the velocity v, a turn rate w of standard
         deviation `spin` about every axis, b of `common` for each sensor, and e of ``rate_std`` and `spread`. Turn rate and b belong to the
-        noise, so that a single point and a single sensor are no special cases. ``e`` is weighed anew in every round (Huber 1964), by how
+        noise, so that a single point and a single sensor are no special cases. Its three deviations grow with the target's ``speed``
+        (`SnapshotConfig.factor`). ``e`` is weighed anew in every round (Huber 1964), by how
         far the point is from what the others foretell of it (deletion residuals: Belsley, Kuh and Welsch 1980, section 2.1).
 
         Parameters
@@ -114,20 +116,26 @@ class Snapshot:
             Which sensor saw each; None: one.
         amplitude : ndarray of float64, shape (n_points,), or None
             Relative amplitudes: a strong echo is the mean of much of the hand, its `spread` is less. None: all alike.
+        speed : float or None
+            How fast the target is about, as a track foretells it [m/s]; None: not known, 1 m/s.
 
         Raises
         ------
         DataError
-            When shapes differ, a direction is neither a unit vector nor zero, or the error of a measured rate is not positive and finite.
+            When shapes differ, a direction is neither a unit vector nor zero, the error of a measured rate is not positive and finite, or
+            the speed is negative or not finite.
         """
         direction, rate, rate_std = (np.asarray(given, np.float64) for given in (direction, rate, rate_std))
         n, d = direction.shape
         known = self._check(direction, rate, rate_std, offset, sensor, amplitude)
+        if speed is not None and not 0.0 <= speed < np.inf:
+            raise DataError(f"speed is {speed} m/s; give one that is finite and not negative, or None")
+        faster = self.config.factor(speed)
         weight = np.full(n, np.nan)
         if not known.any():
             return SnapshotVelocity(np.eye(d), np.full(d, np.nan), np.full(d, np.inf), 0, np.inf, weight)
-        U, own = direction[known], self.config.spread / np.sqrt(_relative(amplitude, known))
-        nuisance = self._nuisance(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
+        U, own = direction[known], faster * self.config.spread / np.sqrt(_relative(amplitude, known))
+        nuisance = faster * self._nuisance(U, None if offset is None else offset[known], None if sensor is None else sensor[known])
         axes, std, along, weight[known] = self._solve(U, rate[known], np.hypot(rate_std[known], own), nuisance)
         told = std <= self.config.max_std
         along[~told] = np.nan

@@ -36,11 +36,11 @@ class HandMeter:
         self._config = config
         self._snapshot: Snapshot | None = None
 
-    def process(self, points: Candidates, body: Float64Array, near: Float64Array) -> HandMeasurement:
+    def process(self, points: Candidates, body: Float64Array, near: Float64Array, speed: float | None = None) -> HandMeasurement:
         """Measure the weighted centroid of the hand's points, at least one, and its velocity.
 
         ``body``, shape (3,) [m], is where the person is, ``near``, shape (3,) [m], about where the hand is: points farther out that way
-        from the shoulder count more, for the hand is the arm's end.
+        from the shoulder count more, for the hand is the arm's end. ``speed`` is about how fast the hand is [m/s]; None: not known.
         """
         along = outward(points.position, body, near)
         share = points.amplitude * np.exp((along - along.max()) / self._config.hand_length)
@@ -52,9 +52,9 @@ class HandMeter:
 
             self._snapshot = Snapshot(self._config.snapshot)
         found = self._snapshot.process(
-            points.direction, points.rate, points.rate_std, offset=offset, sensor=points.sensor, amplitude=points.amplitude
+            points.direction, points.rate, points.rate_std, offset=offset, sensor=points.sensor, amplitude=points.amplitude, speed=speed
         )
-        rate, variance, origin = self._rate(points, share, place)
+        rate, variance, origin = self._rate(points, share, place, self._config.snapshot.factor(speed))
         state = VelocityMeasurement(
             place[None], covariance[None], rate, variance, origin[None],
             found.along[None], np.diag(np.where(np.isnan(found.along), np.nan, found.std**2))[None], found.axes[None],
@@ -80,8 +80,13 @@ class HandMeter:
             covariance[axes, axes] += (part**2 * errors[rows, axes, axes].T).sum(-1) + alone * extent * np.eye(value.shape[1])
         return place, symmetrise(covariance)
 
-    def _rate(self, points: Candidates, share: Float64Array, place: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Range rate (1,) from the sensor that sees most of the hand, its variance (1,), and a place 1 m back that way, shape (3,) [m]."""
+    def _rate(
+        self, points: Candidates, share: Float64Array, place: Float64Array, faster: float
+    ) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Range rate (1,) from the sensor that sees most of the hand, its variance (1,), and a place 1 m back that way, shape (3,) [m].
+
+        ``faster``: by how much its errors are larger than those of a hand at 1 m/s.
+        """
         known = ~np.isnan(points.rate)
         if not known.any():
             return np.full(1, np.nan), np.ones(1), place - np.array([1.0, 0.0, 0.0])
@@ -89,7 +94,7 @@ class HandMeter:
         own = known & (points.sensor == sensor)
         part = share[own] / share[own].sum()
         config = self._config.snapshot
-        variance = config.common**2 + float((part**2) @ (points.rate_std[own] ** 2 + config.spread**2))
+        variance = (faster * config.common) ** 2 + float((part**2) @ (points.rate_std[own] ** 2 + (faster * config.spread) ** 2))
         direction = part @ points.direction[own]
         length = float(np.linalg.norm(direction))
         if length < _LEAST_AGREEMENT:  # points all around their sensor: the mean of their rates is nobody's rate

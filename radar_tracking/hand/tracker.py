@@ -240,8 +240,9 @@ class HandTracker:
 
     def _correct(self, points: Candidates) -> None:
         """Take in the points of the hand; begin anew with them when there is no hand yet."""
-        near = _middle(points, self._body[2]) if self._belief is None else self._kinematics()[0][:3]
-        self._measured = self._meter.process(points, self._body, near)
+        mean = None if self._belief is None else self._kinematics()[0]
+        near, speed = (_middle(points, self._body[2]), None) if mean is None else (mean[:3], float(np.linalg.norm(mean[3:])))
+        self._measured = self._meter.process(points, self._body, near, speed)
         if self._belief is None:
             self._belief, self._lately = self._estimator.start(self._measured.state, self.config.start_speed), None
         self._belief, _ = self._estimator.update(self._belief, self._measured.state)
