@@ -13,6 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from radar_app.watching.latency import Done, latencies
 from radar_app.watching.listener import Listener
 from radar_app.watching.people import is_gesture, is_person, place
 from radar_app.watching.room_map import RoomMap, style_of
@@ -26,6 +27,8 @@ _WIDTH: Final = 80  # columns of the display
 _MAP: Final = (34, 14)  # columns and lines of the map
 _PEOPLE: Final = 6  # most that have a line of their own
 _GESTURES: Final = 4
+_NODES: Final = 6
+_KEPT: Final = 1000  # reports of stages: some seconds
 _STAGES: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence")
 
 
@@ -54,7 +57,7 @@ class Monitor(Listener):
     latencies : list of float
         From a frame's publication to the arrival of its tracks here, on CLOCK_MONOTONIC [s].
     frames, skipped : int
-        Frames that the driver has published, and left out, since the first one heard of.
+        Frames that the driver has published, and left out, since the first one heard of; of radars that are fused, their fused clouds.
     received : int
         Frames that the track arrays which arrived here stand for.
     gestures : deque of (int, str, float)
@@ -78,6 +81,7 @@ class Monitor(Listener):
         self._map = RoomMap()
         self._seen: deque[tuple[float, int, str, float]] = deque(maxlen=_GESTURES)  # gestures with when they arrived
         self._first_ns = self._last_ns = 0  # stamps of frames
+        self._reports: deque[Done] = deque(maxlen=_KEPT)
         self._published: dict[int, int] = {}
         self._arrived: dict[int, int] = {}
         self.hear_each("stage_status", self._status, reliable=True)
@@ -99,7 +103,10 @@ class Monitor(Listener):
         stage.processed, stage.dropped = msg.processed, msg.dropped
         stage.times.append(time.monotonic())
         stage.compute.append(msg.compute_s)
-        if msg.stage == "driver" and not below:
+        self._reports.append(Done(f"{below}/{msg.stage}".strip("/"), msg.sequence, stamp, msg.monotonic_ns))
+        if msg.stage == "fusion" and not below:
+            self.frames, self.skipped = msg.processed, msg.dropped
+        elif msg.stage == "driver" and not below:
             self.frames, self.skipped = msg.processed, msg.dropped
             self._first_ns, self._last_ns = min(self._first_ns or stamp, stamp), stamp
             self._published[msg.sequence] = msg.monotonic_ns
@@ -165,8 +172,8 @@ class Monitor(Listener):
     def line(self) -> str:
         """Say in one line what the display shows, for logs."""
         parts = [f"{self.frames} frames" if self.frames else "no frames yet", f"{len(self.people)} people"]
-        if self.latencies:
-            parts.append(f"{np.median(self.latencies[-50:]) * 1e3:.1f} ms from frame to people")
+        if recent := self._recent():
+            parts.append(f"{np.median(recent[-50:]) * 1e3:.1f} ms from frame to people")
         if self.hand is not None:
             parts.append(f"hand at {self.hand.value:.0%}")
         if self.gestures:
@@ -213,14 +220,21 @@ class Monitor(Listener):
             table.add_column(Text(column), justify="right" if column else "left")  # as text: square brackets are markup
         now = time.monotonic()
         known = [name for stage in _STAGES for name in sorted(self.stages) if name.rpartition("/")[2] == stage]
-        for name in known[:6]:
+        for name in known[:_NODES]:
             stage = self.stages[name]
             compute = f"{np.median(stage.compute) * 1e3:.2f}" if stage.compute else ""
             state = Text("no data any more", style="bold red") if stage.stale else Text()
             table.add_row(name, f"{stage.rate(now):.0f}", compute, str(stage.dropped), state)
-        recent = self.latencies[-100:]
-        latency = f"{np.median(recent) * 1e3:.1f} ms from frame to people" if recent else ""
-        return Group(table, Text(latency))
+        recent = self._recent()
+        said = [f"{np.median(recent) * 1e3:.1f} ms from frame to people"] if recent else []
+        said += [f"{len(known) - _NODES} more nodes: handwave status"] if len(known) > _NODES else []
+        return Group(table, Text("; ".join(said)))
+
+    def _recent(self) -> list[float]:
+        """Give the latest latencies [s]; those of fused radars by what the stages report."""
+        if "fusion" not in self.stages:
+            return self.latencies[-100:]
+        return [each.late_ns * 1e-9 for each in latencies(self._reports).get("tracking", [])[-100:]]
 
     def _nothing(self) -> str:
         """Say where there is something, when nothing is here."""

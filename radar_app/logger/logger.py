@@ -225,7 +225,8 @@ def cut_event(event: EventMaps, history: History, config: LoggerConfig) -> Logge
     if not clouds:
         return "its clouds did not come, or time went back"
     if len(history.radars) != 1:
-        return f"the radar must be one, these are {', '.join(sorted(history.radars)) or 'none'}; log one of them with --namespace"
+        names = ", ".join(sorted(history.radars)) or "none"
+        return f"the radar must be one, these are {names}; log one of them with --namespace, or, where they are fused, a graph of one"
     (info,) = history.radars.values()
     half = info.waveform.acquisition_ns // 2  # a cloud's stamp is in the middle of its frame's acquisition
     frames = [entry.value for entry in history.frames if first <= entry.value.stamp_ns + half <= last]

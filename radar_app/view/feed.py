@@ -16,6 +16,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 import numpy as np
 
 from radar_app.view.records import EventMaps, NodeHealth, RangeDoppler, StageFigures, StageReport
+from radar_app.watching.latency import Latency, latencies
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_gestures.recognizer import Gesture
 from radar_tracking.tracks import HandTrack, Tracks, TrackStatus
@@ -190,11 +191,10 @@ class Snapshot:
         zones: ZoneStates | None = self.last("zones")
         return zones
 
-    @property
-    def range_doppler(self) -> RangeDoppler | None:
-        """The last range-Doppler map of the last two seconds."""
-        found = self.past("range_doppler", 2.0)
-        return found[-1].value if found else None
+    @cached_property
+    def range_doppler(self) -> dict[str, RangeDoppler]:
+        """The last range-Doppler map of every radar in the last two seconds, by the radar's frame."""
+        return {entry.value.frame_id: entry.value for entry in self.past("range_doppler", 2.0)}
 
     @property
     def health(self) -> dict[str, NodeHealth]:
@@ -208,21 +208,19 @@ class Snapshot:
         recent: dict[str, list[StageReport]] = {name: [] for name in last}
         for entry in self.past("status", _WHILE * 1e-9):
             recent[entry.value.stage].append(entry.value)
-        return tuple(_figures(last[name], recent) for name in last)
+        late = latencies(report for reports in recent.values() for report in reports)
+        return tuple(_figures(last[name], recent[name], late.get(name, ())) for name in last)
 
 
 def _stamp(entry: Entry[Any]) -> int:
     return entry.stamp_ns
 
 
-def _figures(last: StageReport, recent: Mapping[str, Sequence[StageReport]]) -> StageFigures:
-    """Figures of one stage from the reports of the last while, of every stage."""
-    own = [] if last.stale else recent[last.stage]
-    place, slash, _ = last.stage.rpartition("/")
-    sent = {report.sequence: report.monotonic_ns for report in recent.get(f"{place}{slash}driver", ())}
-    late = [report.monotonic_ns - sent[report.sequence] for report in own if report.sequence in sent]
+def _figures(last: StageReport, recent: Sequence[StageReport], late: Sequence[Latency]) -> StageFigures:
+    """Figures of one stage from its reports of the last while."""
+    own = [] if last.stale else recent
     compute = float(np.median([report.compute for report in own])) if own else float("nan")
-    latency = float(np.median(late)) * 1e-9 if late else float("nan")
+    latency = float(np.median([each.late_ns for each in late])) * 1e-9 if own and late else float("nan")
     return StageFigures(last.stage, len(own) / (_WHILE * 1e-9), compute, latency, last.dropped, last.stale)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from bokeh.plotting import figure
 from radar_app.view.feed import Feed, Snapshot
 from radar_app.view.maps import MAX_SPEED, PersonMaps
 from radar_app.view.pictures import Pictures
+from radar_app.view.records import RangeDoppler
 from radar_app.view.style import CARD, FAINT, FIELD, FONT, HEAT, both_sides, mapper, plot
 from radar_core.types import Float32Array
 from radar_gestures.maps import FeatureMaps
@@ -26,7 +28,15 @@ _ANGLES: Final = 60.0  # degrees to either side that colours reach
 
 
 class RangeDopplerPanel:
-    """The range-Doppler map of a radar; raw frames come only while it is there."""
+    """The range-Doppler map of a radar, of several the one that is chosen; raw frames come only while it is there.
+
+    Attributes
+    ----------
+    figure : figure
+        The map.
+    choice : Select
+        Of which radar; not seen where there is only one.
+    """
 
     def __init__(self, feed: Feed, pictures: Pictures) -> None:
         self._pictures = pictures
@@ -40,10 +50,15 @@ class RangeDopplerPanel:
         colours = mapper(HEAT, 0.0, 45.0)
         _draw(self.figure, "image", self._source, colours)
         _bar(self.figure, colours, "dB")
+        self.choice = Select(title="of which radar", name="range_doppler_radar", visible=False, width=200, stylesheets=[FIELD])
+        self.choice.on_change("value", pictures.look_again)
+        self._offered = ""
 
     def update(self, now: Snapshot) -> None:
         """Show the map of a moment."""
-        found = now.range_doppler
+        maps = now.range_doppler
+        self._offer(maps)
+        found = maps.get(self.choice.value)
         if found is self._shown:
             return
         self._shown = found
@@ -53,6 +68,15 @@ class RangeDopplerPanel:
         self._across.update(start=-found.max_speed, end=found.max_speed)
         self._up.update(start=0.0, end=found.max_range)
         self._pictures.put(self._source, _image(found.power, -found.max_speed, 0.0, 2 * found.max_speed, found.max_range))
+
+    def _offer(self, maps: Mapping[str, RangeDoppler]) -> None:
+        """Let the user choose among the radars that were ever heard of."""
+        known = sorted({*self.choice.options, *maps})
+        if known != self.choice.options:
+            self.choice.options = known
+            if self.choice.value == self._offered:  # nobody has chosen yet
+                self._offered = self.choice.value = known[0]
+            self.choice.visible = len(known) > 1
 
     def close(self) -> None:
         """Want no more frames."""
@@ -123,6 +147,7 @@ class PersonPanel:
             width=330,
             stylesheets=[FIELD],
         )
+        self.choice.on_change("value", pictures.look_again)
         self._images = MapFigures("", Range1d(start=-_SECONDS, end=0.0), pictures)
         self.figures = self._images.figures
 

@@ -41,7 +41,8 @@ def _zone(msg: Any, area: Area | None) -> ZoneState:
 def report_from_msg(msg: Any, place: str = "") -> StageReport:
     """Take a stage's report out of a message; ``place`` is the namespace of its radar: left."""
     stage = f"{place}/{msg.stage}" if place else msg.stage
-    return StageReport(stage, msg.sequence, msg.processed, msg.dropped, msg.compute_s, msg.monotonic_ns, bool(msg.stale))
+    stamp = from_time(msg.header.stamp)
+    return StageReport(stage, msg.sequence, msg.processed, msg.dropped, msg.compute_s, msg.monotonic_ns, bool(msg.stale), stamp)
 
 
 def health_from_msg(msg: Any) -> list[NodeHealth]:

@@ -156,7 +156,7 @@ class Page:
         if not self._pictures.ready:
             return
         moment = self.bar.moment()
-        seen = (moment.history.number, moment.stamp_ns, self._panels.active)
+        seen = (moment.history.number, moment.stamp_ns, self._panels.active, self._pictures.asked)
         self.bar.update(moment, self._source.note)
         if seen != self._seen:
             self._seen = seen

@@ -33,12 +33,18 @@ class Pictures:
     """Collects what changes, and sends it when the browser has drawn what it was sent before.
 
     Data sources and texts that are made here are filled in the browser; on this side they stay as they were made.
+
+    Attributes
+    ----------
+    asked : int
+        How often the user has asked for another picture of the same moment.
     """
 
     def __init__(self) -> None:
         self._places: dict[str, ColumnDataSource | Div] = {}
         self._changes: dict[str, list[Any]] = {}
         self._texts: dict[str, str] = {}
+        self.asked = 0
         self._sent = ColumnDataSource(data={"n": [0]}, name="sent")
         self._drawn = ColumnDataSource(data={"n": [0]}, name="drawn")
 
@@ -72,6 +78,10 @@ class Pictures:
         self._sent.js_on_change("data", CustomJS(args=places, code=_SHOW))
         document.add_root(self._sent)
         document.add_root(self._drawn)
+
+    def look_again(self, _attr: str, _old: Any, _new: Any) -> None:
+        """Ask for another picture of the same moment; for widgets, which also choose while time stands still."""
+        self.asked += 1
 
     @property
     def ready(self) -> bool:

@@ -18,6 +18,7 @@ from radar_app.view.pictures import Pictures
 from radar_app.view.style import ACCENT, BAD, FONT, GOOD, GROUND, LINE, NOBODY, PEOPLE, TEXT, colour, plot
 from radar_core import RadarInfo
 from radar_core.types import Float64Array
+from radar_tracking.fusion.clouds import sensors
 from radar_tracking.tracks import Tracks, TrackStatus
 from radar_tracking.zones import Presence, ZoneStates
 from radar_tracking.zones.area import Kind
@@ -76,6 +77,7 @@ class Plan:
         f.patches("y", "x", source=s["zones"], fill_color="colour", fill_alpha="alpha", line_color="colour", line_width=1.5)
         f.add_layout(_labels(s["zone_labels"], text_color="colour", text_font_size="12px", text_font_style="bold"))
         f.scatter("y", "x", source=s["radars"], marker="inverted_triangle", size=14, fill_color=TEXT, line_color=GROUND)
+        f.add_layout(_labels(s["radars"], text_color=TEXT, text_font_size="12px", y_offset=9))
         f.multi_line("y", "x", source=s["trails"], line_color="colour", line_width=2.5, line_alpha="alpha", line_cap="round")
         whose: Any = {"field": "who", "transform": LinearColorMapper(palette=[*PEOPLE, NOBODY], low=-0.5, high=len(PEOPLE) + 0.5)}
         f.scatter("y", "x", source=s["points"], size="size", fill_color=whose, fill_alpha="alpha", line_color=None)
@@ -109,10 +111,12 @@ class Plan:
             self._told[name] = value
             show(value)
 
-    def _show_radars(self, radars: Sequence[RadarInfo]) -> None:
+    def _show_radars(self, known: Sequence[RadarInfo]) -> None:
+        radars = sensors(known)
         views = [_view(radar) for radar in radars if radar.array.fov_azimuth > 0]
         self._put("views", {"x": [view[:, 0].tolist() for view in views], "y": [view[:, 1].tolist() for view in views]})
-        self._put("radars", {"x": [radar.mount.x for radar in radars], "y": [radar.mount.y for radar in radars]})
+        names = [radar.frame_id.rpartition("/")[0] if len(radars) > 1 else "" for radar in radars]
+        self._put("radars", {"x": [radar.mount.x for radar in radars], "y": [radar.mount.y for radar in radars], "text": names})
         if views:
             corners = np.concatenate(views)
             low, high = corners.min(axis=0), corners.max(axis=0)
@@ -121,8 +125,10 @@ class Plan:
         self._fit()
 
     def _show_rings(self, radars: Sequence[RadarInfo]) -> None:
-        """Draw how far it is from the first radar, metre by metre."""
-        if not radars:
+        """Draw how far it is from the radar, metre by metre; from several they would only confuse."""
+        if len(radars) != 1:
+            self._put("rings", _EMPTY["rings"])
+            self._put("ring_labels", _EMPTY["ring_labels"])
             return
         reach, step = _reach(radars[0]), 1.0 if _reach(radars[0]) < 9 else 2.0
         distances = np.arange(step, reach + 0.01, step)
@@ -165,7 +171,7 @@ _EMPTY: Final[dict[str, dict[str, list[Any]]]] = {
     "views": {"x": [], "y": []},
     "zones": {"x": [], "y": [], "colour": [], "alpha": []},
     "zone_labels": {"x": [], "y": [], "colour": [], "text": []},
-    "radars": {"x": [], "y": []},
+    "radars": {"x": [], "y": [], "text": []},
     "trails": {"x": [], "y": [], "colour": [], "alpha": []},
     "points": {"x": [], "y": [], "size": [], "who": [], "alpha": []},
     "people": {"x": [], "y": [], "radius": [], "colour": [], "alpha": [], "x_to": [], "y_to": [], "text": [], "id": []},

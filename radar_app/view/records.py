@@ -67,6 +67,7 @@ class StageReport:
     compute: float  # time spent on this message [s]
     monotonic_ns: int  # when the result was handed to the middleware
     stale: bool
+    stamp_ns: int = 0  # of the result, in the node's clock
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class RoomTab:
         )
         top = grid(card("Room from above", self._plan.figure, span=2), acts, columns=3)
         maps = grid(
-            card("Distance and speed", self._range_doppler.figure),
+            card("Distance and speed", self._range_doppler.figure, self._range_doppler.choice),
             card("One person: micro-Doppler", micro_doppler),
             card("One person: azimuth", azimuth),
             card("One person: elevation", elevation),
@@ -42,7 +42,7 @@ class RoomTab:
         tables = grid(
             card("People", self._tables.people, self._person.choice),
             card("Zones", self._tables.zones, *self._zones.parts),
-            card("Latency", self._tables.latency),
+            card("Latency", self._tables.latency_note, self._tables.latency),
             columns=3,
         )
         nodes = card("Nodes", self._tables.nodes)

@@ -14,13 +14,16 @@ from radar_app.view.feed import Entry, Snapshot
 from radar_app.view.pictures import Pictures
 from radar_app.view.records import NodeHealth, StageFigures, StageReport
 from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, colour, plot
+from radar_app.watching.latency import latencies
 from radar_tracking.tracks import Tracks, TrackStatus
 from radar_tracking.zones import Presence, ZoneState, ZoneStates
 
 _EVERY_NS: Final = 480_000_000  # tables are written twice a second
 _MARKS: Final = {"ok": (GOOD, "ok"), "warn": (DOUBTFUL, "look"), "error": (BAD, "error"), "stale": (FAINT, "no data")}
 _PRESENCE: Final = {Presence.EMPTY: (FAINT, "empty"), Presence.OCCUPIED: (GOOD, "occupied"), Presence.UNKNOWN: (DOUBTFUL, "not known")}
+_FLOW: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones")
 _BINS: Final = 120  # places of the latency plot
+_BETWEEN: Final = ("driver", "baseband", "tracking")  # stages whose reports the latency of tracks needs
 
 
 class Tables:
@@ -29,9 +32,10 @@ class Tables:
     def __init__(self, pictures: Pictures) -> None:
         self._pictures = pictures
         self.people, self.zones, self.nodes = (pictures.div(f"{name}_table") for name in ("people", "zones", "nodes"))
+        self.latency_note = pictures.div("latency_note")
         self._source = pictures.source("latency", {"t": [], "latency": []})
         self.latency = plot(
-            "latency_plot", "time [s]", "frame to people [ms]", x_range=Range1d(start=-60, end=0), y_range=DataRange1d(start=0), height=150,
+            "latency_plot", "time [s]", "to people [ms]", x_range=Range1d(start=-60, end=0), y_range=DataRange1d(start=0), height=170,
             tools="",
         )  # fmt: skip
         self.latency.line("t", "latency", source=self._source, line_color=ACCENT, line_width=1.5)
@@ -45,7 +49,9 @@ class Tables:
         self._pictures.write(self.people, _people(now.people))
         self._pictures.write(self.zones, _zones(now.zones))
         self._pictures.write(self.nodes, _nodes(now.stages, now.health))
-        self._pictures.put(self._source, _latencies(now.past("status", 60.0), now.stamp_ns))
+        late = _latencies(now.past("status", 60.0), now.stamp_ns)
+        self._pictures.put(self._source, late)
+        self._pictures.write(self.latency_note, "" if len(late["t"]) else table((), (), "not known: no graph reports when it is done"))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], empty: str) -> str:
@@ -93,7 +99,7 @@ def _nodes(stages: Sequence[StageFigures], health: dict[str, NodeHealth]) -> str
     said = {name.partition(":")[0]: node for name, node in health.items() if name.endswith(": processing")}
     others = {name: node for name, node in health.items() if not name.endswith(": processing")}
     rows = []
-    for stage in stages:
+    for stage in sorted(stages, key=_in_flow):
         node = said.pop(stage.stage, None)
         level, text = _MARKS["error" if stage.stale else node.level if node is not None else "ok"]
         words = "no data comes any more" if stage.stale else node.message if node is not None else ""
@@ -104,21 +110,22 @@ def _nodes(stages: Sequence[StageFigures], health: dict[str, NodeHealth]) -> str
     return table(("node", "rate [Hz]", "work [ms]", "frame to here [ms]", "dropped", "says"), rows, "no node has said how it is doing")
 
 
+def _in_flow(stage: StageFigures) -> tuple[int, str]:
+    """Sort as data flows, then by place."""
+    name = stage.stage.rpartition("/")[2]
+    return _FLOW.index(name) if name in _FLOW else len(_FLOW), stage.stage
+
+
 def _number(value: float, form: str) -> str:
     return "" if math.isnan(value) else format(value, form)
 
 
 def _latencies(entries: Sequence[Entry[StageReport]], now_ns: int) -> dict[str, Any]:
     """Make the time from a frame's publication to its tracks, over the last minute: the worst of every half second."""
-    sent = {entry.value.sequence: entry.value.monotonic_ns for entry in entries if entry.value.stage == "driver"}
-    found = [
-        ((entry.stamp_ns - now_ns) * 1e-9, (entry.value.monotonic_ns - sent[entry.value.sequence]) * 1e-6)
-        for entry in entries
-        if entry.value.stage == "tracking" and entry.value.sequence in sent and not entry.value.stale
-    ]
+    found = latencies(entry.value for entry in entries if entry.value.stage.endswith(_BETWEEN)).get("tracking")
     if not found:
         return {"t": [], "latency": []}
-    times, latencies = np.array(found).T
-    place = np.floor(times / 60.0 * _BINS).astype(int)
+    stamps, late = np.array(found).T
+    place = np.floor((stamps - now_ns) * (1e-9 / 60.0 * _BINS)).astype(int)
     places = np.unique(place)
-    return {"t": ((places + 0.5) * 60.0 / _BINS), "latency": np.array([latencies[place == each].max() for each in places])}
+    return {"t": ((places + 0.5) * 60.0 / _BINS), "latency": np.array([late[place == each].max() for each in places]) * 1e-6}

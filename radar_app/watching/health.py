@@ -5,18 +5,18 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from statistics import median
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from radar_app.watching.latency import Done, Latency, latencies
 from radar_app.watching.listener import Ears
 from radar_ros.messages.convert import from_time
 
 _SILENT: Final = 3.0  # s: nodes say once a second how they are; who says nothing for so long hangs, or was killed
-_KEPT: Final = 200  # latencies of each stage that the median is made of
-_WAITING: Final = 500  # frames whose stages may still come
+_KEPT: Final = 3000  # reports of stages that latencies are made of: some seconds
 _SOME_LOST: Final = 0.05  # share of messages
 _INPUTS: Final = {"radar/frame": "a driver", "radar/points": "baseband, or a driver,", "tracks": "tracking"}
 _READERS: Final = frozenset(("baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones"))
@@ -68,14 +68,6 @@ class _Said:
     time: float  # on CLOCK_MONOTONIC [s]
 
 
-@dataclass
-class _Space:
-    """Frames of one driver that are on their way through the stages of its namespace."""
-
-    published: dict[int, int] = field(default_factory=dict)  # sequence to CLOCK_MONOTONIC [ns]
-    finished: dict[int, list[tuple[str, int]]] = field(default_factory=dict)  # of frames whose publication is not heard of yet
-
-
 class Health:
     """Collects what nodes say, of the namespace of ``ears`` and those below; without ``latencies`` it hears them once a second only."""
 
@@ -83,8 +75,7 @@ class Health:
         self._ears = ears
         self._space = ears.node.get_namespace().strip("/")
         self._said: dict[str, _Said] = {}
-        self._spaces: dict[str, _Space] = {}
-        self._latencies: dict[str, deque[float]] = {}
+        self._reports: deque[Done] = deque(maxlen=_KEPT)
         ears.hear("diagnostics", self._diagnostics)
         if latencies:
             ears.hear_each("stage_status", self._status)
@@ -93,6 +84,10 @@ class Health:
     def heard(self) -> set[str]:
         """Full names of the nodes that have said how they are."""
         return set(self._said)
+
+    def values(self, name: str) -> Mapping[str, str]:
+        """Give what a node said last of itself in its diagnostics."""
+        return self._said[name].values if name in self._said else {}
 
     def present(self) -> set[str]:
         """Full names of the nodes that are there, whether they say something or not."""
@@ -110,23 +105,27 @@ class Health:
 
     def states(self) -> list[NodeState]:
         """Say how all nodes are doing, in the order of their names."""
-        return [self.state(name) for name in sorted(self.present() | self.heard)]
+        late = latencies(self._reports)
+        return [self._state(name, late.get(name, [])) for name in sorted(self.present() | self.heard)]
 
     def state(self, name: str) -> NodeState:
         """Say how one node is doing, by its full name."""
+        return self._state(name, latencies(self._reports).get(name, []))
+
+    def _state(self, name: str, late: list[Latency]) -> NodeState:
         said = self._said.get(name)
         if said is None or time.monotonic() - said.time > _SILENT:
             wrong = "it is there but says nothing: it hangs, or was killed a moment ago"
             return NodeState(name, "silent", wrong=wrong)
         rate, compute, dropped = (_number(said.values.get(key)) for key in ("rate_hz", "compute_ms", "dropped_total"))
         state, wrong = _judged(said, rate)
-        latencies = self._latencies.get(name)
+        known = late and name.rpartition("/")[2] != "driver"  # to itself it is none
         return NodeState(
             name,
             state,
             said.message,
             rate,
-            median(latencies) if latencies else None,
+            median(each.late_ns for each in late) * 1e-9 if known else None,
             None if compute is None else compute * 1e-3,
             None if dropped is None else int(dropped),
             wrong,
@@ -140,24 +139,10 @@ class Health:
                 self._said[name] = _Said(_LEVELS.get(status.level, "error"), status.message, values, time.monotonic())
 
     def _status(self, space: str, msg: Any) -> None:
-        if msg.stale or from_time(msg.header.stamp) == 0:
-            return  # says that nothing comes, or only that it is ready
-        frames = self._spaces.setdefault(space, _Space())
-        if msg.stage == "driver":
-            frames.published[msg.sequence] = msg.monotonic_ns
-            for stage, finished_ns in frames.finished.pop(msg.sequence, []):
-                self._late(space, stage, finished_ns - msg.monotonic_ns)
-        elif msg.sequence in frames.published:
-            self._late(space, msg.stage, msg.monotonic_ns - frames.published[msg.sequence])
-        else:
-            frames.finished.setdefault(msg.sequence, []).append((msg.stage, msg.monotonic_ns))
-        for waiting in (frames.published, frames.finished):
-            for old in list(waiting)[:-_WAITING]:
-                del waiting[old]
-
-    def _late(self, space: str, stage: str, late_ns: int) -> None:
-        if late_ns >= 0:
-            self._latencies.setdefault(f"{space.strip('/')}/{stage}".strip("/"), deque(maxlen=_KEPT)).append(late_ns * 1e-9)
+        stamp = from_time(msg.header.stamp)
+        if not msg.stale and stamp:  # else it says that nothing comes, or only that it is ready
+            name = f"{space.strip('/')}/{msg.stage}".strip("/")
+            self._reports.append(Done(name, msg.sequence, stamp, msg.monotonic_ns))
 
 
 def _wait(readers: list[str]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from radar_app.watching.people import Comings, gesture_words, is_gesture, is_person
+from radar_core import GESTURES
 from radar_ros.messages.convert import from_time
 from radar_tracking.zones.area import KINDS
 from radar_tracking.zones.result import Presence
@@ -22,7 +23,9 @@ def gesture_record(space: str, msg: Any) -> dict[str, Any]:
     """Make a gesture a record: times in seconds of the graph's clock, confidence 0 to 1, place in metres."""
     start, end = from_time(msg.start) * 1e-9, from_time(msg.end) * 1e-9
     about = {"person": msg.track_id, "gesture": msg.name, "confidence": msg.confidence, "known": msg.known, "start": start, "end": end}
-    return {**_head("gesture", space, msg), **about, "position": msg.position, "zones": list(msg.zones)}
+    labels = list(msg.labels) or list(GESTURES)
+    sure = dict(zip(labels, msg.probabilities, strict=False)) if len(labels) == len(msg.probabilities) else {}
+    return {**_head("gesture", space, msg), **about, "position": msg.position, "zones": list(msg.zones), "probabilities": sure}
 
 
 def people_record(space: str, msg: Any) -> dict[str, Any]:
@@ -34,6 +37,7 @@ def people_record(space: str, msg: Any) -> dict[str, Any]:
             "position": track.position,
             "velocity": track.velocity,
             "points": track.n_points,
+            "unseen": track.unseen_s,
             "age": track.age_s,
         }
         for track in msg.tracks

@@ -11,6 +11,7 @@ from typing import Any, Final
 from rich.text import Text
 
 from radar_core import RadarInfo
+from radar_tracking.fusion.clouds import sensors
 
 _ASPECT: Final = 2.0  # a character is about twice as high as wide
 _FARTHEST: Final = 12.0  # m: what lies beyond is not drawn
@@ -47,7 +48,7 @@ class RoomMap:
         shown = {number: (place[0], place[1]) for number, place in people.items() if _visible(place)}
         self._grow([*shown.values(), *(corner for _, corners in self.zones for corner in corners if _visible(corner)), *self._origins()])
         grid = _Grid(self._low, self._high, width, height - 1)
-        for info in self.radars.values():
+        for info in sensors(self.radars.values()):
             for end in _view(info):
                 grid.line((info.mount.x, info.mount.y), end, ".", "dim")
         for name, corners in self.zones:
@@ -65,7 +66,7 @@ class RoomMap:
         return text
 
     def _origins(self) -> list[Point]:
-        return [(info.mount.x, info.mount.y) for info in self.radars.values()]
+        return [(info.mount.x, info.mount.y) for info in sensors(self.radars.values())]
 
     def _grow(self, places: Iterable[Point]) -> None:
         for x, y in places:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from radar_app.watching import facts
 from radar_app.watching.health import Health, NodeState
 from radar_app.watching.listener import Listener
-from radar_app.watching.people import finite, is_person
+from radar_app.watching.people import finite
 
 HEALTHY, WRONG, NO_GRAPH = 0, 1, 2
 """Exit statuses."""
@@ -36,12 +37,15 @@ class GraphStatus:
         How many are there, by namespace of the tracks.
     wrong : tuple of str
         What is wrong, one line each.
+    seen : dict of str to list of dict
+        Radars, persons, zones, hands and gestures; see `radar_app.watching.facts`.
     """
 
     namespace: str
     nodes: tuple[NodeState, ...]
     people: dict[str, int]
     wrong: tuple[str, ...]
+    seen: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     @property
     def code(self) -> int:
@@ -51,14 +55,8 @@ class GraphStatus:
 
 def look(namespace: str = "", seconds: float = _FIND) -> GraphStatus:
     """Listen to a graph until every node that is there has said how it is, or for so long; an `interrupts.ros` context is open."""
-    people: dict[str, int] = {}
-
-    def count(space: str, msg: Any) -> None:
-        people[space] = sum(is_person(track) for track in msg.tracks)
-
     with Listener("status", namespace) as listener:
-        health = Health(listener)
-        listener.hear_each("tracks", count)
+        health, heard = Health(listener), facts.Facts(listener)
         listener.until(lambda: bool(health.present()), seconds)
         begin = time.monotonic()
 
@@ -69,7 +67,8 @@ def look(namespace: str = "", seconds: float = _FIND) -> GraphStatus:
             listener.until(enough, seconds)
         nodes = tuple(health.states())
         unfed = health.unfed() if nodes else []
-    return GraphStatus(f"/{namespace.strip('/')}", nodes, people, (*unfed, *_wrong(nodes)))
+        seen = heard.records(health)
+    return GraphStatus(f"/{namespace.strip('/')}", nodes, heard.counts, (*unfed, *_wrong(nodes)), seen)
 
 
 def _wrong(nodes: Sequence[NodeState]) -> list[str]:
@@ -79,8 +78,9 @@ def _wrong(nodes: Sequence[NodeState]) -> list[str]:
 
 
 def as_json(status: GraphStatus) -> dict[str, Any]:
-    """Make what JSON holds; times in seconds."""
-    return {**finite({**asdict(status), "nodes": [asdict(node) for node in status.nodes]}), "healthy": status.code == HEALTHY}
+    """Make what JSON holds; times in seconds, places in metres, angles in degrees."""
+    about = {key: value for key, value in asdict(status).items() if key != "seen"}
+    return {**finite({**about, **status.seen}), "healthy": status.code == HEALTHY}
 
 
 def screen(status: GraphStatus) -> RenderableType:
@@ -98,6 +98,7 @@ def screen(status: GraphStatus) -> RenderableType:
     for space, count in sorted(status.people.items()):
         where = "" if len(status.people) == 1 else f" in {space}"
         parts.append(Text(f"{count} {'person is' if count == 1 else 'people are'} there{where}"))
+    parts += facts.screen(status.seen) if status.seen else []
     if status.wrong:
         parts += [Text(f"wrong: {line}", style="bold red") for line in status.wrong]
     else:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -212,7 +213,17 @@ class RadarPresence:
         self.last_ns = stamp_ns
 
 
-def fused_info(infos: Sequence[RadarInfo], frame_id: str = "fused") -> RadarInfo:
+FUSED: Final = "fused"
+"""Name of what several radars seem to be together, within the namespace of their graph."""
+
+
+def sensors(infos: Iterable[RadarInfo]) -> list[RadarInfo]:
+    """Leave out what several radars seem to be together, where they themselves are there; in the order of their names."""
+    known = sorted(infos, key=lambda info: info.frame_id)
+    return [info for info in known if info.frame_id.rpartition("/")[2] != FUSED] or known
+
+
+def fused_info(infos: Sequence[RadarInfo], frame_id: str = FUSED) -> RadarInfo:
     """Describe several radars, at least one, as the one that a fused cloud seems to come from.
 
     Fused clouds are in ``room`` already and say themselves which sensor measured what. This is for whoever asks from where people are seen

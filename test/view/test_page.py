@@ -54,3 +54,21 @@ def test_who_draws_slowly_gets_fewer_pictures():
     assert len(sent.data["people/x"][0]) == 1
     page.tick()
     assert sent.data["n"] == [AHEAD + 1]  # nothing is new
+
+
+def test_a_choice_is_shown_while_time_stands_still():
+    """Whose maps are shown may be chosen at a moment that stays: the tab is asked once more, and no more."""
+    source, seen = Filled(), []
+    context = Context(source, Document())
+    page = Page(context, [RoomTab])
+    page.tabs[0].update = seen.append
+    page.bar._freeze()
+    page.tick()
+    fill(source.feed, 0.1, start=2.0)
+    page.tick()
+    assert len(seen) == 1
+    context.document.get_model_by_name("person").value = "1"
+    page.tick()
+    page.tick()
+    assert len(seen) == 2
+    assert seen[0].stamp_ns == seen[1].stamp_ns
