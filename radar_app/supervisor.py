@@ -297,6 +297,8 @@ def supervise(supervisor: Supervisor, wait: Callable[[float], None] = time.sleep
             status = _oversee(supervisor, wait)
     except KeyboardInterrupt:  # that is how it ends
         status = stopped() if told() == signal.SIGHUP else 0
+        if status:
+            say("stopped because its terminal was closed")
     return status or int(bool(supervisor.crashes) and not supervisor.respawn)
 
 

@@ -29,7 +29,7 @@ def pytest_xdist_make_scheduler(config, log):
         def _split_scope(self, nodeid):
             place = nodeid.partition("::")[0].removeprefix("test/")
             if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share but, some of them, a ROS domain
-                return "graphs" if nodeid.endswith(("[budget]", "[graph]", "[soak]", "[view]")) else nodeid
+                return "graphs" if nodeid.endswith(("[budget]", "[faults]", "[graph]", "[soak]", "[view]")) else nodeid
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)

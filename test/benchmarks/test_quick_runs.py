@@ -14,8 +14,8 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "doctor", "fuzz", "gestures_shipped", "hand_losses", "house", "machines", "newcomer", "one_channel", "person_odds", "probe", "soak",
-    "vital",
+    "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living", "machines",
+    "newcomer", "one_channel", "person_odds", "probe", "soak", "vital",
 }  # fmt: skip
 
 # Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -42,6 +42,15 @@ def fuzz(found):
     assert found["crashes"] == found["hangs"] == 0
     assert found["peak_mb"] <= 200
     assert all(row["inputs"] > 0 for row in found["parsers"].values())
+
+
+def faults(found):
+    """A handful of faults: each survived, named, and nothing lost that was acknowledged."""
+    assert found["faults"] >= 12
+    assert found["survived_fraction"] == 1, found["not_survived"]
+    assert found["unnamed"] == 0, found["not_named_once"]
+    assert found["lost_acknowledged"] == 0
+    assert found["recover_s_median"] <= found["recover_s_worst"] < 60
 
 
 def probe(found):
@@ -90,6 +99,21 @@ def vital(found):
 def hand_losses(found):
     """One hand, with one cloud in twenty lost."""
     assert found["hand_followed_at_5pct_lost"] >= 0.95
+
+
+def living(found):
+    """One person and each thing; people are told apart from what does not live, where there is any track of that at all."""
+    assert found["rooms"] == 4
+    assert found["by_kind"]["person"]["tracks"] >= 3
+    assert found["by_kind"]["person"]["taken_for_a_person"] >= 0.5
+
+
+def gesture_comparison(found):
+    """Two worlds differ in something, and effects are shares; real people only where their recordings are."""
+    two = found["pairs"]["two simulated worlds"]
+    assert 0.0 <= two["eta_squared_median"] <= 1.0
+    assert set(two["wilcoxon"]) == set(two["rank_biserial"])
+    assert len(found["pairs"]) + len(found["absent"]) == 3
 
 
 def one_channel(found):
@@ -151,9 +175,12 @@ def test_quick_run(name, tmp_path):
         "machines": machines,
         "vital": vital,
         "hand_losses": hand_losses,
+        "living": living,
+        "gesture_comparison": gesture_comparison,
         "house": house,
         "boards": boards,
         "doctor": doctor,
+        "faults": faults,
         "fuzz": fuzz,
         "newcomer": newcomer,
         "one_channel": one_channel,

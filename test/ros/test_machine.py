@@ -127,6 +127,7 @@ def test_a_closed_terminal():
     process.send_signal(signal.SIGHUP)
     output, _ = process.communicate(timeout=20.0)
     assert process.returncode == 129, output
+    assert output.count("stopped because its terminal was closed") == 1
     assert not any(member.is_running() for member in family)
     assert "Traceback" not in output
 
