@@ -37,6 +37,7 @@ _BUDGET = 0.8  # of the frame interval; above that, a little more load loses fra
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
 _LOOK = 0.1  # s: how often a stage looks whether messages still come
 _HELD_UP = 0.5  # s: a look that comes so late says that the node itself was held up, and its messages wait
+_AHEAD = 10.0  # s: so far ahead of the time that has passed, stamps are worth a line
 _JUMP = 1000  # messages that are missing in a row are worth a line
 _MOST = 2**64 - 1  # what a count in a message can hold; a sequence that jumps may make more of it
 _INTERVALS = 5  # a stage is not stale within so many frames of its radar, however long these take
@@ -128,7 +129,7 @@ class StageMixin(GuardMixin):
         compiling.tell(stage, self.get_logger().info)
         self.stage, self.processed, self.dropped = stage, 0, 0
         self._gaps = Gaps()
-        self._stamp_ns = -1
+        self._stamp_ns, self._stamped = -1, 0.0  # of the last message [ns], and when it came, on CLOCK_MONOTONIC [s]
         self.frame_interval, self.hardware_id = 0.0, "none"
         self.commands: set[str] = set()
         self._problems = Problems()
@@ -215,8 +216,11 @@ class StageMixin(GuardMixin):
 
     def went_back(self: Any, stamp_ns: int) -> bool:
         """Whether stamps went back: another recording, or the same one once more; the stage starts afresh."""
-        back = bool(stamp_ns < self._stamp_ns)
-        self._stamp_ns = stamp_ns
+        back, now = bool(stamp_ns < self._stamp_ns), time.monotonic()
+        ahead = (stamp_ns - self._stamp_ns) * 1e-9 - (now - self._stamped) if self._stamp_ns >= 0 else 0.0
+        self._stamp_ns, self._stamped = stamp_ns, now
+        if ahead > _AHEAD:
+            self.caution(f"stamps jumped {ahead:.0f} s ahead (a clock that was set, or a part of the recording is missing)")
         if back:
             self.caution("stamps went back in time (a recording starts again?): everything is forgotten")
         return back

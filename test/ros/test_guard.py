@@ -138,3 +138,5 @@ def test_stamps_that_go_back_again_and_again_are_one_line(ros):
     node.get_logger = lambda: SimpleNamespace(warning=lines.append)
     assert [node.went_back(stamp) for stamp in 10 * (1, 0)] == [False, True] * 10
     assert len(lines) == 1
+    assert not node.went_back(3_600_000_000_000)
+    assert lines[1].startswith("stamps jumped 3600 s ahead")
