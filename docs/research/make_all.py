@@ -24,6 +24,7 @@ BARE = (
     "make_simulator_pictures.py",
     "make_demo_picture.py",
     "make_view_pictures.py",
+    "make_tradeoff.py",
 )
 RECORDINGS = ("make_pictures.py", "make_recording_pictures.py")
 RESULTS = {

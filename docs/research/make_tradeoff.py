@@ -1,4 +1,7 @@
-"""Make accuracy-and-time.md and its pictures of what `handwave tradeoff` left: python docs/research/make_tradeoff.py FOLDER [NOTE]."""
+"""Make accuracy-and-time.md and its pictures of what `handwave tradeoff` left: python docs/research/make_tradeoff.py FOLDER [NOTE].
+
+Without FOLDER only the pictures are drawn anew, of the figures that `handwave view` shows.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from benchmarks.plot import draw
 from benchmarks.tradeoff.document import report
 from benchmarks.tradeoff.stages import STAGES
 
@@ -16,14 +20,20 @@ SHOWN = HERE.parents[1] / "config" / "tradeoff"  # what `handwave view` shows as
 
 
 def main() -> None:
-    folder, note = Path(sys.argv[1]), " ".join(sys.argv[2:])
+    if len(sys.argv) > 1:
+        write(Path(sys.argv[1]), " ".join(sys.argv[2:]))
+    (HERE / PICTURES).mkdir(parents=True, exist_ok=True)
+    for name in STAGES:
+        draw(json.loads((SHOWN / f"{name}.json").read_text(encoding="utf-8"))["rows"], HERE / PICTURES / f"{name}.png")
+
+
+def write(folder: Path, note: str) -> None:
+    """Write the page, and keep the figures."""
     results = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in STAGES]
     quick, factor = results[0]["quick"], results[0]["device_factor"]
     if {(one["quick"], one["device_factor"]) for one in results} != {(quick, factor)}:
         sys.exit(f"{folder} holds quick and full runs, or runs of several devices; measure again")
-    (HERE / PICTURES).mkdir(parents=True, exist_ok=True)
     for one in results:
-        shutil.copyfile(folder / f"{one['stage']}.png", HERE / PICTURES / f"{one['stage']}.png")
         shutil.copyfile(folder / f"{one['stage']}.json", SHOWN / f"{one['stage']}.json")
     command = "handwave tradeoff -o report" + (" --quick" if quick else "")
     text = report(results, command=command, quick=quick, factor=factor, pictures=PICTURES, note=note)
