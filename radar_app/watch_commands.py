@@ -78,19 +78,27 @@ def listen(
     _enter(domain)
     asked = {"gestures": gestures, "people": people, "hand": hand, "zones": zones}
     chosen = [what for what, wanted in asked.items() if wanted] or list(asked)
-    words, left = Words(), count
+    words, left, failed = Words(), count, list[OSError]()
 
     def tell(what: str, space: str, msg: Any) -> None:
         nonlocal left
         lines = [json.dumps(finite(RECORDS[what][1](space, msg)))] if as_json else words.process(what, space, msg)
-        for line in lines if left is None else lines[:left]:
-            print(line, flush=True)
+        try:
+            for line in lines if left is None else lines[:left]:
+                print(line, flush=True)
+        except OSError as error:  # nobody reads any more, or the disk is full; within a callback rclpy would log a traceback
+            failed.append(error)
         left = None if left is None else max(left - len(lines), 0)
+
+    def enough() -> bool:
+        if failed:
+            raise failed[0]
+        return left == 0
 
     with ros(), Listener("listen", namespace) as listener:
         for what in chosen:
             listener.hear_each(RECORDS[what][0], partial(tell, what))
-        _until_told(listener, lambda: left == 0)
+        _until_told(listener, enough)
 
 
 def watch(

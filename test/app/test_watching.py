@@ -89,7 +89,7 @@ def graph(tmp_path_factory):
     scene.write_text(SCENE)
     running = Graph(scene)
     try:
-        wait_until(lambda: running.said("ready: 7 nodes run") or running.process.poll() is not None, text=lambda: "\n".join(running.lines))
+        wait_until(lambda: running.said(f"ready: {len(NODES)} nodes run") or running.process.poll() is not None, text=lambda: "\n".join(running.lines))
         yield running
     finally:
         running.process.send_signal(signal.SIGINT)

@@ -35,6 +35,9 @@ from markdown_blocks import Block, blocks_of, is_shell, shell_lines
 from pages import DOCS, ROOT
 from typer.testing import CliRunner
 
+sys.path.append(str(Path(__file__).parents[1] / "importers"))
+from originals import write_crossing
+
 from radar_app.cli import app
 from radar_core import Pose, RadarInfo
 from radar_core.mounting import MountCalibration
@@ -52,6 +55,7 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "handwave demo": "test/e2e/test_demo.py",
     "handwave replay": "test/e2e/test_replay.py",
     "handwave up --mqtt": "test/ros/test_several_rooms.py",
+    "handwave up --also": "test/app/test_watching.py",
     "handwave up": "test/ros/test_cli.py",
     "handwave watch": "test/app",
     "handwave status": "test/app",
@@ -65,6 +69,7 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "handwave lab turntable": "test/ros/test_calibrate.py",
     "handwave lab calibrate-camera": "test/ros/test_camera_calibration.py",
     "handwave lab calibrate": "test/ros/test_calibrate.py",
+    "handwave lab tradeoff --tune": "test/tradeoff/test_tune.py",
     "handwave lab tradeoff": "test/tradeoff/test_tradeoff.py",
     "handwave tradeoff": "test/tradeoff/test_tune.py",
     "handwave turntable": "test/ros/test_calibrate.py",
@@ -124,7 +129,8 @@ def test_every_command_has_its_level(page):
         elif MACHINES.search(line):
             wrong.append(f"{line}: names what a test does not have; say <!-- not run: REASON --> before its block")
         elif test not in ("", "here"):
-            word = line.split()[1].removeprefix("examples/").removesuffix(".py")
+            words = line.replace("handwave lab ", "handwave ").split()
+            word = words[1].removeprefix("examples/").removesuffix(".py")
             files = [ROOT / test] if (ROOT / test).is_file() else sorted((ROOT / test).glob("test_*.py"))
             if not any(word in file.read_text(encoding="utf-8") for file in files):
                 wrong.append(f"{line}: {test} does not run {word}")
@@ -202,8 +208,9 @@ def results(folder):
 
 
 def own_cube(folder):
-    """An evening, and a cube of another radar with the files that describe it, as the page has them."""
+    """An evening, a recording of others, and a cube of another radar with the files that describe it, as the page has them."""
     evening(folder)
+    write_crossing(folder / "two_people.npz")
     for code in code_of("how-to/record-and-replay.md", "yaml"):
         (folder / re.match(r"# (\w\.yaml)", code)[1]).write_text(code, encoding="utf-8")
     rng = np.random.default_rng(1)
