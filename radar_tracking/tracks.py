@@ -78,6 +78,9 @@ class Track:
         Normalised innovation squared of this cloud's update; NaN: not updated.
     dof : int
         Its degrees of freedom; 0: not updated.
+    person : float
+        Probability that it is a person, and no fan, curtain, robot, pet or reflection: how it has looked within the last seconds. NaN: the
+        tracker does not tell; ``poisson_bernoulli`` does. No message has it.
     """
 
     id: int
@@ -91,6 +94,7 @@ class Track:
     covariance: Float64Array
     nis: float = math.nan
     dof: int = 0
+    person: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ _UNTOUCHED: Final = (0.6, 2.0)  # m and standard deviations about people in whic
 _FREED: Final = 0.5  # m about somebody who is new, where what was learned is forgotten
 _SHAPE_TIME: Final = 0.5  # s: heights and extents are averaged over this
 _HEIGHT_STD, _CLIMB_STD = 0.2, 0.3  # m, m/s: of what is no state of the filter
+_MOST_PERSON: Final = 30.0  # log odds of being a person, either way: beyond, a probability is 0 or 1
 
 
 class PoissonTracker:
@@ -188,5 +189,10 @@ class PoissonTracker:
         n_points = int(np.count_nonzero(owners == own["id"]))
         return Track(
             int(own["id"]), status, now - float(own["born"]), unseen, n_points, place, velocity, np.sqrt(own["spread"]),
-            covariance, float(own["nis"]), int(own["dof"]),
+            covariance, float(own["nis"]), int(own["dof"]), _probability(float(own["person"])),
         )  # fmt: skip
+
+
+def _probability(log_odds: float) -> float:
+    """Of log odds; never 0 or 1, which no evidence allows."""
+    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -_MOST_PERSON), _MOST_PERSON)))
