@@ -89,7 +89,7 @@ def read(kind: str, limit: int = 0) -> RealSet:
     for clouds in _segments(recording.items, found):
         own, body = person_of(clouds, GATES[kind])
         maps.append(feature_maps(own, GATES[kind], MAX_SPEED))
-        thirteen.append(_thirteen(own, body, GATES[kind]))
+        thirteen.append(thirteen_of(own, body, GATES[kind]))
     return RealSet(
         join(maps),
         np.array([SHARED.get(segment.label, segment.label) for segment in found]),
@@ -128,7 +128,8 @@ def person_of(clouds: Sequence[PointCloud], gate: float) -> tuple[list[PointClou
     return own, (float(distance), azimuth, elevation)
 
 
-def _thirteen(clouds: Sequence[PointCloud], body: tuple[float, float, float], gate: float) -> NDArray[np.float64]:
+def thirteen_of(clouds: Sequence[PointCloud], body: tuple[float, float, float], gate: float) -> NDArray[np.float64]:
+    """Give the thirteen features of a segment, shape (13,), 0 where there is too little motion; ``clouds`` and ``body``: of `person_of`."""
     config = FeatureConfig(gate=gate, body_speed=gate / 2)
     found = extract([summarise(cloud, body, config) for cloud in clouds], clouds[0].stamp_ns, config)
     return found if found is not None else np.zeros(len(FEATURE_NAMES))

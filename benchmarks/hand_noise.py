@@ -31,7 +31,8 @@ from radar_tracking.hand.measure import HandMeasurement, HandMeter
 _LEAST: Final = 0.25  # points of less weight are no part of the hand
 _EVERY: Final = 3  # clouds follow each other: neighbours tell the same
 _START: Final = {"spread": 0.07, "common": 0.02, "spin": 1.4, "rest": 1.0}
-_LIKELY: Final = 250  # evaluations of a likelihood
+_LIKELY: Final = 120  # evaluations of a likelihood
+_STEP: Final = 0.3  # of the logarithms, at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +118,10 @@ def log_loss(found: Sequence[Residuals], knobs: Sequence[float], true: bool) -> 
 
 def fit(found: Sequence[Residuals], true: bool, most: int = _LIKELY) -> dict[str, float]:
     """Knobs of the largest likelihood, over the true speed or over the one foretold."""
+    start = np.log(list(_START.values()))
     made = minimize(
-        lambda logs: log_loss(found, np.exp(logs).tolist(), true), np.log(list(_START.values())), method="Nelder-Mead",
-        options={"maxfev": most, "xatol": 0.01, "fatol": 1e-3},
+        lambda logs: log_loss(found, np.exp(logs).tolist(), true), start, method="Nelder-Mead",
+        options={"maxfev": most, "xatol": 0.01, "fatol": 1e-3, "initial_simplex": np.vstack([start, start + _STEP * np.eye(len(start))])},
     )  # fmt: skip
     return dict(zip(_START, np.exp(made.x).tolist(), strict=True)) | {"log_loss": float(made.fun)}
 

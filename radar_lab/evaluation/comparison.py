@@ -45,6 +45,11 @@ class Comparison:
     statistic: Float64Array
     # P-values that the medians of all features of a gesture are alike in A and B, as pairs (table 5.3), shape (n_labels,)
     wilcoxon: Float64Array
+    # How much they differ, which p-values do not tell: of many samples everything is significant. Of each feature of a gesture eta
+    # squared, the share of the ranks' variance that the set explains, 0..1, shape (n_labels, n_features); of each gesture's medians the
+    # matched-pairs rank-biserial correlation, -1 (all are larger in B) to 1 (all are larger in A), shape (n_labels,)
+    eta_squared: Float64Array
+    rank_biserial: Float64Array
     left_out: tuple[int, ...]  # the most different features: those of the largest mean H
     # transfer, reduced: trained on A, tested on B, with all features (tables 5.1 and 5.2), and without ``left_out``; None: too few gestures
     # or samples
@@ -85,6 +90,8 @@ def compare(a: SampleSet, b: SampleSet, config: ComparisonConfig | None = None) 
         kruskal=tests[..., 1],
         statistic=tests[..., 0],
         wilcoxon=np.array([_wilcoxon(np.median(p, axis=0), np.median(q, axis=0)) for p, q in pairs]),
+        eta_squared=np.array([eta_squared(row, len(p) + len(q)) for row, (p, q) in zip(tests[..., 0], pairs, strict=True)]),
+        rank_biserial=np.array([rank_biserial(np.median(p, axis=0), np.median(q, axis=0)) for p, q in pairs]),
         left_out=left_out,
         transfer=_transfer(a, b, labels, np.arange(len(a.names)), config, notes),
         reduced=_transfer(a, b, labels, rest, config, []) if left_out else None,
@@ -98,6 +105,25 @@ def most_different(statistic: Float64Array, n: int) -> tuple[int, ...]:
     """Numbers of the ``n`` features (axis 1) with the largest mean H over the gestures (axis 0), most different first; NaN counts as 0."""
     mean = np.nan_to_num(statistic, nan=0.0).mean(axis=0)
     return tuple(int(i) for i in np.argsort(-mean, kind="stable")[:n])
+
+
+def eta_squared(statistic: Float64Array, n: int) -> Float64Array:
+    """Effect size of tests of Kruskal and Wallis of two groups of ``n`` samples together: share of the ranks' variance, 0..1.
+
+    It is (H - 1) / (n - 2), at least 0 (Tomczak and Tomczak 2014); NaN stays.
+    """
+    return np.asarray(np.clip((statistic - 1.0) / max(n - 2, 1), 0.0, 1.0))
+
+
+def rank_biserial(x: Float64Array, y: Float64Array) -> float:
+    """Effect size of Wilcoxon's test of pairs: rank sums of positive less those of negative differences over all (Kerby 2014); -1..1."""
+    from scipy.stats import rankdata
+
+    different = (x - y)[x != y]
+    if not len(different):
+        return 0.0
+    rank = rankdata(np.abs(different))
+    return float((rank * np.sign(different)).sum() / rank.sum())
 
 
 def _shapiro(values: Float64Array, what: str, notes: list[str]) -> float:
@@ -180,9 +206,11 @@ def as_text(result: Comparison) -> str:
 def _feature_table(result: Comparison) -> str:
     different = (result.kruskal < result.significance).sum(axis=0)
     tested = np.isfinite(result.kruskal).sum(axis=0)
-    lines = [f"{'feature':24}{'Shapiro A':>11}{'Shapiro B':>11}   differs in gestures (Kruskal-Wallis, p < {result.significance:g})"]
+    effect = result.eta_squared.mean(axis=0)
+    title = f"differs in gestures (Kruskal-Wallis, p < {result.significance:g})"
+    lines = [f"{'feature':24}{'Shapiro A':>11}{'Shapiro B':>11}{'eta^2':>7}   {title}"]
     lines += [
-        f"{name:24}{_p(result.shapiro[0, i]):>11}{_p(result.shapiro[1, i]):>11}   {different[i]} of {tested[i]}"
+        f"{name:24}{_p(result.shapiro[0, i]):>11}{_p(result.shapiro[1, i]):>11}{_share(effect[i]):>7}   {different[i]} of {tested[i]}"
         + ("   one of the most different" if i in result.left_out else "")
         for i, name in enumerate(result.names)
     ]
@@ -190,11 +218,12 @@ def _feature_table(result: Comparison) -> str:
 
 
 def _gesture_table(result: Comparison) -> str:
-    lines = [f"{'gesture':14}{'A':>6}{'B':>6}{'precision':>11}{'recall':>8}   Wilcoxon of the medians"]
+    lines = [f"{'gesture':14}{'A':>6}{'B':>6}{'precision':>11}{'recall':>8}   Wilcoxon of the medians, rank-biserial"]
     for i, label in enumerate(result.labels):
         scores = (np.nan, np.nan) if result.transfer is None else (result.transfer.precision[i], result.transfer.recall[i])
         counts = f"{result.counts[0, i]:6d}{result.counts[1, i]:6d}"
-        lines.append(f"{result.words[label]:14}{counts}{_share(scores[0]):>11}{_share(scores[1]):>8}   {_p(result.wilcoxon[i])}")
+        medians = f"{_p(result.wilcoxon[i])}, {result.rank_biserial[i]:.2f}"
+        lines.append(f"{result.words[label]:14}{counts}{_share(scores[0]):>11}{_share(scores[1]):>8}   {medians}")
     return "\n".join(lines)
 
 

@@ -63,6 +63,26 @@ def test_medians_that_differ_by_chance_are_alike_and_shifted_ones_are_not():
     assert (np.array(found) < 0.05).sum() <= 16
 
 
+def test_effect_sizes():
+    """Two groups apart: most of the ranks' variance; alike: next to none. Medians all larger: 1, all smaller: -1, half and half: 0."""
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=200)
+    apart, alike = (stats.kruskal(x, y).statistic for y in (x + 100.0, rng.permutation(x)))
+    assert comparison.eta_squared(np.array([apart, alike, np.nan]), 400)[:2] == pytest.approx([0.75, 0.0], abs=0.01)
+    assert np.isnan(comparison.eta_squared(np.array([np.nan]), 400)[0])
+    y = np.arange(8.0)
+    assert comparison.rank_biserial(y + 1.0, y) == 1.0
+    assert comparison.rank_biserial(y, y + 1.0) == -1.0
+    assert comparison.rank_biserial(y, y) == 0.0
+    assert comparison.rank_biserial(y + np.array([1, -1, 1, -1, 1, -1, 1, -1]), y) == 0.0
+
+
+def test_effects_of_what_was_shifted_are_large(result):
+    """Two standard deviations: more than half of the ranks' variance; the others a few hundredths."""
+    assert (result.eta_squared[:, [3, 8]] > 0.4).all()
+    assert np.median(np.delete(result.eta_squared, [3, 8], axis=1)) < 0.02
+
+
 def wilcoxon_of(a, b, label):
     return comparison._wilcoxon(*(np.median(one.features[one.label == label], axis=0) for one in (a, b)))
 
