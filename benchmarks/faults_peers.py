@@ -151,10 +151,10 @@ def _bytes(topic: str, data: bytes) -> Callable[[Running], None]:
 
 
 def _large_clouds(running: Running) -> list[str]:
-    """Publish clouds of 10 MB, and look at what the nodes hold afterwards."""
+    """Publish clouds of 70,000 points, and look at what the nodes hold afterwards."""
     names = ("tracking", "gestures", "hand")
     before = {name: running.process(name).memory_info().rss for name in names}
-    _sent("radar/points", _huge(200_000), 5, 0.2)(running)
+    _sent("radar/points", _huge(70_000), 5, 0.2)(running)
     running.live(2.0)
     grown = {name: (running.process(name).memory_info().rss - size) >> 20 for name, size in before.items()}
     return [f"memory: {name} grew by {size} MB" for name, size in grown.items()]
@@ -196,15 +196,24 @@ FAULTS: Final = (
     _refused("frames an hour ahead", "went back in time", "radar/frame", _later),
     _refused("clouds an hour ago", "went back in time", "radar/points", _earlier),
     _refused("clouds before 1970", "went back in time|stamp", "radar/points", _before_1970),
-    Fault("tracks of a status that there is not", MEANS, "99 is not a valid TrackStatus", watched(_paired(_track(status=99)))),
-    Fault("tracks whose lists have unequal lengths", MEANS, r"zip\(\) argument", watched(_paired(_set(deleted_id=[1, 2])))),
-    Fault("tracks of other points than the cloud's", MEANS, "points", watched(_paired(_set(point_track_id=np.zeros(9999, np.int32))))),
-    Fault("tracks at places that are no numbers", MEANS, "finite", watched(_paired(_track(position=np.full(3, math.nan))))),
+    Fault("tracks of a status that there is not", MEANS, "99 is not a valid TrackStatus", watched(_paired(_track(status=99))), 8),
+    Fault("tracks whose lists have unequal lengths", MEANS, r"zip\(\) argument", watched(_paired(_set(deleted_id=[1, 2]))), 8),
+    Fault(
+        "tracks of other points than the cloud's",
+        MEANS,
+        "point_track_id has shape",
+        watched(_paired(_set(point_track_id=np.zeros(9999, np.int32)))),
+        8,
+        8,
+    ),
+    Fault("tracks at places that are no numbers", MEANS, "finite", watched(_paired(_track(position=np.full(3, math.nan)))), 8),
     Fault(
         "tracks deleted for a reason that there is not",
         MEANS,
         "99 is not a valid Reason",
         watched(_paired(_set(deleted_id=[1], deleted_reason=[99], deleted_confirmed=[True]))),
+        8,
+        8,
     ),
     _refused("sequence of frames at its last number", "messages are missing before", "radar/frame", _set(sequence=_LAST), most=8),
     _refused("sequence of clouds at its last number", "messages are missing before", "radar/points", _set(sequence=_LAST), most=8),
@@ -222,7 +231,7 @@ FAULTS: Final = (
     _refused("texts of which no two are alike", "says .*carries|n_chirp", "radar/frame", _random_names),
     _refused("clouds whose arrays have unequal lengths", "shape|length", "radar/points", _set(x=[1.0, 2.0, 3.0])),
     _refused("clouds with infinite places", "infinite places", "radar/points", _infinite),
-    Fault("clouds of 10 MB", MEANS, "more than a radar gives", watched(_large_clouds)),
+    Fault("clouds of 70,000 points", MEANS, "more than a radar gives", watched(_large_clouds)),
     _refused("zones of a kind that there is not", "is of kind 77", "zones", _zone(kind=77)),
     _refused("zones whose corners are no numbers", "finite|corner|polygon", "zones", _zone(polygon=[math.nan] * 6)),
     Fault(
@@ -234,14 +243,24 @@ FAULTS: Final = (
     Fault(
         "bytes that are no tracks", MEANS, "a message cannot be read: .*TrackArray", watched(_bytes("tracks", b"\0\1\0\0\xff\xff\xff\x7f"))
     ),
-    Fault("no bytes at all", MEANS, "a message cannot be read: .*RadarInfo", watched(_bytes("radar/info", b""))),
+    Fault(
+        "bytes that describe no radar",
+        MEANS,
+        "a message cannot be read: .*RadarInfo",
+        watched(_bytes("radar/info", b"\0\1\0\0" + bytes(range(12)))),
+    ),
     Fault(
         "a hand of nobody",
         "real service",
         "there is no track",
         watched(_called("hand/track", TrackHand, _HAND, lambda response: response.message)),
     ),
-    Fault("a parameter of another type", "real service", "type|expected", watched(_parameter("tracking", "association.gate", "wide"))),
+    Fault(
+        "a parameter of another type",
+        "real service",
+        "should be a valid number",
+        watched(_parameter("tracking", "association.gate", "wide")),
+    ),
     Fault(
         "a parameter out of its range", "real service", "between|range|at least", watched(_parameter("tracking", "association.gate", -5.0))
     ),

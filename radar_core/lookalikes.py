@@ -33,7 +33,7 @@ def lookalikes(given: Any, made: Any, place: tuple[Any, ...] = ()) -> Iterator[t
         for number, (value, inner) in enumerate(zip(given, made, strict=False)):
             yield from lookalikes(value, inner, (*place, number))
     elif isinstance(made, bool):
-        if not isinstance(given, bool):
+        if isinstance(given, (str, int, float)) and not isinstance(given, bool):  # nothing at all may stand for a default
             yield place, f"is {given!r}; write true or false"
     elif isinstance(made, (int, float)) and isinstance(given, (str, bool)):
         truth = f"is {'true' if given else 'false'}, which is no number"

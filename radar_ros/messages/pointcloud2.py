@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_ros.messages.convert import MOST_POINTS
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """numpy's names of ``PointField.datatype``."""
+_MOST: Final = 1 << 24  # points; a cloud of a radar has thousands at most
 
 
 def read_fields(msg: Any, names: Mapping[str, str], topic: str) -> dict[str, NDArray[np.float64]]:
@@ -56,8 +56,8 @@ def _size(msg: Any, topic: str) -> tuple[int, int]:
     rows, columns = int(msg.height), int(msg.width)
     if rows * columns == 0:
         return rows, columns
-    if rows * columns > MOST_POINTS:
-        raise DataError(f"{topic}: a cloud of {rows} x {columns} points is more than a radar gives ({MOST_POINTS})")
+    if rows * columns > _MOST:
+        raise DataError(f"{topic}: a cloud of {rows} x {columns} points is more than a radar gives ({_MOST})")
     if msg.point_step < 1 or msg.row_step < columns * msg.point_step:
         steps = f"point_step {msg.point_step} and row_step {msg.row_step}"
         raise DataError(f"{topic}: {steps} do not fit {columns} points in a row: a broken publisher")

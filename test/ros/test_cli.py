@@ -95,7 +95,7 @@ def test_configuration_files_and_single_settings():
         (["dense"], "write node=file"),
         (["tracking=nope"], "there is no such file, nor one of ours by that name .tracking: dense"),
         (["tracking={tmp}/list.yaml"], "must hold knobs of the node tracking"),
-        (["tracking={tmp}/torn.yaml"], "this is no YAML"),
+        (["tracking={tmp}/torn.yaml"], "not valid YAML"),
     ],
 )
 def test_configuration_files_that_make_no_sense(tmp_path, files, message):
