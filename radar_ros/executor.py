@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
 
 
 def make_executor(context: Any = None) -> Any:
-    """Make rclpy's events executor, of a context (None: the usual one); before rclpy 7.1.4, which has none, a single-threaded one.
+    """Make rclpy's events executor for a context (None: the usual one), or a single-threaded one where there is none.
 
-    A single-threaded executor makes a wait set of everything for each message, which takes several times as long as most of our callbacks.
-    The events executor takes no guard conditions: wake it by `create_task`. Spin it with a timeout, else no timer wakes it.
+    A single-threaded executor makes a wait set of everything for each message, which takes longer than most of our callbacks. The events
+    executor takes no guard conditions: wake it by `create_task`. Spin it with a timeout, else no timer wakes it.
     """
-    try:
+    # It is there from rclpy 7.1.4 on. It switches faulthandler on, which refuses a stderr that is no file, as in a notebook.
+    with contextlib.suppress(ImportError, OSError, RuntimeError):
         from rclpy.experimental.events_executor import EventsExecutor
-    except ImportError:
-        return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)
+
+        return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
