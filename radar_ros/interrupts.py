@@ -10,6 +10,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from radar_ros.executor import make_executor
+from radar_ros.signals import unbroken
 
 _PULSE = 0.1  # s: Python sees a signal only between two waits of the executor
 
@@ -36,7 +37,8 @@ class Visitor:
         """Take in what comes for so long."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
-            self.executor.spin_once(timeout_sec=min(left, _PULSE))
+            with unbroken():  # a Ctrl-C within a callback would be logged with its traceback by rclpy
+                self.executor.spin_once(timeout_sec=min(left, _PULSE))
 
     def close(self) -> None:
         """Leave the graph."""

@@ -43,6 +43,8 @@ class GesturePanel:
         self._pictures.write(self.list, _list([entry.value for entry in found], ago))
         if latest is not None:
             self._show(latest)
+        else:
+            self._pictures.put(self._source, {"label": [], "probability": [], "colour": []})
 
     def _show(self, gesture: Gesture) -> None:
         names = [label.replace("_", " ") for label in gesture.labels]

@@ -53,7 +53,7 @@ class BagSource:
 
     Attributes
     ----------
-    title : str
+    title, goes : str
         For people.
     feed : Feed
         What came so far.
@@ -76,6 +76,7 @@ class BagSource:
         if self._computed:
             open_recording(self._path)
         self._has_maps = "gestures/maps" in held and not self._computed
+        self.goes = "playing"
         self.title = f"{self._path.name}, {'worked out here' if self._computed else 'as recorded'}"
         self.taker = Taker(self.feed)
         self._frames = FrameTaker(self.feed)

@@ -27,8 +27,8 @@ class TimeBar:
         What it shows.
     """
 
-    def __init__(self, feed: Feed, title: str, pictures: Pictures) -> None:
-        self._feed, self._title, self._pictures = feed, title, pictures
+    def __init__(self, feed: Feed, title: str, goes: str, pictures: Pictures) -> None:
+        self._feed, self._title, self._goes, self._pictures = feed, title, goes, pictures
         self._frozen: History | None = None
         self._moving = False  # whether this program moves the slider, not the user
         self._head = pictures.div("head", styles={"flex": "1 1 320px"})
@@ -76,7 +76,7 @@ class TimeBar:
             return "waiting for the first data", FAINT
         if moment.history.silent > _SILENT:
             return f"nothing for {moment.history.silent:.0f} s", BAD
-        return "live", GOOD
+        return self._goes, GOOD
 
     def _pause_or_go(self, _: Any = None) -> None:
         if self._frozen is None:

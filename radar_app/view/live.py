@@ -52,7 +52,7 @@ class LiveSource:
 
     Attributes
     ----------
-    title : str
+    title, goes : str
         For people.
     feed : Feed
         What was heard.
@@ -62,6 +62,7 @@ class LiveSource:
 
     def __init__(self, namespace: str = "", zones_file: Path | None = None, feed: Feed | None = None) -> None:
         self.title = f"live graph{f' /{namespace}' if namespace else ''}"
+        self.goes = "live"
         self.feed = feed if feed is not None else Feed()
         self.taker = Taker(self.feed)
         self._given_file, self._graph_file = zones_file, ""

@@ -140,7 +140,7 @@ class PersonPanel:
         self._maps = PersonMaps(_SECONDS)
         self._due_ns, self._whose = 0, -1
         self.choice = Select(
-            title="whose maps are shown (or click a person on the plan)",
+            title="whose maps (or click a person on the plan)",
             value=_ANYBODY,
             options=_choices([]),
             name="person",

@@ -36,11 +36,14 @@ class Source(Protocol):
     ----------
     title : str
         For people: what is shown.
+    goes : str
+        One word for people while it gives something: live, or playing.
     feed : Feed
         What it gives.
     """
 
     title: str
+    goes: str
     feed: Feed
 
     @property
@@ -132,7 +135,7 @@ class Page:
 
     def __init__(self, context: Context, makers: Sequence[TabMaker]) -> None:
         self._source = context.source
-        self.bar = TimeBar(context.feed, context.source.title, context.pictures)
+        self.bar = TimeBar(context.feed, context.source.title, context.source.goes, context.pictures)
         self.tabs = [make(context) for make in makers]
         self._pictures = context.pictures
         self._seen: tuple[object, ...] = ()

@@ -83,7 +83,7 @@ def _people(people: Tracks | None) -> str:
 
 def _zones(zones: ZoneStates | None) -> str:
     if zones is None:
-        return table((), (), "no zones node runs in this graph")
+        return table((), (), "nobody counts people in zones here")
     rows = [_zone(zone) for zone in (zones.room, *zones.zones)]
     return table(("zone", "people", "", "for [s]"), rows, "")
 

@@ -18,7 +18,7 @@ from radar_tracking.zones.area import KINDS
 
 _NEW: Final = "a new one"
 _NOWHERE: Final = (
-    "The graph reads no zones file. Start the page with --zones FILE: the first zone that is saved makes the file, and the graph is told."
+    "No zones file is read. Start the page with --zones FILE: the first zone that is saved makes the file, and counts at once."
 )
 _WRAP: Final = ":host { flex-wrap: wrap; gap: 8px; align-items: end; }"
 

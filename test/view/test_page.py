@@ -13,7 +13,7 @@ from radar_app.view.room_tab import RoomTab
 class Filled:
     """A source that has given all that it will."""
 
-    title, note, zones_file = "filled", "", None
+    title, goes, note, zones_file = "filled", "live", "", None
 
     def __init__(self):
         self.feed = Feed()

@@ -31,7 +31,7 @@ def test_a_recording_is_shown_paused_and_scrubbed(driver, results):
         page.until(lambda: page.data("people", "x") == newest)
         assert page.data("sent", "n")[0] <= stopped[0] + 6  # while paused it is sent only what is asked for
         page.press("pause")
-        page.until(lambda: "live" in page.text("head"))
+        page.until(lambda: "playing" in page.text("head"))
 
         loaded = driver.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
         assert loaded
