@@ -190,6 +190,7 @@ REFUSED: dict[str, Callable[[float], object]] = {
     "Snapshot direction": lambda bad: Snapshot().process(spoilt(UNIT, bad), np.zeros(2), np.ones(2)),
     "Snapshot rate_std": lambda bad: Snapshot().process(UNIT, np.zeros(2), np.array([1.0, bad])),
     "Snapshot offset": lambda bad: Snapshot().process(UNIT, np.zeros(2), np.ones(2), offset=spoilt(UNIT, bad)),
+    "Snapshot speed": lambda bad: Snapshot().process(UNIT, np.zeros(2), np.ones(2), speed=bad),
     "Snapshot amplitude": lambda bad: Snapshot().process(UNIT, np.zeros(2), np.ones(2), amplitude=np.array([1.0, bad])),
     "dbscan": lambda bad: dbscan(spoilt(np.zeros((4, 2)), bad), 0.3, 2),
     "optics": lambda bad: optics(spoilt(np.zeros((4, 2)), bad), 2),
