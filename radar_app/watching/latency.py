@@ -14,19 +14,29 @@ class Report(Protocol):
     """What a stage reports of one message; ``stage`` begins with the namespace of its radar where there are several: left/driver."""
 
     @property
-    def stage(self) -> str: ...  # noqa: D102
+    def stage(self) -> str:
+        """Its name, with its place."""
+        ...
 
     @property
-    def sequence(self) -> int: ...  # noqa: D102
+    def sequence(self) -> int:
+        """Of the message."""
+        ...
 
     @property
-    def stamp_ns(self) -> int: ...  # noqa: D102
+    def stamp_ns(self) -> int:
+        """Of the result, in the graph's clock [ns]."""
+        ...
 
     @property
-    def monotonic_ns(self) -> int: ...  # noqa: D102
+    def monotonic_ns(self) -> int:
+        """When the result was handed on, on CLOCK_MONOTONIC [ns]."""
+        ...
 
     @property
-    def stale(self) -> bool: ...  # noqa: D102
+    def stale(self) -> bool:
+        """Whether it says only that nothing comes any more."""
+        ...
 
 
 class Done(NamedTuple):
