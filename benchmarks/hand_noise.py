@@ -22,7 +22,7 @@ from benchmarks.hand_runs import BASELINE, TRIGGER, Float64Array, HandStore, Tra
 from benchmarks.hand_snapshots import judge, nees, scene_figures
 from benchmarks.stores import kept
 from benchmarks.velocity_room import in_view, mounts
-from radar_core.config import load, plain
+from radar_core.config import load
 from radar_tracking import HandConfig, HandTracker
 from radar_tracking.estimators import SnapshotConfig
 from radar_tracking.hand.candidates import Candidates
@@ -162,7 +162,7 @@ def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
         "clouds": len(found),
         "fit": fitted,
         "fit_true": fit(some, true=True, most=most),
-        "used": {name: plain(SnapshotConfig())[name] for name in _START},
+        "used": {name: getattr(SnapshotConfig(), name) for name in _START},
         "log_loss_used": log_loss(some, [getattr(SnapshotConfig(), name) for name in _START], true=False),
         "by_speed": by_speed(found),
         **{name: nees(one) | scene_figures(one) for name, one in judged.items()},
