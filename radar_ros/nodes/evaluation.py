@@ -80,8 +80,11 @@ class EvaluationNode(StageNode):
         """Write the report."""
         if self._report and self._evaluator is not None:
             path = Path(self._report)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, json.dumps(self._evaluator.report(), indent=1))
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(path, json.dumps(self._evaluator.report(), indent=1))
+            except OSError as error:
+                self.get_logger().error(f"{path}: the report cannot be written ({error.strerror}); make room or rights there")
 
 
 make_node = EvaluationNode

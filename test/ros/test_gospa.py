@@ -103,6 +103,15 @@ def test_a_track_at_nan_costs_one_moment(ros, judged):
     assert ros.spin_until(lambda: found)
 
 
+def test_a_report_that_does_not_fit_costs_a_line(judged, capfd):
+    """On a disk without room, or where there is no folder for it: one line, and no traceback at the end."""
+    node, _, _, _, report = judged
+    report.parent.joinpath("file").write_text("")
+    node._report = str(report.parent / "file" / "report.json")
+    node.close()
+    assert "the report cannot be written" in capfd.readouterr().err
+
+
 def test_gospa_is_recorded():
     """The recorder knows the topic and its type."""
     assert bags.TYPES["gospa"] == "handwave/msg/Gospa"
