@@ -188,16 +188,6 @@ def _read_only() -> Seen:
         return Seen(True, one.lines, 0, time.monotonic() - began)
 
 
-def _interface() -> Seen:
-    """Take the network's interface away, and give it back, in a network of its own."""
-    code = 'ip link set lo up; exec "$@"'
-    if not shutil.which("ip"):
-        code = 'exec "$@"'
-    began = time.monotonic()
-    with up(before=("unshare", "-n", "sh", "-c", code, "sh")) as one:
-        return Seen(True, one.lines, 0, time.monotonic() - began)
-
-
 def _clock(seconds: int) -> Callable[[], Seen]:
     """Let the clock jump, for the nodes alone: a library in front of libc, as libfaketime is."""
 
@@ -207,10 +197,13 @@ def _clock(seconds: int) -> Callable[[], Seen]:
             source.write_text(_MOVED, encoding="utf-8")
             subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"], check=True)
             shift.write_bytes((7200).to_bytes(8, sys.byteorder, signed=True))
-            with up(variables={"LD_PRELOAD": str(library), "HANDWAVE_CLOCK": str(shift)}) as one:
+
+            def jump(_: Up) -> None:
                 with shift.open("r+b") as file:
                     file.write((7200 + seconds).to_bytes(8, sys.byteorder, signed=True))
-                return one.after(lambda _: None)
+
+            with up(variables={"LD_PRELOAD": str(library), "HANDWAVE_CLOCK": str(shift)}) as one:
+                return one.after(jump)
 
     return inject
 
