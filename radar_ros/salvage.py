@@ -6,12 +6,12 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
-
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from typing import TYPE_CHECKING, Any, Final
 
 from radar_core import DataError, HandwaveError
+
+if TYPE_CHECKING:  # nodes that neither record nor repair start without mcap
+    from mcap.records import Channel, Chunk, Message, Schema
 
 _CHECKSUM_AT: Final = 9 + 3 * 8  # bytes from the start of a chunk's record: opcode, length, two times and a size are before it
 
@@ -27,6 +27,8 @@ def door(path: Path, advice: str = "check the path, or try: handwave repair") ->
     except HandwaveError:
         raise
     except Exception as error:
+        if not Path(path).exists():
+            raise DataError(f"{path}: there is no such recording; give its folder") from None
         said = str(error) or type(error).__name__
         raise DataError(f"{path}: cannot be read as a bag ({said}); {advice} {path}") from None
 
@@ -48,6 +50,8 @@ def write_checksums(storage: Any) -> None:
 
 def salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:
     """Every whole message of a file: up to where it is cut off, without those of chunks whose checksum is wrong."""
+    from mcap.records import Channel, Message, Schema
+
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     for record in _records(file):  # all of them before the messages: the summary at the end has them again
@@ -64,6 +68,9 @@ def salvage(file: Path) -> Iterator[tuple[Schema, Channel, Message]]:
 
 def _records(file: Path) -> Iterator[Any]:
     """Give the records of a file, those within chunks included, as far as they can be read."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
     size = file.stat().st_size
     with file.open("rb") as stream:
         records = iter(StreamReader(stream, emit_chunks=True, record_size_limit=size).records)
@@ -79,6 +86,8 @@ def _records(file: Path) -> Iterator[Any]:
 
 def _inside(chunk: Chunk) -> list[Any]:
     """Give the records of a chunk; none when it is damaged."""
+    from mcap.stream_reader import breakup_chunk
+
     try:
         return list(breakup_chunk(chunk, validate_crc=True))
     except Exception:

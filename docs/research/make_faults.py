@@ -25,15 +25,17 @@ def main(folder: Path) -> None:
     rows = [one for group in GROUPS for one in json.loads((folder / f"faults_{group}.json").read_text(encoding="utf-8"))]
     found = figures(rows)
     lines = [
-        f"{found['faults']} faults: `survived_fraction` {found['survived_fraction']:.3f}, `unnamed` {found['unnamed']}, `lost_acknowledged` "
-        f"{found['lost_acknowledged']}; recovery after {found['recover_s_median']:.1f} s (median), {found['recover_s_worst']:.1f} s (worst).",
+        f"{found['faults']} faults: `survived_fraction` {found['survived_fraction']:.3f}, `unnamed` {found['unnamed']}, "
+        f"`lost_acknowledged` {found['lost_acknowledged']}; recovery after {found['recover_s_median']:.1f} s (median), "
+        f"{found['recover_s_worst']:.1f} s (worst).",
         "",
     ]
     for title, key in (("Not survived", "not_survived"), ("Not named once", "not_named_once")):
         if found[key]:
             lines += [f"{title}: {'; '.join(found[key])}.", ""]
     for group in GROUPS:
-        lines += [f"### {group.capitalize()}", "", "| fault | by | words | lines | survived | lost | s |", "|---|---|---|---:|---|---:|---:|"]
+        heads = ["| fault | by | words | lines | survived | lost | s |", "|---|---|---|---:|---|---:|---:|"]
+        lines += [f"### {group.capitalize()}", "", *heads]
         lines += [*(row(one) for one in rows if one["group"] == group), ""]
     text = PAGE.read_text(encoding="utf-8")
     before, after = text.partition(BEGIN)[0], text.partition(END)[2]

@@ -89,7 +89,8 @@ def graph(tmp_path_factory):
     scene.write_text(SCENE)
     running = Graph(scene)
     try:
-        wait_until(lambda: running.said(f"ready: {len(NODES)} nodes run") or running.process.poll() is not None, text=lambda: "\n".join(running.lines))
+        ready = f"ready: {len(NODES)} nodes run"
+        wait_until(lambda: running.said(ready) or running.process.poll() is not None, text=lambda: "\n".join(running.lines))
         yield running
     finally:
         running.process.send_signal(signal.SIGINT)
@@ -327,6 +328,7 @@ def test_the_end_of_a_source_is_told(monkeypatch):
     """By a real driver whose scene ends: the teller says ready, then that it has ended; status calls it wrong."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(int(DOMAIN) + 40))
     import rclpy
+
     from radar_ros.executor import make_executor
 
     said = []
