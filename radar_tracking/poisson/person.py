@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from radar_core.types import Float64Array
+from radar_core.types import BoolArray, Float64Array
 from radar_tracking.poisson.kernels import Shares, behind
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
@@ -24,13 +24,16 @@ _ON_THE_SPOT, _MOST_STUCK = 2.5, 3.0  # m: within `moved`'s time; what is more s
 _FAITHFUL: Final = 0.8  # m: range rates lead people to where they are, within this
 MOVED_TIME: Final = 6.0  # s: ways and mean places are of so long
 _PACE_TIME: Final = 0.4  # s: who has moved just now
+_WEAK: Final = (0.0, 6.0)  # dB: weaker than a body by less is no image, by more may be one
+_CLOSE: Final = 0.8  # m: images by way of walls are farther from their cause
 _LAW: Final = (-10.0, 20.0)  # dB: how much weaker than a body; what is beyond says no more
 _ALONE: Final = (0.02, 5.0, 0.3)  # m: least and largest way alone that says anything, and the one that says nothing
 
 FEATURES: Final = ("points", "snr", "height", "tall", "fast", "behind", "same", "floor", "law", "alone", "hits", "went", "stuck", "creep")
 """Logarithm of the points of a cloud; strength [dB]; how far the middle is from a body's, and how much taller the track is than one [m];
 share of fast points; whether it lies behind a stronger track, and in that one's direction; how well it fits the echo of such a track by way
-of the floor; how much weaker it is than a body at its distance [dB]; logarithm of its least way while such a track did not move;
+of the floor; how much weaker it is than a body at its distance [dB]; logarithm of its least way while such a track did not move (of these,
+what speaks for an image counts as far as `_suspect` says);
 log odds of a cloud with points; way from where it began [m]; how much farther it should be from where it was, by its range rates, than on
 the spot people ever are [m]; how far the place to which its range rates lead is from where it is [m]."""
 CONSTANT: Final = -0.3
@@ -81,6 +84,7 @@ def features(table: Table) -> Float64Array:
     tall = np.sqrt(np.maximum(square / told - middle**2, 0.0))
     measured = known > 0.2 * amount
     low, high, usual = _ALONE
+    alone, suspect = np.log(np.clip(rows["alone"], low, high) / usual), _suspect(table, measured)
     return np.column_stack(
         [
             np.log(points + 0.1),
@@ -88,17 +92,27 @@ def features(table: Table) -> Float64Array:
             np.where(measured, np.clip(np.abs(middle - _MIDDLE) - _MIDDLE_WITHIN, 0.0, _MOST_OFF), 0.0),
             np.where(measured, np.clip(tall - _TALL, 0.0, _MOST_TALL), 0.0),
             np.minimum(fast / amount, _MOST_FAST),
-            rows["behind"],
-            rows["same"],
-            rows["floor"],
+            rows["behind"] * suspect,
+            rows["same"] * suspect,
+            rows["floor"] * suspect,
             np.where(rows["behind"], np.clip(rows["law"], *_LAW), 0.0),
-            np.where(rows["behind"], np.log(np.clip(rows["alone"], low, high) / usual), 0.0),
+            np.where(rows["behind"], np.where(alone < 0.0, alone * suspect, alone), 0.0),
             np.log((rows["hits"] + 0.05) / (1.05 - rows["hits"])),
             np.minimum(went(table), _MOST_WENT),
             _stuck(table),
             _creep(table),
         ]
     )
+
+
+def _suspect(table: Table, measured: BoolArray) -> Float64Array:
+    """How much a track behind another may be its image, 0 to 1, shape (n_tracks,); ``measured``: whose heights are.
+
+    Mirrors take power, so that of two close together the one behind is no image if it is as strong as a body there. Farther images by way
+    of walls may be strong for a while, and without heights echoes by the floor, which add up, pass for bodies.
+    """
+    weak = np.clip((table.rows["law"] - _WEAK[0]) / (_WEAK[1] - _WEAK[0]), 0.0, 1.0)
+    return np.where(measured & (table.gaps().min(axis=1, initial=np.inf) < _CLOSE), weak, 1.0)
 
 
 def person_odds(table: Table) -> Float64Array:

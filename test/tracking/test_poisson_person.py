@@ -23,17 +23,26 @@ def followed(place, speed, seconds: float = 8.0) -> Table:
     return tracker.table
 
 
-def test_features_are_their_definition():
-    """One track of 4 points at 12 dB, of which one is fast, 1 m high on average and 0.6 m tall, 1.5 m from its birthplace."""
+@pytest.mark.parametrize(
+    ("law", "way", "near", "suspect"),
+    [(30.0, 0.6, 0.5, 1.0), (3.0, 0.15, 0.5, 0.5), (0.0, 0.15, 0.5, 0.0), (0.0, 0.15, 2.0, 1.0), (-12.0, 0.6, 0.5, 0.0)],
+)
+def test_features_are_their_definition(law, way, near, suspect):
+    """One track of 4 points at 12 dB, of which one is fast, 1 m high on average and 0.6 m tall, 1.5 m from its birthplace.
+
+    Near to another, what speaks for an image counts by halves where it is 3 dB weaker than a body, and not at all where it is as strong.
+    """
     table, row = Table(), np.zeros(1, RECORD)
     row["look"] = [4.0, 48.0, 1.0, 4.0, 4.0, 4.0 * (1.0 + 0.36)]
-    row["behind"], row["floor"], row["law"], row["alone"] = True, 0.3, 30.0, 0.6
+    row["behind"], row["same"], row["floor"], row["law"], row["alone"] = True, True, 0.3, law, way
     row["hits"], row["moved"], row["birthplace"], row["haunt"] = 0.5, 4.0, (1.5, 0.0), (3.0, 0.0)
     row["drift"], row["sight"] = -1.9, (1.0, 0.0)
     table.add(row, np.array([3.0, 0, 0, 0, 0, 0, 0]), np.eye(N_STATES))
+    table.add(np.zeros(1, RECORD), np.array([3.0, near, 0, 0, 0, 0, 0]), np.eye(N_STATES))
+    alone = math.log(way / 0.3) * (suspect if way < 0.3 else 1.0)
     expected = {
-        "points": math.log(4.1), "snr": 12.0, "height": 0.0, "tall": 0.1, "fast": 0.2, "behind": 1.0, "same": 0.0,
-        "floor": 0.3, "law": 20.0, "alone": math.log(2.0), "hits": 0.0, "went": 1.5, "stuck": 1.5,
+        "points": math.log(4.1), "snr": 12.0, "height": 0.0, "tall": 0.1, "fast": 0.2, "behind": suspect, "same": suspect,
+        "floor": 0.3 * suspect, "law": min(max(law, -10.0), 20.0), "alone": alone, "hits": 0.0, "went": 1.5, "stuck": 1.5,
         "creep": 1.1,
     }  # fmt: skip
     assert dict(zip(FEATURES, features(table)[0].tolist(), strict=True)) == pytest.approx(expected)
@@ -56,6 +65,33 @@ def test_blades_of_a_fan_go_nowhere():
     assert person_odds(fan).max() < person_odds(walker)[0] - 3.0
     assert walker.rows["confirmed"].sum() == 1
     assert features(walker)[walker.rows["confirmed"]][0][FEATURES.index("creep")] == 0.0
+
+
+def test_without_heights_a_strong_echo_is_suspect_too():
+    """A track close behind a stronger one, as strong as a body: without heights it loses what it would lose by being weaker."""
+    table, row = Table(), np.zeros(1, RECORD)
+    row["look"] = [4.0, 48.0, 0.0, 0.0, 0.0, 0.0]
+    row["behind"], row["same"], row["floor"], row["alone"] = True, True, 0.9, 0.15
+    for _ in range(2):
+        table.add(row, np.zeros(N_STATES), np.eye(N_STATES))
+    found = dict(zip(FEATURES, features(table)[0].tolist(), strict=True))
+    assert [found[name] for name in ("behind", "same", "floor", "alone")] == pytest.approx([1.0, 1.0, 0.9, -math.log(2.0)])
+
+
+@pytest.mark.parametrize(("weaker", "people"), [(0.0, 2), (14.0, 1)])
+def test_who_walks_behind_somebody_is_a_person_and_an_echo_is_not(weaker, people):
+    """Two pace to and fro, one half a metre behind the other all the time; as strong as a body there, or 14 dB weaker."""
+    tracker, rng, counts = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(6), []
+    errors = {"range_std": np.full(16, 0.02, np.float32), "azimuth_std": np.full(16, 0.01, np.float32)}
+    for k in range(200):
+        y, rate = 1.2 * math.sin(0.04 * k), 0.96 * math.cos(0.04 * k)
+        points = np.array([[2.0, y, 1.0]] * 10 + [[2.5, y, 1.0]] * 6) + rng.normal(0, [0.05, 0.08, 0.15], (16, 3))
+        speed = rate * points[:, 1] / np.hypot(*points[:, :2].T) + rng.normal(0, 0.15, 16)
+        snr = np.repeat([25.0, 25.0 - 40.0 * math.log10(2.5 / 2.0) - weaker], [10, 6])
+        columns = {"radial_speed": speed.astype(np.float32), "snr": snr.astype(np.float32), **errors}
+        tracker.process(PointCloud(k * 50_000_000, k, "room", *points.astype(np.float32).T.copy(), **columns))
+        counts.append(int(tracker.table.rows["confirmed"].sum()))
+    assert np.mean(np.array(counts[60:]) == people) > 0.95
 
 
 def in_turns(k: int, first: int) -> tuple[float, float]:
