@@ -97,7 +97,7 @@ def test_what_cannot_be_shown_says_why(bags, tmp_path):
         ((results, "--range-doppler", tmp_path / "x.png"), "holds no raw frames"),
         ((raw, "--range-doppler", tmp_path / "x.png", "--at", 90), "is over after 3"),
         ((results, "--preview", tmp_path / "x.gif"), r"end its name in .mp4 or .png"),
-        ((tmp_path / "nowhere",), "cannot be read as a bag"),
+        ((tmp_path / "nowhere",), "there is no such recording"),
     ):
         error = call(*words).exception
         assert isinstance(error, (ConfigError, DataError)), words

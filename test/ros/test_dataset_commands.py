@@ -106,7 +106,7 @@ def test_mistakes_are_named(tmp_path, bag, cloud_bag):
         (("import", bag, tmp_path / "x", "--labels", tmp_path / "labels.csv"), "lacks gesture, person"),
         (("import", cloud_bag, tmp_path / "x"), "says of no gesture what it is; give --labels"),
         (("import", cloud_bag, tmp_path / "x", "--one-tx"), "--one-tx needs raw frames"),
-        (("import", tmp_path / "none", tmp_path / "x"), "cannot be read as a bag"),
+        (("import", tmp_path / "none", tmp_path / "x"), "there is no such recording"),
     ):
         assert words in run(*arguments, wrong=HandwaveError)
     assert not (tmp_path / "x").exists()
