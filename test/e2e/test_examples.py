@@ -162,6 +162,6 @@ def test_notebook(monkeypatch, capsys):
 def test_the_table_names_every_example():
     """The page about them is complete."""
     page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
-    files = {path.name for path in EXAMPLES.iterdir() if path.suffix in (".py", ".ipynb", ".yaml")}
+    files = {path.name for path in EXAMPLES.iterdir() if path.suffix in (".py", ".ipynb", ".yaml", ".html")}
     assert files == set(re.findall(r"\[(\w+\.\w+)\]\(\1\)", page))
     assert all(os.access(EXAMPLES / file, os.R_OK) for file in files)

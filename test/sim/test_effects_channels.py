@@ -31,11 +31,11 @@ def test_channel_errors_have_the_size_they_say():
 
 def test_element_places():
     """Places are off by the shift in y and z, virtual ones by both their elements' errors; without shift they are as drawn."""
-    array = AntennaArray(tx=((0.0, 0.01),) * 40, rx=((0.02, 0.0),) * 40)
-    setting = a_setting(Waveform(n_tx=40, n_chirp=1), array)
+    array = AntennaArray(tx=((0.0, 0.01),) * 30, rx=((0.02, 0.0),) * 30)
+    setting = a_setting(Waveform(n_tx=30, n_chirp=1), array)
     tx, rx = receiver.elements(config.ChannelErrorsConfig(shift=2e-4), setting)
     for real, drawn in ((tx, (0.0, 0.01)), (rx, (0.02, 0.0))):
-        assert real.shape == (40, 2)
+        assert real.shape == (30, 2)
         assert np.std(real - drawn) == pytest.approx(2e-4, rel=0.3)
     np.testing.assert_array_equal(receiver.elements(config.ChannelErrorsConfig(shift=0.0), setting)[0], np.asarray(array.tx))
 
