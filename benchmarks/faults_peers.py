@@ -49,7 +49,7 @@ def _paired(change: Change) -> Callable[[Running], None]:
             for number in range(_TIMES):
                 cloud, msg = copy.deepcopy(running.ear.last["radar/points"]), copy.deepcopy(running.ear.last["tracks"])
                 cloud.header.stamp = msg.header.stamp = to_time(from_time(cloud.header.stamp) + 7)
-                msg.point_track_id = np.full(len(cloud.x), -1, np.int32)
+                msg.point_track_id = array.array("i", [-1] * len(cloud.x))
                 change(msg, number)
                 tracks.publish(msg)
                 clouds.publish(cloud)
@@ -115,7 +115,7 @@ def _spoilt(field: str, value: float) -> Change:
         values = np.array(getattr(msg, field))
         if len(values):
             values[number % len(values)] = value
-        setattr(msg, field, values.astype(np.float32))
+        setattr(msg, field, values.tolist())
 
     return change
 
@@ -201,7 +201,7 @@ FAULTS: Final = (
         "tracks of other points than the cloud's",
         MEANS,
         "point_track_id has shape",
-        watched(_paired(_set(point_track_id=np.zeros(9999, np.int32)))),
+        watched(_paired(_set(point_track_id=array.array("i", [0] * 9999)))),
         8,
         8,
     ),

@@ -109,9 +109,10 @@ def living(found):
 
 
 def gesture_comparison(found):
-    """Two worlds differ in something, and effects are shares; real people only where their recordings are."""
+    """Effects are shares where there are samples enough for a test; real people only where their recordings are."""
     two = found["pairs"]["two simulated worlds"]
-    assert 0.0 <= two["eta_squared_median"] <= 1.0
+    for pair in found["pairs"].values():
+        assert pair["kruskal_tests"] == 0 or 0.0 <= pair["eta_squared_median"] <= 1.0
     assert set(two["wilcoxon"]) == set(two["rank_biserial"])
     assert len(found["pairs"]) + len(found["absent"]) == 3
 
