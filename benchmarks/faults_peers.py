@@ -203,7 +203,6 @@ FAULTS: Final = (
         "point_track_id has shape",
         watched(_paired(_set(point_track_id=array.array("i", [0] * 9999)))),
         8,
-        8,
     ),
     Fault("tracks at places that are no numbers", MEANS, "finite", watched(_paired(_track(position=np.full(3, math.nan)))), 8),
     Fault(
@@ -211,7 +210,6 @@ FAULTS: Final = (
         MEANS,
         "99 is not a valid Reason",
         watched(_paired(_set(deleted_id=[1], deleted_reason=[99], deleted_confirmed=[True]))),
-        8,
         8,
     ),
     _refused("sequence of frames at its last number", "messages are missing before", "radar/frame", _set(sequence=_LAST), most=8),
