@@ -75,4 +75,4 @@ def run(quick: bool) -> dict[str, Any]:
             f"{prefix}frames": heard.due,
             f"{prefix}cpu_percent": {name: round(100 * used / heard.seconds, 1) for name, used in heard.cpu.items()},
         }
-    return {**result, **graph_load.run(quick, DOMAIN), "choices": found.rows}
+    return {**result, **graph_load.measure(quick, DOMAIN), "choices": found.rows}

@@ -109,7 +109,7 @@ def library_cores(n_frames: int | None = None) -> float:
     return (time.thread_time() - started) / (n * simulator.info.waveform.frame_interval)
 
 
-def run(quick: bool, domain: int) -> dict[str, Any]:
+def measure(quick: bool, domain: int) -> dict[str, Any]:
     """Measure everything, one after the other; each window is one turn of the scene."""
     os.environ.update(environment(domain))
     scene = load_scene(SCENE)
