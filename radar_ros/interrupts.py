@@ -42,5 +42,7 @@ class Visitor:
 
     def close(self) -> None:
         """Leave the graph."""
+        self.executor.remove_node(self.node)
+        self.executor.spin_once(timeout_sec=0.0)  # it lets go of the node
         self.executor.shutdown()
         self.node.destroy_node()

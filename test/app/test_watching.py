@@ -345,8 +345,11 @@ def test_the_end_of_a_source_is_told(monkeypatch):
             executor.spin_once(timeout_sec=0.1)
             teller.look()
         state = health.state("driver")
-        executor.shutdown()
         driver.close()
+        for each in (driver, node):
+            executor.remove_node(each)
+        executor.spin_once(timeout_sec=0.0)
+        executor.shutdown()
         driver.destroy_node()
         node.destroy_node()
     assert said[0].startswith("ready: 1 node runs and data flows")
