@@ -1,6 +1,8 @@
 """Real rclpy for the tests of nodes and plumbing."""
 
 import gc
+import itertools
+import os
 import time
 
 import pytest
@@ -49,11 +51,19 @@ class Ros:
         gc.collect()  # a node that is still held is seen by the graphs of later tests
 
 
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+_DOMAINS = itertools.count(os.getppid() + 20 * _WORKER)  # workers of one run share their parent
+
+
 @pytest.fixture
-def ros(request):
-    """A ROS context of its own, closed afterwards."""
-    if "own_domain" in request.fixturenames:
-        request.getfixturevalue("own_domain")
+def own_domain(monkeypatch):
+    """A domain per test: nodes that were killed with SIGKILL, or that Python still holds, stay visible to others."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(50 + next(_DOMAINS) % 50))
+
+
+@pytest.fixture
+def ros(own_domain):
+    """A ROS context of its own in a domain of its own, closed afterwards."""
     context = Ros()
     yield context
     context.close()

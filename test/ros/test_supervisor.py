@@ -18,14 +18,7 @@ from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError
 from radar_ros import qos
 
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
-_DOMAINS = itertools.count(os.getppid() + 20 * _WORKER)  # workers of one run share their parent
-
-
-@pytest.fixture(autouse=True)
-def own_domain(monkeypatch):
-    """A domain per test: nodes killed with SIGKILL stay visible to others for 20 s."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(50 + next(_DOMAINS) % 50))
+pytestmark = pytest.mark.usefixtures("own_domain")
 
 
 def specs(*without):
