@@ -31,6 +31,7 @@ RESULTS = {
     "make_tracking_pictures.py": {"--figures": "tracking.json"},
     "make_gesture_pictures.py": {"--figures": "gestures.json", "--real": "gestures_real.json"},
     "make_hand_pictures.py": {"--figures": "hand_velocity.json"},
+    "make_load_pictures.py": {"--figures": "load_steps.json"},
     "make_hand_track_pictures.py": {"--figures": "hand.json", "--keep": "hand"},
 }
 """Scripts with what each takes of the folder of results."""

@@ -14,8 +14,8 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living", "machines",
-    "newcomer", "one_channel", "person_odds", "probe", "soak", "vital",
+    "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living", "load_steps",
+    "machines", "newcomer", "one_channel", "person_odds", "probe", "soak", "vital",
 }  # fmt: skip
 
 # Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -144,6 +144,18 @@ def boards(found):
     assert min(ghosts, key=ghosts.get).endswith("(the driver's)")
 
 
+def load_steps(found):
+    """Each step has its readings, tracks come in all of them, and the graph's time is a part of the machine's."""
+    assert [row["loops"] for row in found["steps"]] == [0, 1, 2, 0]
+    columns = found["series"]
+    assert {len(column) for column in columns.values()} == {16}
+    assert all(row["frames"] > 0 and row["latency_ms_median"] <= row["latency_ms_worst"] for row in found["steps"])
+    assert 0 <= sum(columns["lost"]) < sum(columns["frames"])
+    assert all(row["graph_cores"] > 0.1 for row in found["steps"])
+    assert max(columns["loops_cores"][4:12]) > 0.1
+    assert max(columns["loops_cores"][12:]) == 0
+
+
 @pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
@@ -177,6 +189,7 @@ def test_quick_run(name, tmp_path):
         "vital": vital,
         "hand_losses": hand_losses,
         "living": living,
+        "load_steps": load_steps,
         "gesture_comparison": gesture_comparison,
         "house": house,
         "boards": boards,
