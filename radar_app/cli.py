@@ -135,6 +135,8 @@ def up(
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
     osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/how-to/home.md)")] = None,
     also: Annotated[list[str] | None, typer.Option(help="another node beside the graph's, e.g. vital; may be repeated")] = None,
+    secure: Annotated[bool, typer.Option("--secure", help="DDS security: authenticate and encrypt (docs/how-to/secure.md)")] = False,
+    keystore: Annotated[Path | None, typer.Option(help="keys of SROS2 for --secure; default: ROS_SECURITY_KEYSTORE")] = None,
     zones: ZonesFile = None,
     param: Params = None,
     config: Configs = None,
@@ -152,11 +154,15 @@ def up(
     from radar_app.rooms import is_rooms_file, load_rooms, rooms_graph, with_board
     from radar_app.supervisor import start_graph
 
+    if secure or keystore is not None:
+        from radar_app.security import switch_on
+
+        switch_on(keystore, namespace, domain)
     parameters = merged(zone_parameters(zones), parse_parameters(param, config))
     beside = (*outputs(mqtt, mqtt_password_file, osc, parameters), *(also or ()))
     if is_rooms_file(variant):
         if board or scene or bag or namespace or parameters or also:
-            raise ConfigError(f"{variant} says all of its rooms; of the options only --composed, --respawn and --domain go with it")
+            raise ConfigError(f"{variant} says all of its rooms; of the options only --composed, --respawn, --secure, --domain go with it")
         house = load_rooms(variant)
         raise typer.Exit(start_graph(rooms_graph(house), domain, composed=composed, respawn=respawn or house.respawn))
     variant = with_board(variant, board, parameters)
