@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks import faults_boards, faults_files, faults_graph, faults_machine, faults_nodes, faults_peers
+from benchmarks import faults_boards, faults_files, faults_graph, faults_machine, faults_network, faults_nodes, faults_peers
 from benchmarks.faults_rows import Fault, Seen, told
 from radar_core import ConfigError
 from radar_core.files import write_whole
@@ -46,11 +46,11 @@ def _shared(faults: tuple[Fault, ...], quick: bool) -> Iterator[tuple[Fault, See
 
 GROUPS: Final[dict[str, Callable[[bool], Iterator[tuple[Fault, Seen]]]]] = {
     "files": lambda quick: _alone(lambda: faults_files.FAULTS, quick),
-    "driver": lambda quick: _alone(faults_boards.faults, quick),
+    "driver": lambda quick: _alone(lambda: (*faults_boards.faults(), *faults_network.drivers()), quick),
     "peers": lambda quick: _shared(faults_peers.FAULTS, quick),
     "nodes": lambda quick: _shared(faults_nodes.NODES, quick),
     "transport": lambda quick: _shared(faults_nodes.TRANSPORT, quick),
-    "machine": lambda quick: _alone(faults_machine.faults, quick),
+    "machine": lambda quick: _alone(lambda: (*faults_machine.faults(), *faults_network.machines()), quick),
 }
 
 

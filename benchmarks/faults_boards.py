@@ -66,7 +66,7 @@ def wait(wanted: Callable[[], bool]) -> bool:
     return True
 
 
-def _through(
+def through(
     reading: Reading, harm: Callable[[], Any], mend: Callable[[], Any], feed: Callable[[], Any] = lambda: None, said: str = ""
 ) -> Seen:
     """Harm a source that works, wait until it says so (in these words, if any are given), mend it, and wait until readings come again."""
@@ -103,9 +103,9 @@ def _serial(what: str) -> Seen:
     """Unplug a board on a serial line, or let it be silent, or fill the line with noise."""
     with _targets() as (board, reading, report):
         if what == "unplugged":
-            return _through(reading, board.unplug, board.plug, report)
+            return through(reading, board.unplug, board.plug, report)
         if what == "silent":
-            return _through(reading, lambda: None, lambda: None, report)
+            return through(reading, lambda: None, lambda: None, report)
         noise = np.random.default_rng(1).bytes(20_000)
 
         def shout() -> None:
@@ -113,7 +113,7 @@ def _serial(what: str) -> Seen:
                 board.send_all(noise[start : start + 500])
                 time.sleep(0.05)
 
-        return _through(reading, shout, lambda: None, report)
+        return through(reading, shout, lambda: None, report)
 
 
 def _no_port() -> Seen:
@@ -153,7 +153,7 @@ def _card(what: str) -> Seen:
             "sensor": (one.cli.unplug, one.cli.plug_in),
             "memory": (lambda: one.card.tell(_event("MEMORY_FULL")), lambda: None),
         }[what]
-        return _through(reading, harm, mend, said="there is no serial port" if what == "sensor" else "")
+        return through(reading, harm, mend, said="there is no serial port" if what == "sensor" else "")
 
 
 def _event(name: str) -> Any:

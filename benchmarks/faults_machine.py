@@ -26,7 +26,8 @@ from radar_ros import qos
 from radar_ros.interrupts import Visitor, ros
 
 _DOMAIN: Final = 150 + (DOMAIN + 7 - 150) % 80
-_UP: Final = (sys.executable, "-m", "radar_app", "up", "--scene", "single_target", "--param", "driver.at_end=loop", "--respawn")
+_UP: Final = (sys.executable, "-m", "radar_app", "up", "--respawn")
+_SCENE: Final = ("--scene", "single_target", "--param", "driver.at_end=loop")
 _UP_DOMAIN: Final = ("--domain", str(_DOMAIN))
 _START, _LONGEST = 90.0, 40.0  # s
 _MOVED: Final = """
@@ -87,10 +88,12 @@ class Up:
 
 
 @contextlib.contextmanager
-def up(before: Sequence[str] = (), variables: dict[str, str] | None = None, stdout: int = subprocess.PIPE) -> Iterator[Up]:
+def up(
+    before: Sequence[str] = (), variables: dict[str, str] | None = None, stdout: int = subprocess.PIPE, source: Sequence[str] = _SCENE
+) -> Iterator[Up]:
     """Start the command, wait until tracks come, and end it."""
     os.environ.update(environment(_DOMAIN))
-    command = [*before, *_UP, *_UP_DOMAIN]
+    command = [*before, *_UP, *source, *_UP_DOMAIN]
     with (
         ros(),
         contextlib.closing(Visitor("handwave_faults_machine")) as visitor,
@@ -127,7 +130,7 @@ def _suspended(one: Up) -> None:
 
 def _second(one: Up) -> list[str]:
     """Start a second graph in the same domain."""
-    done = subprocess.run([*_UP, *_UP_DOMAIN], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*_UP, *_SCENE, *_UP_DOMAIN], capture_output=True, text=True, timeout=120)
     return done.stderr.splitlines() if done.returncode == 2 else ["it started"]
 
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from benchmarks import faults, faults_boards, faults_files, faults_machine, faults_nodes, faults_peers
+from benchmarks import faults, faults_boards, faults_files, faults_machine, faults_network, faults_nodes, faults_peers
 from benchmarks.faults_rows import Fault, Seen, refused, told
 from radar_core import ConfigError
 
@@ -18,6 +18,8 @@ def table():
         *faults_nodes.NODES,
         *faults_nodes.TRANSPORT,
         *faults_machine.faults(),
+        *faults_network.drivers(),
+        *faults_network.machines(),
     )
 
 
@@ -59,6 +61,16 @@ def test_the_same_words_stand_apart():
     words = "".join(one.words for one in faults.spread(rows))
     assert sorted(words) == sorted("aaaabbc")
     assert "aaa" not in words
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not faults_network.permitted(), reason="no network namespaces or virtual cables here")
+@pytest.mark.parametrize("row", faults_network.drivers(), ids=lambda row: row.name)
+def test_the_interface_to_a_board_goes_away(row):
+    """The driver says which, once, and measures again when it is back; the machine's own interfaces are none of its."""
+    seen = row.inject()
+    assert seen.survived, seen.note
+    assert told("driver", row, seen)["named"] == 1
 
 
 def test_a_group_that_there_is_not():
