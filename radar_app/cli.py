@@ -135,7 +135,7 @@ def up(
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
     osc: Annotated[str | None, typer.Option(help="instrument to tell, host:port (docs/how-to/home.md)")] = None,
     also: Annotated[list[str] | None, typer.Option(help="another node beside the graph's, e.g. vital; may be repeated")] = None,
-    secure: Annotated[bool, typer.Option("--secure", help="DDS security: authenticate and encrypt (docs/how-to/secure.md)")] = False,
+    secure: Annotated[bool, typer.Option("--secure", help="DDS security: authenticate and encrypt (docs/research/secure.md)")] = False,
     keystore: Annotated[Path | None, typer.Option(help="keys of SROS2 for --secure; default: ROS_SECURITY_KEYSTORE")] = None,
     zones: ZonesFile = None,
     param: Params = None,

@@ -32,7 +32,7 @@ _TRY: Final = (
 _TIMEOUT: Final = 120.0  # s: to start an interpreter; a busy machine is slow
 _ADVICE: Final = (
     "use an ordinary ROS 2 Jazzy installation, whose Fast DDS has it (sudo apt-get install ros-jazzy-ros-base ros-jazzy-sros2, "
-    "docs/how-to/secure.md), or start without --secure"
+    "docs/research/secure.md), or start without --secure"
 )
 
 
