@@ -122,6 +122,6 @@ def _asked(env: Mapping[str, str]) -> tuple[str, str]:
 def _refuse_middleware(middleware: str, refusal: str) -> None:
     """Raise `ConfigError` where the middleware has no security, or none that reads keystores of SROS2."""
     if refusal and _BUILT_WITHOUT.search(refusal):
-        raise ConfigError(f"--secure: {middleware} was built without DDS security, as all wheels of PyPI are; {_ADVICE}")
+        raise ConfigError(f"--secure: {middleware} was built without DDS security, as the wheels of PyPI are; {_ADVICE}")
     if middleware not in _DDS and middleware != "ROS 2":
         raise ConfigError(f"--secure: {middleware} reads no keystore of SROS2; set RMW_IMPLEMENTATION to one of {', '.join(_DDS)}")
