@@ -10,7 +10,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,8 +32,9 @@ FLAGS: Final = (
 _START: Final = 90.0  # s: for nodes, page and browser to be there
 _SETTLE: Final = (1.0, 4.0)  # s: after a change, before anything is measured
 _SECONDS: Final = (3.0, 15.0)  # of each turn
-_TURNS: Final = (1, 4)  # with the page, and beside as much load without it
-_SLICE: Final = 0.02  # s: the load works for a share of so long, then rests
+_TURNS: Final = (1, 6)  # alone, with the page, beside as much load in as many processes, and in one
+_SLICE: Final = 0.02  # s: the load of one process works for a share of so long, then rests
+_IDLE: Final = 0.005  # cores: a process that uses less is no load
 _DRAWN: Final = "return Bokeh.documents.length ? Bokeh.documents[0].get_model_by_name('drawn').data.n[0] : 0"
 _PEOPLE: Final = "return Bokeh.documents[0].get_model_by_name('people').data['id'].length"
 _SCENE: Final = """
@@ -79,24 +81,29 @@ def page(folder: Path) -> Iterator[tuple[Any, list[int]]]:
             server.send_signal(signal.SIGINT)
 
 
-def used(pids: list[int]) -> float:
-    """Processor time that processes and their children have used [s]."""
-    total = 0.0
+def used(pids: list[int]) -> dict[int, float]:
+    """Processor time of processes and their children [s], by process."""
+    found = {}
     for parent in map(psutil.Process, pids):
         for process in (parent, *parent.children(recursive=True)):
             with contextlib.suppress(psutil.Error):
                 times = process.cpu_times()
-                total += times.user + times.system
-    return total
+                found[process.pid] = times.user + times.system
+    return found
+
+
+def grown(before: dict[int, float], after: dict[int, float], seconds: float) -> list[float]:
+    """Cores that each process kept busy, of those that did."""
+    shares = [(total - before.get(pid, 0.0)) / seconds for pid, total in after.items()]
+    return [min(share, 1.0) for share in shares if share > _IDLE]
 
 
 @contextlib.contextmanager
-def load(cores: float) -> Iterator[None]:
-    """Keep so many cores busy, each process its share of every 20 ms, as a page that is drawn does."""
-    shares = [min(1.0, cores - k) for k in range(int(np.ceil(cores)))]
+def load(shares: list[float], period: float) -> Iterator[None]:
+    """Keep a process busy for each share of a core: it works for its share of every period [s], then rests, as a page does."""
     code = "import sys,time\nshare=float(sys.argv[1])\nwhile 1:\n end=time.thread_time()+share*{0}\n began=time.monotonic()\n"
     code += " while time.thread_time()<end: pass\n time.sleep(max(0.0,{0}-(time.monotonic()-began)))\n"
-    busy = [subprocess.Popen([sys.executable, "-c", code.format(_SLICE), str(share)]) for share in shares]
+    busy = [subprocess.Popen([sys.executable, "-c", code.format(period), str(share)]) for share in shares]
     try:
         yield
     finally:
@@ -122,63 +129,94 @@ def latencies(monitor: Monitor, settle: float, seconds: float) -> list[float]:
     return [1e3 * value for value in monitor.latencies]
 
 
+@dataclass
+class Turn:
+    """One turn: latencies [ms] with the page, beside as much load in as many processes, beside as much in one, and alone."""
+
+    page: list[float]
+    load: list[float]
+    smooth: list[float]
+    alone: list[float]
+    rate: float
+    cores: float
+
+
+def turn(monitor: Monitor, folder: Path, quick: bool) -> Turn:
+    """Measure all four in turn."""
+    settle, seconds = (pair[0] if quick else pair[1] for pair in (_SETTLE, _SECONDS))
+    alone = latencies(monitor, settle, seconds)
+    with page(folder) as (driver, pids):
+        until(lambda: driver.execute_script(_DRAWN) and (quick or driver.execute_script(_PEOPLE) >= 4), monitor, "a picture of four people")
+        monitor.spin(settle)
+        began, drawn, cpu = time.monotonic(), driver.execute_script(_DRAWN), used(pids)
+        with_page = latencies(monitor, 0.0, seconds)
+        wall = time.monotonic() - began
+        rate = (driver.execute_script(_DRAWN) - drawn) / wall
+        shares = grown(cpu, used(pids), wall)
+    with load(shares, 1.0 / max(rate, 1.0)):
+        beside = latencies(monitor, settle, seconds)
+    with load([sum(shares)], _SLICE):
+        smooth = latencies(monitor, settle, seconds)
+    return Turn(with_page, beside, smooth, alone, rate, sum(shares))
+
+
 def measure(folder: Path, quick: bool) -> dict[str, Any]:
     """Measure in turns: with the page in a browser, and beside as much load without it."""
     scene = folder / "four.yaml"
     scene.write_text(_SCENE, encoding="utf-8")
     os.environ.update(environment(DOMAIN))
     refuse_busy_domain([spec.label for spec in nodes(str(scene))], "", DOMAIN)
-    settle, seconds, turns = (pair[0] if quick else pair[1] for pair in (_SETTLE, _SECONDS, _TURNS))
-    with_page: list[float] = []
-    without: list[float] = []
-    rates, shares = [], []
     with Supervisor(nodes(str(scene)), domain=DOMAIN, log=lambda name, line: None), ros():
         monitor = Monitor()
         try:
             until(lambda: monitor.latencies, monitor, "tracks")
-            for _ in range(turns):
-                with page(folder) as (driver, pids):
-                    until(
-                        lambda d=driver: d.execute_script(_DRAWN) and (quick or d.execute_script(_PEOPLE) >= 4),
-                        monitor,
-                        "a picture of four people",
-                    )
-                    monitor.spin(settle)
-                    began, drawn, cpu = time.monotonic(), driver.execute_script(_DRAWN), used(pids)
-                    with_page += latencies(monitor, 0.0, seconds)
-                    wall = time.monotonic() - began
-                    rates.append((driver.execute_script(_DRAWN) - drawn) / wall)
-                    shares.append((used(pids) - cpu) / wall)
-                with load(shares[-1]):
-                    without += latencies(monitor, settle, seconds)
+            turns = [turn(monitor, folder, quick) for _ in range(_TURNS[0] if quick else _TURNS[1])]
         finally:
             monitor.close()
-    return figures(with_page, without, rates, shares)
+    return figures(turns)
 
 
-def figures(with_page: list[float], without: list[float], rates: list[float], shares: list[float]) -> dict[str, Any]:
-    """Put the figures together; latencies in milliseconds."""
-    if not with_page or not without:
+def figures(turns: Sequence[Turn]) -> dict[str, Any]:
+    """Put the figures together; latencies in milliseconds, ratios with 90 % intervals over turns."""
+    names = ("page", "load", "smooth", "alone")
+    pooled = {name: [value for each in turns for value in getattr(each, name)] for name in names}
+    if not all(pooled.values()):
         raise HandwaveError("no latencies were heard: is the machine too busy for the graph?")
-    (median, p99), (median_load, p99_load) = (np.percentile(each, (50, 99)) for each in (with_page, without))
+    found: dict[str, Any] = {}
+    for name, share in (("median", 50), ("p99", 99)):
+        levels = {kind: float(np.percentile(values, share)) for kind, values in pooled.items()}
+        found[f"latency_{name}_ratio"] = levels["page"] / levels["load"]
+        found[f"latency_{name}_ratio_interval"] = ratio_interval(turns, share)
+        found[f"latency_{name}_ratio_to_one_process"] = levels["page"] / levels["smooth"]
+        found |= {f"latency_{name}_ms_{kind}": level for kind, level in levels.items()}
+    rates = [each.rate for each in turns]
     rows = [
-        choice("live page", name, accuracy=("pictures a second", rate, "1/s"), times_ms=times, reference_ms=without)
-        for name, rate, times in (("load without a page", 0.0, without), ("page in a browser", float(np.mean(rates)), with_page))
+        choice("live page", label, accuracy=("pictures a second", rate, "1/s"), times_ms=pooled[name], reference_ms=pooled["load"])
+        for label, rate, name in (
+            ("nothing beside the graph", 0.0, "alone"),
+            ("load of one process", 0.0, "smooth"),
+            ("load of as many processes", 0.0, "load"),
+            ("page in a browser", float(np.mean(rates)), "page"),
+        )
     ]
     return {
         "updates_per_s": float(np.mean(rates)),
         "updates_per_s_worst_turn": min(rates),
-        "latency_median_ratio": float(median / median_load),
-        "latency_p99_ratio": float(p99 / p99_load),
-        "latency_ms_median": float(median),
-        "latency_ms_p99": float(p99),
-        "load_latency_ms_median": float(median_load),
-        "load_latency_ms_p99": float(p99_load),
-        "page_cores": float(np.mean(shares)),
-        "frames": len(with_page),
-        "turns": len(rates),
+        **found,
+        "page_cores": float(np.mean([each.cores for each in turns])),
+        "frames": len(pooled["page"]),
+        "turns": len(turns),
         "choices": rows,
     }
+
+
+def ratio_interval(turns: Sequence[Turn], share: float) -> list[float]:
+    """90 % interval of the ratio of two percentiles, page over load: turns are drawn again, with replacement."""
+    rng = np.random.default_rng(1)
+    drawn = [[turns[k] for k in rng.integers(len(turns), size=len(turns))] for _ in range(400)]
+    ratios = [np.percentile(np.concatenate([t.page for t in some]), share) / np.percentile(np.concatenate([t.load for t in some]), share)
+              for some in drawn]  # fmt: skip
+    return [float(value) for value in np.percentile(ratios, (5, 95))]
 
 
 def run(quick: bool) -> dict[str, Any]:

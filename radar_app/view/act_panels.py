@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from typing import Any, Final
 
+import numpy as np
 from bokeh.models import FactorRange, Range1d
 
 from radar_app.view.feed import Snapshot
@@ -84,7 +85,7 @@ class ControlPanel:
             "control_plot", "time [s]", "value", x_range=Range1d(start=-_TRACE, end=0), y_range=Range1d(start=-0.02, end=1.02), height=110,
             tools="",
         )  # fmt: skip
-        self.figure.line("t", "value", source=self._source, line_color=ACCENT, line_width=2)
+        self.figure.line("t", "value", source=self._source, line_color=ACCENT, line_width=2, level="overlay")
         self._empty = False
 
     def update(self, now: Snapshot) -> None:
@@ -100,8 +101,8 @@ class ControlPanel:
 
 def _trace(entries: Any, now_ns: int) -> dict[str, Any]:
     """Values over time; a hand that was let go of leaves a gap."""
-    times = [(entry.stamp_ns - now_ns) * 1e-9 for entry in entries]
-    return {"t": times, "value": [entry.value.value if entry.value.active else float("nan") for entry in entries]}
+    times = np.array([entry.stamp_ns - now_ns for entry in entries], np.int64) * 1e-9
+    return {"t": times, "value": np.array([entry.value.value if entry.value.active else np.nan for entry in entries])}
 
 
 def _gauge(value: float | None) -> str:

@@ -23,8 +23,11 @@ from radar_gestures.maps import FeatureMaps
 _SECONDS: Final = 2.0
 _HEIGHT: Final = 230
 _ANYBODY: Final = "0"
-_EVERY_NS: Final = 190_000_000  # person maps are made five times a second
+_EVERY_NS: Final = 150_000_000  # person maps are made five times a second: with every other picture
 _ANGLES: Final = 60.0  # degrees to either side that colours reach
+
+Shades = tuple[list[str], float, float]
+"""A palette, and the values of its first and its last colour."""
 
 
 class RangeDopplerPanel:
@@ -47,9 +50,7 @@ class RangeDopplerPanel:
         self._shown: Any = None
         ranges = {"x_range": self._across, "y_range": self._up}
         self.figure = plot("range_doppler_plot", "speed, away from the radar [m/s]", "distance [m]", **ranges, height=_HEIGHT, tools="")
-        colours = mapper(HEAT, 0.0, 45.0)
-        _draw(self.figure, "image", self._source, colours)
-        _bar(self.figure, colours, "dB")
+        _draw(self.figure, "image", self._source, (HEAT, 0.0, 45.0), "dB")
         self.choice = Select(title="of which radar", name="range_doppler_radar", visible=False, width=200, stylesheets=[FIELD])
         self.choice.on_change("value", pictures.look_again)
         self._offered = ""
@@ -107,15 +108,14 @@ class MapFigures:
         self._source = pictures.source(title, _NO_IMAGES) if pictures else ColumnDataSource(data=_NO_IMAGES, name=title)
         up, sides, angle = Range1d(start=-MAX_SPEED, end=MAX_SPEED), both_sides(), "\u00b0, orange: {}"
         self.figures = [
-            self._figure(name, "micro_doppler", "micro-Doppler", mapper(HEAT, 5.0, 40.0), "dB", across, up),
-            self._figure(name, "azimuth", "azimuth", mapper(sides, -_ANGLES, _ANGLES), angle.format("left"), across, up),
-            self._figure(name, "elevation", "elevation", mapper(sides, -_ANGLES / 2, _ANGLES / 2), angle.format("up"), across, up),
+            self._figure(name, "micro_doppler", "micro-Doppler", (HEAT, 5.0, 40.0), "dB", across, up),
+            self._figure(name, "azimuth", "azimuth", (sides, -_ANGLES, _ANGLES), angle.format("left"), across, up),
+            self._figure(name, "elevation", "elevation", (sides, -_ANGLES / 2, _ANGLES / 2), angle.format("up"), across, up),
         ]
 
-    def _figure(self, name: str, field: str, title: str, colours: Any, unit: str, across: Range1d, up: Range1d) -> figure:
+    def _figure(self, name: str, field: str, title: str, shades: Shades, unit: str, across: Range1d, up: Range1d) -> figure:
         made = plot(f"{name}{field}_plot", "time [s]", f"{title}: speed [m/s]", x_range=across, y_range=up, height=_HEIGHT, tools="")
-        _draw(made, field, self._source, colours)
-        _bar(made, colours, unit)
+        _draw(made, field, self._source, shades, unit)
         return made
 
     def show(self, maps: FeatureMaps, zero_ns: int) -> None:
@@ -210,15 +210,16 @@ _EMPTY: Final = np.full((2, 2), np.nan, np.float32)
 _NO_IMAGES: Final = _images(_EMPTY, _EMPTY, _EMPTY, -_SECONDS, _SECONDS)
 
 
-def _draw(made: figure, field: str, source: ColumnDataSource, colours: Any) -> None:
-    options: Any = {"color_mapper": colours}
+def _draw(made: figure, field: str, source: ColumnDataSource, shades: Shades, unit: str) -> None:
+    """Draw an image as an overlay, so that axes and colour bar are painted only when they change.
+
+    The bar has a mapper of its own: the image's tells of every image, and whoever listens is laid out anew.
+    """
+    options: Any = {"color_mapper": mapper(*shades), "level": "overlay"}
     made.image(field, "x", "y", "width", "height", source=source, **options)
-
-
-def _bar(made: figure, colours: Any, unit: str) -> None:
     bar = ColorBar(
-        color_mapper=colours, width=7, padding=4, title=unit, title_text_color=FAINT, title_text_font=FONT, title_text_font_size="11px",
-        title_text_font_style="normal", major_label_text_color=FAINT, major_label_text_font_size="10px", background_fill_color=CARD,
-        bar_line_color=None, major_tick_line_color=None, title_standoff=4,
+        color_mapper=mapper(*shades), width=7, padding=4, title=unit, title_text_color=FAINT, title_text_font=FONT,
+        title_text_font_size="11px", title_text_font_style="normal", major_label_text_color=FAINT, major_label_text_font_size="10px",
+        background_fill_color=CARD, bar_line_color=None, major_tick_line_color=None, title_standoff=4,
     )  # fmt: skip
     made.add_layout(bar, "right")

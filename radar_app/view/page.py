@@ -17,7 +17,7 @@ from radar_app.view.feed import Feed, Snapshot
 from radar_app.view.pictures import Pictures
 from radar_app.view.style import PAGE, TABS, stack
 
-PERIOD_MS: Final = 80
+PERIOD_MS: Final = 88
 """How often a page looks whether it has something new to show."""
 
 _AGAIN: Final = """
@@ -159,7 +159,7 @@ class Page:
         if not self._pictures.ready:
             return
         moment = self.bar.moment()
-        seen = (moment.history.number, moment.stamp_ns, self._panels.active, self._pictures.asked)
+        seen = (moment.history.number, moment.stamp_ns, self._panels.active, self._pictures.asked, self._pictures.owed)
         self.bar.update(moment, self._source.note)
         if seen != self._seen:
             self._seen = seen

@@ -5,20 +5,31 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div
 
 from radar_app.view.style import WIDE
+from radar_core.types import Float32Array
 
 AHEAD: Final = 2
 """Pictures that may be on their way to the browser; who is slow gets fewer of them, never late ones."""
 
 _SHOW: Final = """
 const parts = {}
-for (const [key, [value]] of Object.entries(sent.data)) {
+const put = (key, value) => {
   const [name, column] = key.split("/")
-  if (column != null) (parts[name] ??= {})[column] = value
+  ;(parts[name] ??= {})[column] = value
+}
+let at = 0
+const columns = sent.data.columns?.[0]
+for (const [key, size] of sent.data.sizes?.[0] ?? []) {
+  put(key, new Float32Array(columns.buffer, columns.byteOffset + 4 * at, size))
+  at += size
+}
+for (const [name, [value]] of Object.entries(sent.data)) {
+  if (name.includes("/")) put(name, value)
   else if (name in places) {
     const view = Bokeh.index.find_one(places[name])
     if (view != null) view.shadow_el.querySelector("[data-text]").innerHTML = value
@@ -38,13 +49,16 @@ class Pictures:
     ----------
     asked : int
         How often the user has asked for another picture of the same moment.
+    owed : int
+        How often a picture has left something of its moment to the next one.
     """
 
     def __init__(self) -> None:
         self._places: dict[str, ColumnDataSource | Div] = {}
         self._changes: dict[str, list[Any]] = {}
+        self._columns: dict[str, Float32Array] = {}
         self._texts: dict[str, str] = {}
-        self.asked = 0
+        self.asked = self.owed = 0
         self._sent = ColumnDataSource(data={"n": [0]}, name="sent")
         self._drawn = ColumnDataSource(data={"n": [0]}, name="drawn")
 
@@ -63,8 +77,15 @@ class Pictures:
         return made
 
     def put(self, source: ColumnDataSource, data: Mapping[str, Any]) -> None:
-        """Change the data of a source that was made here."""
-        self._changes.update({f"{source.name}/{column}": [values] for column, values in data.items()})
+        """Change the data of a source that was made here; all columns that are arrays, shape (n,), travel together as float32."""
+        for column, values in data.items():
+            key = f"{source.name}/{column}"
+            self._changes.pop(key, None)
+            self._columns.pop(key, None)
+            if isinstance(values, np.ndarray) and values.ndim == 1:
+                self._columns[key] = np.asarray(values, np.float32)
+            else:
+                self._changes[key] = [values]
 
     def write(self, div: Div, text: str) -> None:
         """Change a text that was made here, to HTML, unless it is the same already."""
@@ -83,6 +104,10 @@ class Pictures:
         """Ask for another picture of the same moment; for widgets, which also choose while time stands still."""
         self.asked += 1
 
+    def owe(self) -> None:
+        """Ask for a picture more, because this one does not show all of its moment."""
+        self.owed += 1
+
     @property
     def ready(self) -> bool:
         """Whether the browser has drawn, but for a few, all that it was sent."""
@@ -90,6 +115,11 @@ class Pictures:
 
     def send(self) -> None:
         """Send what has changed, if anything has."""
-        if self._changes:
-            self._sent.data = {"n": [self._sent.data["n"][0] + 1], **self._changes}
-            self._changes = {}
+        if not (self._changes or self._columns):
+            return
+        packed: dict[str, list[Any]] = {}
+        if self._columns:
+            sizes = [[key, len(column)] for key, column in self._columns.items()]
+            packed = {"sizes": [sizes], "columns": [np.concatenate(list(self._columns.values()))]}
+        self._sent.data = {"n": [self._sent.data["n"][0] + 1], **packed, **self._changes}
+        self._changes, self._columns = {}, {}

@@ -13,10 +13,10 @@ from bokeh.events import Tap
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, LinearColorMapper, Range1d
 from bokeh.models.annotations import LabelSet
 
-from radar_app.view.feed import Snapshot
+from radar_app.view.feed import Entry, Snapshot
 from radar_app.view.pictures import Pictures
 from radar_app.view.style import ACCENT, BAD, FONT, GOOD, GROUND, LINE, NOBODY, PEOPLE, TEXT, colour, plot
-from radar_core import RadarInfo
+from radar_core import PointCloud, RadarInfo
 from radar_core.types import Float64Array
 from radar_tracking.fusion.clouds import sensors
 from radar_tracking.tracks import Tracks, TrackStatus
@@ -26,6 +26,7 @@ from radar_tracking.zones.area import Kind
 _TRAIL: Final = 6.0  # s: how long a trail is
 _TRAIL_STEP: Final = 0.2  # s: between two of its corners
 _GLOW: Final = 0.3  # s: how long points stay
+_GLOW_STEP: Final = 0.05  # s: between two clouds of which points are drawn: more would cost the browser time and show no more
 _SPEED: Final = 0.8  # s: arrows point to where somebody will be so much later
 _WIDTHS: Final = (0.22, 0.5)  # m: radius of a person
 _TALL, _NARROW = 612, 520  # pixels: how tall the plan is, and how wide a phone, on which it is less tall
@@ -69,7 +70,7 @@ class Plan:
             self.figure.on_change(side, lambda _attr, _old, _new: self._fit())
 
     def _draw(self) -> None:
-        """Make all that is drawn, from the floor up."""
+        """Make all that is drawn, from the floor up; what moves is an overlay, so that the browser paints the rest only when it changes."""
         f, s = self.figure, self._sources
         f.multi_line("y", "x", source=s["rings"], line_color=LINE, line_width=1)
         f.add_layout(_labels(s["ring_labels"], text_color="#55627a", text_font_size="10px"))
@@ -78,13 +79,25 @@ class Plan:
         f.add_layout(_labels(s["zone_labels"], text_color="colour", text_font_size="12px", text_font_style="bold"))
         f.scatter("y", "x", source=s["radars"], marker="inverted_triangle", size=14, fill_color=TEXT, line_color=GROUND)
         f.add_layout(_labels(s["radars"], text_color=TEXT, text_font_size="12px", y_offset=9))
-        f.multi_line("y", "x", source=s["trails"], line_color="colour", line_width=2.5, line_alpha="alpha", line_cap="round")
+        f.multi_line(
+            "y", "x", source=s["trails"], line_color="colour", line_width=2.5, line_alpha="alpha", line_cap="round", level="overlay"
+        )
         whose: Any = {"field": "who", "transform": LinearColorMapper(palette=[*PEOPLE, NOBODY], low=-0.5, high=len(PEOPLE) + 0.5)}
-        f.scatter("y", "x", source=s["points"], size="size", fill_color=whose, fill_alpha="alpha", line_color=None)
-        f.circle("y", "x", radius="radius", source=s["people"], fill_color="colour", fill_alpha="alpha", line_color="colour", line_width=2)
-        f.segment("y", "x", "y_to", "x_to", source=s["people"], line_color="colour", line_width=3, line_cap="round")
-        f.add_layout(_labels(s["people"], text_color=TEXT, text_font_size="13px", text_font_style="bold", y_offset=14))
-        f.scatter("y", "x", source=s["hand"], marker="star", size=20, fill_color=TEXT, line_color=GROUND)
+        f.scatter("y", "x", source=s["points"], size="size", fill_color=whose, fill_alpha="alpha", line_color=None, level="overlay")
+        f.circle(
+            "y",
+            "x",
+            radius="radius",
+            source=s["people"],
+            fill_color="colour",
+            fill_alpha="alpha",
+            line_color="colour",
+            line_width=2,
+            level="overlay",
+        )
+        f.segment("y", "x", "y_to", "x_to", source=s["people"], line_color="colour", line_width=3, line_cap="round", level="overlay")
+        f.add_layout(_labels(s["people"], text_color=TEXT, text_font_size="13px", text_font_style="bold", y_offset=14, level="overlay"))
+        f.scatter("y", "x", source=s["hand"], marker="star", size=20, fill_color=TEXT, line_color=GROUND, level="overlay")
         f.line("y", "x", source=self.draft, line_color=TEXT, line_dash="dashed", line_width=2)
         f.scatter("y", "x", source=self.draft, size=9, fill_color=TEXT, line_color=GROUND)
         f.xaxis.formatter = f.yaxis.formatter = CustomJSTickFormatter(code="return (tick + 0).toString().replace('-', '\u2212')")
@@ -202,7 +215,7 @@ def _view(radar: RadarInfo) -> Float64Array:
 
 def _points(now: Snapshot) -> dict[str, Any]:
     """Points of the last moments in the colours of their people; older ones fade."""
-    recent = [entry.value for entry in now.past("clouds", _GLOW)]
+    recent = _spaced(now.past("clouds", _GLOW))
     owners = {entry.value.sequence: entry.value.point_track_id for entry in now.past("tracks", _GLOW)}
     if not recent:
         return dict(_EMPTY["points"])
@@ -215,10 +228,19 @@ def _points(now: Snapshot) -> dict[str, Any]:
     return {
         "x": np.concatenate([cloud.x for cloud in recent]),
         "y": np.concatenate([cloud.y for cloud in recent]),
-        "size": (2.5 + 0.12 * seen).astype(np.float32),
-        "who": np.where(owner < 0, len(PEOPLE), owner % len(PEOPLE)).astype(np.uint8),
-        "alpha": np.clip(0.9 - 0.75 * age / _GLOW, 0.1, 0.9).astype(np.float32),
+        "size": 2.5 + 0.12 * seen,
+        "who": np.where(owner < 0, len(PEOPLE), owner % len(PEOPLE)),
+        "alpha": np.clip(0.9 - 0.75 * age / _GLOW, 0.1, 0.9),
     }
+
+
+def _spaced(entries: Sequence[Entry[PointCloud]]) -> list[PointCloud]:
+    """Clouds some time apart, up to the last."""
+    kept: list[PointCloud] = []
+    for entry in reversed(entries):
+        if not kept or kept[-1].stamp_ns - entry.stamp_ns >= _GLOW_STEP * 1e9:
+            kept.append(entry.value)
+    return kept[::-1]
 
 
 def _names(now: Snapshot) -> dict[int, str]:

@@ -18,7 +18,7 @@ class RoomTab:
     title = "Room"
 
     def __init__(self, context: Context) -> None:
-        pictures = context.pictures
+        self._pictures = pictures = context.pictures
         self._plan = Plan(pictures, self._clicked)
         self._gestures, self._control = GesturePanel(pictures), ControlPanel(pictures)
         self._range_doppler, self._person = RangeDopplerPanel(context.feed, pictures), PersonPanel(pictures)
@@ -26,6 +26,8 @@ class RoomTab:
         self._zones.on(self._plan)
         self._zones.look()
         self._now: Snapshot | None = None
+        self._halves = ((self._control, self._range_doppler), (self._person, self._tables))
+        self._half, self._left, self._moment = 0, {0, 1}, (-1, -1, -1)
         micro_doppler, azimuth, elevation = self._person.figures
         acts = stack(
             card("Gestures", self._gestures.list, self._gestures.figure),
@@ -59,15 +61,21 @@ class RoomTab:
             self._person.choose(near[0][1])
 
     def update(self, now: Snapshot) -> None:
-        """Show a moment."""
+        """Show a moment: of plots that are large, one half with this picture, and the other half with the next."""
         self._now = now
-        self._plan.update(now)
-        self._gestures.update(now)
-        self._control.update(now)
-        self._range_doppler.update(now)
-        self._person.update(now)
-        self._tables.update(now)
-        self._zones.update()
+        moment = (now.history.number, now.stamp_ns, self._pictures.asked)
+        if moment != self._moment:
+            self._moment, self._left = moment, {0, 1}
+            self._plan.update(now)
+            self._gestures.update(now)
+            self._zones.update()
+        self._half = 1 - self._half
+        if self._half in self._left:
+            self._left.remove(self._half)
+            for panel in self._halves[self._half]:
+                panel.update(now)
+        if self._left:
+            self._pictures.owe()
 
     def close(self) -> None:
         """Want no more raw frames."""

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from bokeh.models import DataRange1d, Range1d
 
-from radar_app.view.feed import Entry, Snapshot
+from radar_app.view.feed import Snapshot
 from radar_app.view.pictures import Pictures
-from radar_app.view.records import NodeHealth, StageFigures, StageReport
+from radar_app.view.records import NodeHealth, StageFigures
 from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, colour, plot
-from radar_app.watching.latency import latencies
+from radar_app.watching.latency import Latency, latencies
 from radar_tracking.tracks import Tracks, TrackStatus
 from radar_tracking.zones import Presence, ZoneState, ZoneStates
 
@@ -23,7 +23,8 @@ _MARKS: Final = {"ok": (GOOD, "ok"), "warn": (DOUBTFUL, "look"), "error": (BAD, 
 _PRESENCE: Final = {Presence.EMPTY: (FAINT, "empty"), Presence.OCCUPIED: (GOOD, "occupied"), Presence.UNKNOWN: (DOUBTFUL, "not known")}
 _FLOW: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence", "zones")
 _BINS: Final = 120  # places of the latency plot
-_BETWEEN: Final = ("driver", "baseband", "tracking")  # stages whose reports the latency of tracks needs
+_MINUTE_NS: Final = 60_000_000_000
+_BEFORE: Final = 2.0  # s: how long before its tracks the reports of a frame may have come
 
 
 class Tables:
@@ -39,6 +40,7 @@ class Tables:
             tools="",
         )  # fmt: skip
         self.latency.line("t", "latency", source=self._source, line_color=ACCENT, line_width=1.5)
+        self._late = Latencies()
         self._due_ns, self._last_ns = 0, -1
 
     def update(self, now: Snapshot) -> None:
@@ -49,7 +51,7 @@ class Tables:
         self._pictures.write(self.people, _people(now.people))
         self._pictures.write(self.zones, _zones(now.zones))
         self._pictures.write(self.nodes, _nodes(now.stages, now.health))
-        late = _latencies(now.past("status", 60.0), now.stamp_ns)
+        late = _worst(self._late.until(now), now.stamp_ns)
         self._pictures.put(self._source, late)
         self._pictures.write(self.latency_note, "" if len(late["t"]) else table((), (), "not known: no graph reports when it is done"))
 
@@ -120,12 +122,35 @@ def _number(value: float, form: str) -> str:
     return "" if math.isnan(value) else format(value, form)
 
 
-def _latencies(entries: Sequence[Entry[StageReport]], now_ns: int) -> dict[str, Any]:
+class Latencies:
+    """How long the tracks of the last minute took; what is known of a history is not worked out again when more comes."""
+
+    def __init__(self) -> None:
+        self._number = -1  # of the newest entry of the history that was looked at
+        self._known: list[Latency] = []
+
+    def until(self, now: Snapshot) -> list[Latency]:
+        """List them up to a moment, in the order of their stamps."""
+        if now.history.number != self._number:
+            self._number = now.history.number
+            self._learn(now.history.at())
+        return [each for each in self._known if now.stamp_ns - _MINUTE_NS < each.stamp_ns <= now.stamp_ns]
+
+    def _learn(self, end: Snapshot) -> None:
+        last_ns = self._known[-1].stamp_ns if self._known else -1
+        if not end.stamp_ns - _MINUTE_NS < last_ns <= end.stamp_ns:  # another recording, or the first look
+            self._known, last_ns = [], -1
+        since = (end.stamp_ns - last_ns) * 1e-9 + _BEFORE if self._known else 60.0
+        found = latencies(entry.value for entry in end.past("status", since)).get("tracking", [])
+        self._known = [each for each in self._known if each.stamp_ns > end.stamp_ns - _MINUTE_NS]
+        self._known += sorted(each for each in found if each.stamp_ns > last_ns)
+
+
+def _worst(late: Sequence[Latency], now_ns: int) -> dict[str, Any]:
     """Make the time from a frame's publication to its tracks, over the last minute: the worst of every half second."""
-    found = latencies(entry.value for entry in entries if entry.value.stage.endswith(_BETWEEN)).get("tracking")
-    if not found:
+    if not late:
         return {"t": [], "latency": []}
-    stamps, late = np.array(found).T
-    place = np.floor((stamps - now_ns) * (1e-9 / 60.0 * _BINS)).astype(int)
+    stamps, late_ns = np.array(late).T
+    place = np.floor((stamps - now_ns) * (_BINS / _MINUTE_NS)).astype(int)
     places = np.unique(place)
-    return {"t": ((places + 0.5) * 60.0 / _BINS), "latency": np.array([late[place == each].max() for each in places]) * 1e-6}
+    return {"t": (places + 0.5) * 60.0 / _BINS, "latency": np.array([late_ns[place == each].max() for each in places]) * 1e-6}

@@ -20,6 +20,7 @@ BUILT = (
     "launch",
     "config",
     "rviz",
+    "deploy",
     "scripts",
     "test",
     "pyproject.toml",

@@ -17,7 +17,7 @@ from radar_core.paths import share_dir
 from radar_driver.boards import board
 from radar_driver.health import probe
 from radar_ros import bags
-from radar_ros.bag_source import BagFrames
+from radar_ros.bag_frames import BagFrames
 from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_from_msg
 from radar_ros.messages.tracks import hand_from_msg, tracks_from_msg

@@ -20,7 +20,7 @@ from radar_app.graph import arguments, graph
 from radar_core import DataError
 from radar_driver.sources import meant
 from radar_ros import bags, qos
-from radar_ros.bag_source import BagFrames
+from radar_ros.bag_frames import BagFrames
 from radar_ros.messages.convert import from_time
 from radar_ros.offline import simulate, simulators
 from radar_sim import Simulator, load_scene
