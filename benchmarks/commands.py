@@ -29,6 +29,10 @@ def tradeoff(
     tune: Annotated[
         bool, typer.Option("--tune", help="instead: measure the levels that nodes with frame_budget_ms choose from (docs/how-to/budget.md)")
     ] = False,
+    small: Annotated[
+        bool,
+        typer.Option("--small", help="with --tune: levels from the default down, frames left out last, as those of up --small"),
+    ] = False,
 ) -> None:
     """Measure accuracy and time of every choice that buys one with the other, and say which are worth it.
 
@@ -50,12 +54,12 @@ def tradeoff(
 
     study = StudyConfig(out, quick, seed, scene, domain)
     if tune:
-        _tune(study, device_factor)
+        _tune(study, device_factor, small)
         return
     _measure(Job(out, study, chosen(tuple(stage or ())), device_factor, again, note), _command(stage, scene, device_factor, quick))
 
 
-def _tune(study: StudyConfig, factor: float) -> None:
+def _tune(study: StudyConfig, factor: float, small: bool) -> None:
     """Measure the levels of all stages that have some, write them, and show them as a table."""
     from rich.console import Console
     from rich.table import Table
@@ -64,7 +68,7 @@ def _tune(study: StudyConfig, factor: float) -> None:
     from benchmarks.tradeoff.tune import LEVELS, tune, write
 
     make_folder(study.folder, factor)
-    found = tune(study, factor)
+    found = tune(study, factor, small=small)
     write(study.folder, found)
     table = Table("", "level", f"{found[0].ladder.figure} [m]", "ms a frame", "ms for each frame of the radar", title="levels")
     for stage in found:

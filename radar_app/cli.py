@@ -130,6 +130,9 @@ def up(
     scene: Annotated[str | None, typer.Option(help="scene of the simulated radars; default: demo, or two_radars")] = None,
     bag: Annotated[Path | None, typer.Option(help="variant demo: folder to record into")] = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
+    small: Annotated[
+        bool, typer.Option("--small", help="for small devices: composed, with time budgets (docs/how-to/budget.md), without pictures")
+    ] = False,
     respawn: Annotated[bool, typer.Option("--respawn", help="start a node again that died or hangs")] = False,
     mqtt: Annotated[str | None, typer.Option(help="broker to tell, [mqtt[s]://][user@]host[:port] (docs/how-to/home.md)")] = None,
     mqtt_password_file: Annotated[str | None, typer.Option(help="file with the password for --mqtt")] = None,
@@ -147,11 +150,12 @@ def up(
 
     Examples: `handwave up` · `handwave up --scene my_room.yaml --respawn` · `handwave up replay --composed` · `handwave up two_radars`
     · `handwave up --board my_board.py` (docs/how-to/adding-a-board.md) · `handwave up --zones living_room.yaml` (docs/how-to/zones.md)
-    · `handwave up --mqtt homeassistant.local` · `handwave up rooms.yaml` (docs/how-to/home.md)
+    · `handwave up --mqtt homeassistant.local` · `handwave up rooms.yaml` (docs/how-to/home.md) · `handwave up --small`
     """
     from radar_app.graph import graph
     from radar_app.outputs import outputs
     from radar_app.rooms import is_rooms_file, load_rooms, rooms_graph, with_board
+    from radar_app.small import small_graph
     from radar_app.supervisor import start_graph
 
     if secure or keystore is not None:
@@ -161,7 +165,7 @@ def up(
     parameters = merged(zone_parameters(zones), parse_parameters(param, config))
     beside = (*outputs(mqtt, mqtt_password_file, osc, parameters), *(also or ()))
     if is_rooms_file(variant):
-        if board or scene or bag or namespace or parameters or also:
+        if board or scene or bag or namespace or parameters or also or small:
             raise ConfigError(f"{variant} says all of its rooms; of the options only --composed, --respawn, --secure, --domain go with it")
         house = load_rooms(variant)
         raise typer.Exit(start_graph(rooms_graph(house), domain, composed=composed, respawn=respawn or house.respawn))
@@ -172,8 +176,9 @@ def up(
         from radar_ros.bags import free_folder
 
         parameters.setdefault("recorder", {}).setdefault("bag", str(bag or free_folder(Path("out") / "recording")))
-    specs = graph(variant, namespace=namespace, parameters=parameters, beside=beside)
-    raise typer.Exit(start_graph(specs, domain, composed=composed, respawn=respawn))
+    make = small_graph if small else graph
+    specs = make(variant, namespace=namespace, parameters=parameters, beside=beside)
+    raise typer.Exit(start_graph(specs, domain, composed=composed or small, respawn=respawn))
 
 
 @app.command(rich_help_panel=_BAGS)

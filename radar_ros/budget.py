@@ -43,16 +43,26 @@ class BudgetConfig:
         high=1e4,
         doc="time for each frame of the radar, on average: the node works at the most accurate level that fits; 0: as configured",
     )
+    frame_budget_share: float = knob(
+        0.0,
+        low=0.0,
+        high=1.0,
+        doc="without frame_budget_ms: time for each frame as a share of that from frame to frame; 0: as configured",
+    )
     device_factor: float = knob(1.0, low=1.0, high=1000.0, doc="work so many times as long on each frame, as a slower device would")
     budget: LevelsConfig = LevelsConfig()
 
     def validate(self) -> None:
         """Raise `ConfigError` for a budget without anything to choose from."""
-        if self.frame_budget_ms > 0 and not self.budget.tuning:
+        if (self.frame_budget_ms or self.frame_budget_share) and not self.budget.tuning:
             raise ConfigError(
-                "frame_budget_ms needs to know what this machine can do: run handwave tradeoff --tune -o FOLDER once, and set "
+                "a time budget needs to know what this machine can do: run handwave tradeoff --tune -o FOLDER once, and set "
                 "budget.tuning to FOLDER/levels.json"
             )
+
+    def milliseconds(self, interval: float) -> float:
+        """Time for each frame [ms], of a radar with a frame every ``interval`` [s]; 0: no budget, or a share of what is not known yet."""
+        return self.frame_budget_ms or 1e3 * self.frame_budget_share * interval
 
 
 class Budget(Generic[T]):
@@ -81,7 +91,7 @@ class Budget(Generic[T]):
         self._ladder = self._read(self._config)
         self.configs = self._over(base, self._ladder)
         self._governor: Governor | None = None
-        self._first = 0
+        self._first, self._budget_ms = 0, 0.0
         self._start()
 
         def slower(config: BudgetConfig) -> None:
@@ -110,7 +120,9 @@ class Budget(Generic[T]):
 
     @property
     def every(self) -> int:
-        """Only every so many'th frame is to be processed."""
+        """Only every so many'th frame is to be processed; ask with each message, before anything else: the radar is known by then."""
+        if self._ladder is not None and self._config.milliseconds(self._node.frame_interval) != self._budget_ms:
+            self._start()
         return self._levels[self.number].every if self._levels else 1
 
     def configs_of(self, base: T) -> tuple[T, ...]:
@@ -127,7 +139,7 @@ class Budget(Generic[T]):
 
     def _read(self, config: BudgetConfig) -> Ladder | None:
         """Read the levels of this stage; None: there is no budget."""
-        if config.frame_budget_ms == 0:
+        if not (config.frame_budget_ms or config.frame_budget_share):
             return None
         if self._node.reliable:
             raise ConfigError("a budget leaves out what takes too long, and 'reliable' lets nothing be lost: set one of the two")
@@ -150,14 +162,14 @@ class Budget(Generic[T]):
         return tuple(override(base, level.knobs, f"level {level.name!r} of the {ladder.stage}") for level in ladder.levels)
 
     def _start(self) -> None:
-        if self._ladder is None:
-            self._governor = None
+        self._governor, self._budget_ms = None, self._config.milliseconds(self._node.frame_interval)
+        if self._ladder is None or not self._budget_ms:
             return
         from radar_core.governor import Governor
 
-        self._governor = Governor(self._levels, self._config.frame_budget_ms, self._config.budget)
+        self._governor = Governor(self._levels, self._budget_ms, self._config.budget)
         self._first = self._governor.level
-        fits = self._governor.expected_ms <= self._config.frame_budget_ms
+        fits = self._governor.expected_ms <= self._budget_ms
         why = "the most accurate level that fits, as tuned" if fits else "no level fits, as tuned: this is the quickest"
         self._tell(0, math.nan, self._governor.expected_ms, why)
 
@@ -169,14 +181,17 @@ class Budget(Generic[T]):
         if self._config.device_factor > 1:
             time.sleep((self._config.device_factor - 1) * (time.thread_time_ns() - worked_ns) * 1e-9)
 
-    def spent(self, stamp_ns: int, started_ns: int) -> None:
-        """Take note of a message of some stamp that was begun at a time of CLOCK_MONOTONIC and is done; the level may change with it."""
+    def spent(self, stamp_ns: int, started_ns: int, frames: int = 1) -> None:
+        """Take note of a message of some stamp that was begun at a time of CLOCK_MONOTONIC and is done; the level may change with it.
+
+        ``frames``: for how many frames of the radar it stands, of which nodes before this one left out the others.
+        """
         if self._governor is None:
             return
         now = time.monotonic_ns()
-        step = self._governor.process((now - started_ns) * 1e-6, now * 1e-9)
+        step = self._governor.process((now - started_ns) * 1e-6 / frames, now * 1e-9)
         if step is not None:
-            budget = f"{self._config.frame_budget_ms:g} ms"
+            budget = f"{self._budget_ms:g} ms"
             slow = f"a frame took {step.measured_ms:.3g} ms of {budget}"
             why = slow if step.after > step.before else f"a better level has fitted into {budget} for a while"
             self._tell(stamp_ns, step.measured_ms, step.expected_ms, why)
@@ -200,7 +215,7 @@ class Budget(Generic[T]):
         else:
             self._node.get_logger().info(text)
         msg = handwave.msg.StageBudget(header=header(stamp_ns, ""), stage=self._node.stage, gave_up=gave_up, reason=why)
-        msg.budget_ms, msg.measured_ms, msg.expected_ms = self._config.frame_budget_ms, measured_ms, expected_ms
+        msg.budget_ms, msg.measured_ms, msg.expected_ms = self._budget_ms, measured_ms, expected_ms
         msg.level, msg.number, msg.levels, msg.every = level.name, number, len(ladder.levels), level.every
         msg.figure, msg.unit, msg.better = ladder.figure, ladder.unit, ladder.better
         msg.accuracy, msg.best_accuracy = level.accuracy, best.accuracy
@@ -210,7 +225,7 @@ class Budget(Generic[T]):
         """Values for the diagnostics, and what to warn of; nothing without a budget."""
         if self._governor is None:
             return {}, []
-        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._config.frame_budget_ms
+        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._budget_ms
         values = {"frame_budget_ms": f"{budget:g}", "level": f"{self.number + 1} of {len(self._levels)}: {level.name}"}
         values |= {"level_expected_ms": f"{expected:.3g}", "gave_up": ", ".join(self.gave_up()) or "nothing"}
         warnings = [f"stepped down to {level.name} to keep within {budget:g} ms"] if self.number > self._first else []

@@ -152,18 +152,19 @@ def losses(found: Sequence[Candidate], default: str) -> list[float]:
     return result
 
 
-def ladder(stage: str, found: Sequence[Candidate]) -> Ladder:
+def ladder(stage: str, found: Sequence[Candidate], small: bool = False) -> Ladder:
     """Keep what is worth its time, the most accurate first.
 
     A candidate stays when it is clearly quicker for each frame of the radar than all that are as accurate and leave out no more frames. Of
-    several that cannot be told apart the default stays, else the quickest.
+    several that cannot be told apart the default stays, else the quickest. Of ``small``, for gestures on a small device, the default is the
+    first, and those that leave out frames are the last.
     """
     default = DEFAULTS[stage]
     groups: dict[tuple[float, int], list[Candidate]] = {}
     for loss, one in zip(losses(found, default), found, strict=True):
         groups.setdefault((loss, one.every), []).append(one)
-    kept: list[Level] = []
-    for key in sorted(groups):
+    kept = [one.level for one in found if small and one.name == default and one.every == 1]
+    for key in sorted(groups, key=lambda group: group[::-1] if small else group):
         quickest = min(one.level.cost_ms for one in groups[key])
         near = [one for one in groups[key] if (1 - FASTER) * one.level.cost_ms <= quickest]
         level = min(near, key=lambda one: (one.name != default, one.level.cost_ms)).level
@@ -191,8 +192,11 @@ class Tuned:
         return made
 
 
-def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True) -> list[Tuned]:
-    """Measure the stages that have levels, in one thread, times multiplied by ``factor``; raise ConfigError when nobody is in the scene."""
+def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True, small: bool = False) -> list[Tuned]:
+    """Measure the stages that have levels, in one thread, times multiplied by ``factor``; see `ladder` for ``small``.
+
+    A ConfigError says that nobody is in the scene.
+    """
     found = []
     stages: tuple[Literal["baseband", "tracking"], ...] = ("baseband", "tracking")
     with threadpool_limits(1):
@@ -200,7 +204,7 @@ def tune(study: StudyConfig, factor: float = 1.0, progress: bool = True) -> list
             made = (baseband if stage == "baseband" else tracking)(study)
             for one in made:
                 one.times_ms = [factor * value for value in one.times_ms]
-            found.append(Tuned(ladder(stage, made), tuple(made)))
+            found.append(Tuned(ladder(stage, made, small), tuple(made)))
     return found
 
 

@@ -100,7 +100,7 @@ class TrackingNode(StageNode):
         self._tracks.publish(tracks_to_msg(tracks))
         self._budget.slow_down(worked)
         self.finish(tracks.stamp_ns, tracks.sequence, started)
-        self._budget.spent(tracks.stamp_ns, started)
+        self._budget.spent(tracks.stamp_ns, started, stride(msg))
         self._count.publish(UInt32(data=tracks.people_count))
         try:  # for the diagnostics; what is wrong with it costs no tracks
             self._tally.add(tracks)

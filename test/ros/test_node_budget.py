@@ -213,6 +213,33 @@ def test_strides_of_cloud_and_tracking_multiply(ros, levels):
     assert bench.node.dropped == 0
 
 
+def test_a_budget_may_be_a_share_of_the_time_between_frames(ros, levels):
+    """It is known once the radar is: a quarter of 20 ms; milliseconds go before it."""
+    bench = Bench(ros, radar_ros.nodes.baseband, levels, 0.0, frame_budget_share=0.25)
+    assert bench.node._budget.report() == ({}, [])
+    bench.send(frame_to_msg(frame(0)))
+    assert ros.spin_until(lambda: bench.budgets and bench.results)
+    assert [(said.budget_ms, said.number) for said in bench.budgets] == [(5.0, 1)]
+    assert bench.results[-1] == cloud_to_msg(Baseband(BasebandConfig(), INFO).process(frame(0)))
+    assert bench.set(frame_budget_ms=10.0).successful
+    assert ros.spin_until(lambda: len(bench.budgets) == 2)
+    assert (bench.budgets[-1].budget_ms, bench.budgets[-1].number) == (10.0, 0)
+
+
+def test_time_is_counted_for_each_frame_of_the_radar(ros, levels):
+    """A cloud that stands for three frames may take three times as long, at the same level."""
+    bench = Bench(ros, radar_ros.nodes.tracking, levels, 10.0, **{"budget.window": 0.01})
+    told, spent = [], bench.node._budget.spent
+    bench.node._budget.spent = lambda *arguments: told.append(arguments[2:])
+    bench.send(cloud_to_msg(replace(cloud(0, info=INFO), every=3)))
+    assert told == [(3,)]
+    for frames, number in ((3, 0), (1, 1)):
+        for _ in range(10):
+            spent(0, time.monotonic_ns() - 15_000_000, frames)
+            time.sleep(0.002)
+        assert bench.node._budget.number == number
+
+
 def test_who_comes_late_hears_the_last_word_of_every_stage(ros, levels):
     """The topic is latched, and two nodes are on it."""
     for module in (radar_ros.nodes.baseband, radar_ros.nodes.tracking):
@@ -230,6 +257,7 @@ def test_budgets_that_make_no_sense_are_refused_at_the_start(ros, levels, tmp_pa
 
     for values, message in (
         ({"frame_budget_ms": 5.0}, "handwave tradeoff --tune"),
+        ({"frame_budget_share": 0.5}, "handwave tradeoff --tune"),
         ({"frame_budget_ms": -1.0}, "frame_budget_ms"),
         ({"frame_budget_ms": 5.0, "budget__tuning": str(tmp_path / "none.json")}, "cannot be read"),
         ({"frame_budget_ms": 5.0, "budget__tuning": levels, "reliable": True}, "'reliable' lets nothing be lost"),

@@ -86,6 +86,25 @@ def test_chance_makes_nothing_more_accurate():
     ]
 
 
+def test_levels_of_a_small_device_begin_with_the_default_and_leave_out_frames_last():
+    """What takes longer than the default is none of them, and one frame in two comes after all that take each, however accurate."""
+    usual = "one echo in a cell"
+    found = [
+        made(usual, 1, 1.0, 0.30),
+        made("better", 1, 3.0, 0.20, 0.05),
+        made("quick", 1, 0.6, 0.50, 0.05),
+        made(usual, 2, 1.0, 0.29),
+        made("better", 2, 3.0, 0.15, 0.05),
+        made("quick", 2, 0.6, 0.50, 0.05),
+    ]
+    assert [(level.name, level.every) for level in ladder("baseband", found, small=True).levels] == [
+        (usual, 1),
+        ("quick", 1),
+        (f"{usual}, one frame in 2", 2),
+        ("quick, one frame in 2", 2),
+    ]
+
+
 def test_of_what_cannot_be_told_apart_the_default_stays():
     """As accurate and not clearly quicker: the default; clearly quicker: the other."""
     usual = "one echo in a cell"
