@@ -9,7 +9,7 @@ from radar_app.graph import NodeSpec, graph
 from radar_core.paths import find_config
 
 SHARES: Final[Mapping[str, float]] = {"baseband": 0.3, "tracking": 0.45}
-"""Of the time from frame to frame; tracking takes longer. The rest is for gestures, hand, zones and messages."""
+"""Of the time from frame to frame; a quarter is left for gestures, hand, zones and messages."""
 LEFT_OUT: Final = ("visualisation",)
 LEVELS: Final = "small"
 """Levels in config/levels, by ``handwave lab tradeoff --tune --small``; on other machines only the ratios of their times count."""
