@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radar_core.errors import ConfigError, DataError
-from radar_core.files import replacing
 
 _PIECE: Final = 1 << 18  # bytes read at once
 _MOST_MEMBERS: Final[int] = 64
@@ -39,6 +38,8 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], what: str) -> No
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        from radar_core.files import replacing  # what only reads starts without it
+
         with replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, **dict[str, Any](arrays))
     except OSError as error:

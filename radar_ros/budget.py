@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import handwave.msg
 
 from radar_core import ConfigError
-from radar_core.config import config, flat, knob, override
+from radar_core.config import config, knob, override
 from radar_core.steps import StepConfig
 from radar_ros import qos
 from radar_ros.messages.convert import header
@@ -21,6 +21,7 @@ from radar_ros.params import declare_config, on_change
 if TYPE_CHECKING:  # imported only where there is a budget
     from radar_core.governor import Governor
     from radar_core.ladder import Ladder, Level
+    from radar_ros.budget_report import Working
 
 T = TypeVar("T")
 
@@ -196,42 +197,23 @@ class Budget(Generic[T]):
             why = slow if step.after > step.before else f"a better level has fitted into {budget} for a while"
             self._tell(stamp_ns, step.measured_ms, step.expected_ms, why)
 
-    def gave_up(self) -> list[str]:
-        """Say what the present level sets apart from the most accurate one."""
-        now, best = flat(self.configs[self.number]), flat(self.configs[0])
-        found = [f"{name}: {now[name]} instead of {best[name]}" for name in now if now[name] != best[name]]
-        most = self._levels[0].every
-        return found + ([f"one frame in {self.every} is processed instead of one in {most}"] if self.every != most else [])
+    def _now(self) -> Working:
+        from radar_ros.budget_report import Working  # nodes without a budget start without it
+
+        assert self._ladder is not None
+        assert self._governor is not None
+        interval_ms = 1e3 * self._node.frame_interval
+        return Working(self._ladder, self.configs, self.number, self._first, self._budget_ms, self._governor.expected_ms, interval_ms)
 
     def _tell(self, stamp_ns: int, measured_ms: float, expected_ms: float, why: str) -> None:
-        ladder, number, gave_up = self._ladder, self.number, self.gave_up()
-        assert ladder is not None
-        level, best = ladder.levels[number], ladder.levels[0]
-        figures = f"{ladder.figure} {level.accuracy:.3g} {ladder.unit}, not {best.accuracy:.3g}"
-        lost = f"; gave up {', '.join(gave_up)} ({figures})" if gave_up else ""
-        text = f"level {number + 1} of {len(ladder.levels)}, {level.name}: {why}; a frame should take {expected_ms:.3g} ms{lost}"
-        if number > self._first:
-            self._node.get_logger().warning(text)
+        now = replace(self._now(), expected_ms=expected_ms)
+        log = self._node.get_logger()
+        if now.number > now.first:
+            log.warning(now.text(why))
         else:
-            self._node.get_logger().info(text)
-        msg = handwave.msg.StageBudget(header=header(stamp_ns, ""), stage=self._node.stage, gave_up=gave_up, reason=why)
-        msg.budget_ms, msg.measured_ms, msg.expected_ms = self._budget_ms, measured_ms, expected_ms
-        msg.level, msg.number, msg.levels, msg.every = level.name, number, len(ladder.levels), level.every
-        msg.figure, msg.unit, msg.better = ladder.figure, ladder.unit, ladder.better
-        msg.accuracy, msg.best_accuracy = level.accuracy, best.accuracy
-        self._publisher.publish(msg)
+            log.info(now.text(why))
+        self._publisher.publish(now.message(header(stamp_ns, ""), self._node.stage, measured_ms, why))
 
     def report(self) -> tuple[dict[str, Any], list[str]]:
         """Values for the diagnostics, and what to warn of; nothing without a budget."""
-        if self._governor is None:
-            return {}, []
-        level, expected, budget = self._levels[self.number], self._governor.expected_ms, self._budget_ms
-        values = {"frame_budget_ms": f"{budget:g}", "level": f"{self.number + 1} of {len(self._levels)}: {level.name}"}
-        values |= {"level_expected_ms": f"{expected:.3g}", "gave_up": ", ".join(self.gave_up()) or "nothing"}
-        warnings = [f"stepped down to {level.name} to keep within {budget:g} ms"] if self.number > self._first else []
-        interval = 1e3 * self._node.frame_interval
-        if 0 < interval < budget:
-            warnings.append(f"a budget of {budget:g} ms is more than the {interval:g} ms from frame to frame: frames will be lost")
-        if expected > budget and self.number == len(self._levels) - 1:
-            warnings.append(f"even the quickest level takes {expected:.3g} ms of {budget:g} ms")
-        return values, warnings
+        return ({}, []) if self._governor is None else self._now().report()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Final
 
@@ -26,7 +26,7 @@ _ANYBODY: Final = "0"
 _EVERY_NS: Final = 150_000_000  # person maps are made five times a second: with every other picture
 _ANGLES: Final = 60.0  # degrees to either side that colours reach
 
-Shades = tuple[list[str], float, float]
+Shades = tuple[Sequence[str], float, float]
 """A palette, and the values of its first and its last colour."""
 
 

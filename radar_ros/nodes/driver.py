@@ -25,7 +25,6 @@ from radar_ros.guard import guarded
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg
 from radar_ros.params import declare, declare_config
 from radar_ros.stage import StageMixin, run
-from radar_ros.waiting import REMEDY
 
 if TYPE_CHECKING:
     from radar_core.mounting import MountCalibration
@@ -200,6 +199,8 @@ class DriverNode(StageMixin, LifecycleNode):
             self._met_ns = 0
             if now - self._since_ns > _PATIENCE_NS:
                 who = ", ".join(missing) or f"{self._readers} readers of radar/frame"
+                from radar_ros.waiting import REMEDY
+
                 self.caution(f"no frames yet: waiting for {who}; {REMEDY}")
         elif not self._met_ns:
             self._met_ns = now

@@ -11,8 +11,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from radar_core import ConfigError, DataError, PointCloud, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
-from radar_core.composite import CloudComposite, CloudSource, merge
+from radar_core.composite import CloudComposite, CloudSource
 from radar_core.geometry import cartesian_to_spherical, spherical_to_cartesian
+from radar_core.merging import merge
 from radar_ros.bags import typestore
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_tracking import PeopleTracker
