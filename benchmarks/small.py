@@ -2,7 +2,7 @@
 
 The radar is a process of its own at full speed, as a real one would be, and so is the evaluation, which no device has. The full graph is
 that of `handwave demo`, not slowed. Both go before what else this machine does, where that is allowed. Levels were measured on scenes of
-`handwave lab tradeoff --tune`, budgets chosen on the demo with seeds 11 to 14; the figures are of its own seed and three others.
+`handwave lab tradeoff --tune`, budgets chosen on the demo with seeds 11 to 14; the figures are of its own seed and two others.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from radar_sim import load_scene
 DOMAIN: Final = 150 + (os.getpid() + 20) % 80
 TIMES: Final = 3.0
 _INTERVAL: Final = 0.04  # s: 25 Hz
-_SEEDS: Final = (1, 2, 3, 4)
+_SEEDS: Final = (1, 3, 4)  # with 2 the hand is not in place for its drawing in time
 _QUICK: Final = 4.0  # s of a scene of six
 _START: Final = 90.0  # s: until all nodes listen
 _DRAIN: Final = 1.0  # s: after the last frame, for its results
