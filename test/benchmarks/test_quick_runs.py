@@ -133,6 +133,16 @@ def newcomer(found):
     assert found["first_frame_after_setup_s"] > 0
 
 
+def small(found):
+    """A short scene by both graphs; levels are shares of the time, and the process was slowed as much as it says."""
+    assert found["small_frames"] > 0
+    assert 0 <= found["dropped_fraction"] <= 1
+    assert found["small_gestures"]["total"] <= 1
+    assert 0.3 < found["slowed_share_on"] < 0.37
+    assert {"level_baseband", "level_tracking"} <= found.keys()
+    assert 0 < found["small_latency_ms_median"] <= found["small_latency_ms_p99"]
+
+
 def boards(found):
     """Nothing is lost on a machine that is not overloaded; of ways from real to complex samples the driver's has the weakest ghosts."""
     assert found["usb_frames"] == 60
@@ -200,6 +210,7 @@ def test_quick_run(name, tmp_path):
         "one_channel": one_channel,
         "person_odds": person_odds,
         "probe": probe,
+        "small": small,
         "soak": soak,
         "zones": zones,
     }.get(name)
