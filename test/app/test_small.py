@@ -58,7 +58,7 @@ def test_of_two_radars_each_has_a_budget():
     specs = small_graph("two_radars", parameters={"left/baseband": {"frame_budget_ms": 0.0}})
     made = {spec.label: load(BudgetConfig, nest({k: v for k, v in spec.parameters.items() if "budget" in k})) for spec in specs}
     found = {label: config.milliseconds(0.02) for label, config in made.items() if config.budget.tuning}
-    assert found == {"left/baseband": 0.0, "right/baseband": 4.0, "tracking": 8.0}
+    assert found == {"left/baseband": 0.0, "right/baseband": 20 * SHARES["baseband"], "tracking": 20 * SHARES["tracking"]}
 
 
 def test_the_command_starts_it_in_one_process(monkeypatch):
