@@ -272,7 +272,8 @@ def run(quick: bool) -> dict[str, Any]:
     load, own = os.getloadavg()[0], max(os.sched_getaffinity(0))
     name, seeds = ("short", (None,)) if quick else ("demo", _SEEDS)
     seconds = _QUICK if quick else load_scene(name).duration
-    full, small = [], []
+    full: list[Played] = []
+    small: list[Played] = []
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         for seed in seeds:
             for which, core in ((full, None), (small, own)):

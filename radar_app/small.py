@@ -35,7 +35,7 @@ def budgeted(given: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]
             values.setdefault("frame_budget_share", 0.0)
     for node, share in SHARES.items():
         said = {**everywhere, **given.get(node, {})}
-        own = {} if "frame_budget_ms" in said else {"frame_budget_share": share}
+        own: dict[str, Any] = {} if "frame_budget_ms" in said else {"frame_budget_share": share}
         own |= {"budget.tuning": tuning}
         result[node] = {name: value for name, value in own.items() if name not in everywhere} | result.get(node, {})
     return result
