@@ -163,7 +163,7 @@ def load_steps(found):
     assert 0 <= sum(columns["lost"]) < sum(columns["frames"])
     assert all(row["graph_cores"] > 0.1 for row in found["steps"])
     assert max(columns["loops_cores"][4:12]) > 0.1
-    assert max(columns["loops_cores"][12:]) == 0
+    assert max(columns["loops_cores"][13:]) == 0  # the first half second after them may have their end
 
 
 @pytest.mark.long

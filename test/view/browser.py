@@ -109,6 +109,17 @@ class Page:
         self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
         button.click()
 
+    def corner(self, number, x, y):
+        """Click the plan at a place in the room [m] until it is a corner of the zone: a busy browser takes a slow click for a long press."""
+        for _ in range(8):
+            self.click_plan(x, y)
+            end = time.monotonic() + PATIENCE / 8
+            while time.monotonic() < end:
+                if self.model("draft", "data.x.length") >= number:
+                    return
+                time.sleep(0.05)
+        raise AssertionError(f"no click became corner {number}: {self.driver.get_log('browser')}")
+
     def click_plan(self, x, y):
         """Click the plan at a place in the room [m]."""
         from selenium.webdriver.common.action_chains import ActionChains

@@ -42,8 +42,7 @@ def test_a_graph_is_shown_and_a_zone_drawn_on_the_plan_counts(driver, graph, tmp
         page.press("zone_draw")
         page.until(lambda: page.model("zone_draw", "label") == "Cancel")
         for n, corner in enumerate([(1.0, 2.0), (1.0, -1.6), (4.0, -1.6), (4.0, 2.0)], 1):
-            page.click_plan(*corner)
-            page.until(lambda n=n: page.model("draft", "data.x.length") >= n)
+            page.corner(n, *corner)
         page.set("zone_name", "value", "front")
         page.until(lambda: not page.model("zone_save", "disabled"))
         page.press("zone_save")
