@@ -110,7 +110,7 @@ class Page:
         button.click()
 
     def corner(self, number, x, y):
-        """Click the plan at a place in the room [m] until it is a corner of the zone: a busy browser takes a slow click for a long press."""
+        """Click a place of the plan [m] until it is a corner of the zone: a busy browser takes a slow click for a long press."""
         for _ in range(8):
             self.click_plan(x, y)
             end = time.monotonic() + PATIENCE / 8
