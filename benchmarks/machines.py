@@ -32,7 +32,7 @@ from radar_sim.audit import audit, ours, table
 from radar_sim.effects.chain import SIGNAL
 
 SCENE: Final = "two_crossing"
-AUDITED: Final = ("demo", "five_people", "single_target", "two_crossing")  # scenes of the quick audit; else all
+AUDITED: Final = ("demo", "single_target", "two_crossing")  # scenes of the quick audit; else all
 _MIXED: Final = 4_000  # rows of features that are made between those of simulated strokes
 _CLOUD: Final = ("range", "radial_speed", "azimuth", "snr")
 
@@ -42,7 +42,7 @@ def cube(quick: bool) -> NDArray[np.complex64]:
     scene = load_scene(SCENE)
     nothing: dict[str, Any] = dict.fromkeys(SIGNAL)
     simulator = Simulator(replace(scene, effects=replace(scene.effects, **nothing)))
-    chosen = np.linspace(0, simulator.n_frames - 1, 8 if quick else 40).astype(int).tolist()
+    chosen = np.linspace(0, simulator.n_frames - 1, 4 if quick else 40).astype(int).tolist()
     return np.stack([simulator.process(k).frame.cube for k in chosen])
 
 
@@ -54,7 +54,7 @@ def audited(quick: bool) -> str:
 def strokes(quick: bool) -> dict[str, NDArray[Any]]:
     """Make samples of a data set: features (n, 13), which were found (n,), and the columns of the first one's clouds."""
     plan, config = named_plan("all"), GestureConfig()
-    samples = [simulate_sample(draw_sample(plan, 1, k, body="ellipsoids"), config) for k in range(10 if quick else 40)]
+    samples = [simulate_sample(draw_sample(plan, 1, k, body="ellipsoids"), config) for k in range(6 if quick else 40)]
     clouds = np.concatenate([np.stack([sample[f"cloud_{name}"] for name in _CLOUD], -1) for sample in samples])
     return {
         "features": np.array([sample["features"] for sample in samples]),

@@ -17,6 +17,7 @@ for _pool in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
 
 _FILES = ("clouds_graph", "graph", "launch", "machine", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
+_QUICK_GRAPHS = ("[budget]", "[faults]", "[graph]", "[load_steps]", "[small]", "[soak]", "[view]")
 _GRAPHS = ("app/", "e2e/", "logger/test_logger_page", "tradeoff/", "view/", *(f"ros/test_{name}.py" for name in _FILES))
 
 
@@ -29,7 +30,7 @@ def pytest_xdist_make_scheduler(config, log):
         def _split_scope(self, nodeid):
             place = nodeid.partition("::")[0].removeprefix("test/")
             if place == "benchmarks/test_quick_runs.py":  # minutes each, and nothing that they share but, some of them, a ROS domain
-                return "graphs" if nodeid.endswith(("[budget]", "[faults]", "[graph]", "[soak]", "[view]")) else nodeid
+                return "graphs" if nodeid.endswith(_QUICK_GRAPHS) else nodeid
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)
