@@ -47,17 +47,22 @@ def _counts(monitor: Monitor, driver: str) -> tuple[int, int]:
     return (stage.processed + stage.dropped if stage else 0), monitor.received
 
 
+def settle(monitor: Monitor) -> None:
+    """Wait for the first tracks of a graph, and a little longer; a HandwaveError says that none came."""
+    end = time.monotonic() + START
+    while not monitor.received and time.monotonic() < end:
+        monitor.spin(0.1)
+    if not monitor.received:
+        raise HandwaveError(f"the graph gave no tracks within {START:g} s; look at its nodes: handwave up")
+    monitor.spin(SETTLE)
+
+
 def listen(seconds: float, cpu: Callable[[], dict[str, float]], driver: str = "driver") -> Load:
     """Listen to a running graph; ``cpu`` says how many seconds each process has used. Raises HandwaveError when no tracks come."""
     with ros():
         monitor = Monitor()
         try:
-            end = time.monotonic() + START
-            while not monitor.received and time.monotonic() < end:
-                monitor.spin(0.1)
-            if not monitor.received:
-                raise HandwaveError(f"the graph gave no tracks within {START:g} s; look at its nodes: handwave up")
-            monitor.spin(SETTLE)
+            settle(monitor)
             (due, received), before, started = _counts(monitor, driver), cpu(), time.monotonic()
             monitor.latencies.clear()
             monitor.spin(seconds)

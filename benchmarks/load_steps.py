@@ -25,10 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.graph import DOMAIN
 from benchmarks.graph_load import SCENE, demo_nodes
-from benchmarks.graph_runs import SETTLE, START
+from benchmarks.graph_runs import settle
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
-from radar_core import HandwaveError
 from radar_ros.interrupts import ros
 
 STEPS: Final = (0, 1, 2, 0)
@@ -238,12 +237,7 @@ def run(quick: bool) -> dict[str, Any]:
         with Supervisor(specs, domain=DOMAIN, log=lambda name, line: None) as supervisor, ros():
             monitor = Monitor()
             try:
-                end = time.monotonic() + START
-                while not monitor.received and time.monotonic() < end:
-                    monitor.spin(0.1)
-                if not monitor.received:
-                    raise HandwaveError(f"the graph gave no tracks within {START:g} s; look at its nodes: handwave up demo")
-                monitor.spin(SETTLE)
+                settle(monitor)
                 found = recorded(supervisor, monitor, _SECONDS[not quick])
             finally:
                 monitor.close()
