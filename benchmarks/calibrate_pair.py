@@ -218,7 +218,7 @@ def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
 
 def measure(store: PairStore, quick: bool) -> dict[str, Any]:
     """Simulate what is missing, and calibrate."""
-    seeds, seconds = (range(2), 12.0) if quick else (range(SEEDS), SECONDS)
+    seeds, seconds = (range(1), 8.0) if quick else (range(SEEDS), SECONDS)
     store.fill([scene(seed, seconds) for seed in seeds], progress=sys.stdout.isatty())  # --json prints one object and nothing else
     config = PairConfig()
     every = cases(store, seeds, config, seconds)

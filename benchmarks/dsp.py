@@ -62,7 +62,7 @@ def all_false_alarms(quick: bool) -> dict[str, Any]:
     """Every algorithm with every window at three rates, on noise behind the default windows of the transforms."""
     cases = list(itertools.product(ALGORITHMS, WINDOWS, RATES))
     configs = [CfarConfig(algorithm=a, window=w, false_alarm=p) for a, w, p in cases]
-    ratio = false_alarms(configs, SpectrumConfig(), 40 if quick else 12_000)
+    ratio = false_alarms(configs, SpectrumConfig(), 4 if quick else 12_000)
     table = {f"{a} {w} {p:g}": {"interior": float(i), "edges": float(e)} for (a, w, p), (i, e) in zip(cases, ratio, strict=True)}
     return {"pfa_ratio_worst": float(ratio.max()), "pfa_ratio_best": float(ratio.min()), "pfa_ratio": table}
 
@@ -104,7 +104,7 @@ def all_over_bound(quick: bool) -> dict[str, float]:
     """Refined and unrefined estimates at 20 and 30 dB; the ratio farther from one stands for both."""
     result: dict[str, float] = {}
     for refine, suffix in (("ml", ""), ("none", "_unrefined")):
-        config, n = BasebandConfig(grouping="peak", refine=refine), 20 if quick else 600
+        config, n = BasebandConfig(grouping="peak", refine=refine), 6 if quick else 600
         both = np.array([over_bound(config, single(n, 6, snr), snr) for snr in (20.0, 30.0)])
         for i, name in enumerate(("range", "velocity", "azimuth")):
             result[f"{name}_rmse_over_crb{suffix}"] = float(max(both[:, i], key=lambda ratio: abs(math.log(ratio))))
@@ -129,7 +129,7 @@ def person_points(config: BasebandConfig, quick: bool) -> tuple[float, float, fl
     """Count points, moving points and points elsewhere (more than 0.9 m away) per frame of the gesturing person."""
     baseband = Baseband(config, INFO)
     counts = []
-    for place, one in person_frames(30 if quick else 5):
+    for place, one in person_frames(60 if quick else 5):
         cloud = baseband.process(one)
         near = np.hypot(*(cloud.to_room(INFO.mount).position - place).T[:2]) < 0.9
         counts.append((near.sum(), (near & (np.abs(cloud.radial_speed) > 0.3)).sum(), (~near).sum()))
@@ -156,7 +156,7 @@ def angle_gaps(config: DoaConfig, n: int, snr_db: float = 15.0) -> NDArray[np.fl
 
 def all_resolution_rates(quick: bool) -> dict[str, Any]:
     """Where two echoes in one cell are told apart: separations in beamwidths at three signal-to-noise ratios."""
-    n = 20 if quick else 400
+    n = 10 if quick else 400
     table = {
         f"{separation:g} beamwidths, {snr:g} dB": resolved("dml2", n, 7, separation, snr)
         for separation in (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
@@ -215,17 +215,17 @@ def variants() -> dict[str, BasebandConfig]:
 
 def accuracy(name: str, config: BasebandConfig, quick: bool) -> tuple[str, float, str]:
     """Measure the figure that a choice trades for time."""
-    kind, n = name.split("=")[0], 40 if quick else 400
+    kind, n = name.split("=")[0], 10 if quick else 400
     if kind == "cfar":
         # At ten times the default rate, so that the count means something.
         often = dataclasses.replace(config.cfar, false_alarm=1e-3)
-        return "false alarms over design", float(false_alarms([often], config.spectrum, 30 if quick else n)[0, 0]), ""
+        return "false alarms over design", float(false_alarms([often], config.spectrum, n)[0, 0]), ""
     if kind == "rank":
         return "moving points on a gesturing person", person_points(config, quick)[1], ""
     if kind == "coupling, range window":
         return "points where nobody is", person_points(config, quick)[2], ""
     if kind in ("doa grid", "doa search"):
-        return "largest gap to the likelihood's maximum", float(angle_gaps(config.doa, 20 if quick else 200).max()), "deg"
+        return "largest gap to the likelihood's maximum", float(angle_gaps(config.doa, 10 if quick else 200).max()), "deg"
     if kind in ("doa mode", "doa method"):
         _, _, azimuth, _, found = errors(config, n)
         # Elevated echoes look nearer to the boresight when elevation is taken for zero, which is most of the azimuth-only error.
@@ -289,13 +289,13 @@ def chain(frame: RadarFrame, repeat: int) -> dict[str, list[float]]:
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure everything; see the module's docstring. With ``keep``, scenes with lost chirps stay there and are not run again."""
     frame, table, default = busy_frame(), variants(), BasebandConfig()
-    n, repeat = (40, 15) if quick else (400, 200)
+    n, repeat = (10, 5) if quick else (400, 200)
     quickest = chain(frame, repeat)
     bare = float(np.median(quickest["bare"]))
     calls: dict[str, Callable[[], Any]] = {"scipy.fft": lambda: scipy.fft.fft2(frame.cube, axes=(1, 3), workers=1)}
     for name, config in table.items():
         calls[name] = functools.partial(Baseband(config, INFO).process, frame)
-    times = measure_together(calls, repeat=max(repeat // 4, 10))
+    times = measure_together(calls, repeat=2, warmup=1) if quick else measure_together(calls, repeat=repeat // 4)
     rms, losses = errors(default, n), dsp_losses.figures(quick, keep)
     points, moving, elsewhere = person_points(default, quick)
     return {

@@ -163,7 +163,7 @@ def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
 
 def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
     """Gestures that are recognised without loss and are lost with it, for each case."""
-    seeds, duration = ((SEEDS[0],), 8.0) if quick else (SEEDS, DURATION)
+    seeds, duration = ((SEEDS[0],), 3.0) if quick else (SEEDS, DURATION)
     parts = [performed(seed, duration, keep) for seed in seeds]
     known = {name: np.concatenate([np.array(part[name]["hits"], np.bool_) for part in parts]) for name in cases()}
     table = {}
@@ -191,7 +191,7 @@ def rows(n: int, repeat: int) -> list[dict[str, Any]]:
 
 def figures(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Measure what lost chirps cost."""
-    default, n = SpectrumConfig().missing, 4 if quick else 400
+    default, n = SpectrumConfig().missing, 2 if quick else 400
     floors = {f"{rate:g}": worst_floor_db(default, rate, n) for rate in RATES}
     found = gestures(quick, keep)
     result: dict[str, Any] = {"lost_chirps_floor_db": floors, "lost_chirps_gestures": found}
@@ -201,4 +201,4 @@ def figures(quick: bool, keep: Path | None = None) -> dict[str, Any]:
         key = f"lost_chirps_{100 * rate:g}pct"
         result |= {f"{key}_floor_db": floors[f"{rate:g}"]["worst"], f"{key}_gestures_lost": worse["lost"]}
         result[f"{key}_gestures_lost_interval"] = worse["lost_interval"]
-    return result | {"choices": rows(*((3, 10) if quick else (60, 200)))}
+    return result | {"choices": rows(*((2, 5) if quick else (60, 200)))}

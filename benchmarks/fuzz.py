@@ -40,7 +40,7 @@ from radar_sim import load_scene
 from radar_sim.motions.bvh import load_bvh
 
 _SECONDS: Final = 600.0  # of the processor, for each parser; quick runs take `_QUICK`
-_QUICK: Final = 0.5
+_QUICK: Final = 0.15
 _PIECE: Final = 20.0  # s: what an interrupted run may lose
 _HANG: Final = 2.0  # s of the processor: whatever takes longer over one input hangs
 _WAIT: Final = 120.0  # s by the clock: whatever waits longer for something hangs too
@@ -343,7 +343,7 @@ PARSERS: Final[dict[str, Parser]] = {
 
 
 def run(quick: bool, keep: Path | None = None, parts: str = "") -> dict[str, Any]:
-    """Feed every parser, ten minutes of the processor each; quick: half a second each.
+    """Feed every parser, ten minutes of the processor each; quick: a moment each.
 
     With ``keep`` the same command goes on where it stopped; ``parts`` names some parsers, with commas.
     """

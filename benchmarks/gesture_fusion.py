@@ -153,7 +153,7 @@ def measure(scenes: Sequence[Scene], keep: Path, n_jobs: int = 1) -> dict[str, A
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Measure gestures of the fused pair beside those of each radar, ten minutes; quick: one person and three gestures."""
-    scenes = [scene(2.5, 0, NAMED[:3])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
+    """Measure gestures of the fused pair beside those of each radar, ten minutes; quick: one person and one gesture."""
+    scenes = [scene(2.5, 0, NAMED[:1])] if quick else [scene(far, seed) for far in DISTANCES for seed in range(PEOPLE)]
     with kept(keep) as folder:
         return measure(scenes, folder, n_jobs)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_model import model_file
-from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, PerceptronTraining, Study, read, study, thirteen
+from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, FEW, PerceptronTraining, Study, read, study, thirteen
 from benchmarks.recordings import folder
 from benchmarks.report import against_first, matrix, measure
 from benchmarks.stores import digest, once, sources
@@ -125,8 +125,8 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
 def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
     """Give the network where PyTorch is installed, else the perceptron."""
     if importlib.util.find_spec("torch") is None:
-        return PerceptronTraining(passes=10 if quick else 32)
-    return CurveTraining(passes=6 if quick else 60)
+        return PerceptronTraining(passes=4 if quick else 32)
+    return CurveTraining(passes=4 if quick else 60)
 
 
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures of
     `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
     """
-    limit, folds, n_copies = (1500, 2, 2) if quick else (0, 10, COPIES)
+    limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
     told = digest([f"{config} {CURVES} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))])
 
@@ -164,7 +164,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     simulated = part("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
     rows = part("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
-    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(900 if quick else 0))))
+    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(300 if quick else 0))))
     result |= simulated | daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
 
@@ -198,7 +198,7 @@ def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[d
 
 def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     """Name and study of each choice; the first is the default."""
-    perceptron = PerceptronTraining(passes=10 if quick else 32)
+    perceptron = PerceptronTraining(passes=4 if quick else 32)
     yield "curves", first
     yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
     for hidden in (16, 48):

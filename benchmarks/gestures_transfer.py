@@ -20,8 +20,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_drills import Drills, draw_drill, generate, read_drill, simulate
-from benchmarks.gesture_studies import COPIES, CURVES, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
+from benchmarks.gesture_drills import LABELS, Drills, draw_drill, generate, read_drill, simulate
+from benchmarks.gesture_studies import COPIES, CURVES, FEW, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
 from benchmarks.report import choices, matrix, measure, share
 from benchmarks.stores import kept
 from radar_gestures.curves import Curves, curve_names, join
@@ -63,8 +63,8 @@ def simulated(place: Path, n: int) -> RealSet:
 def transfer_training(quick: bool) -> PerceptronTraining | CurveTraining:
     """Give the network where PyTorch is installed, else the perceptron; fewer passes than on recordings: it fits drills less."""
     if importlib.util.find_spec("torch") is None:
-        return PerceptronTraining(passes=10 if quick else 20)
-    return CurveTraining(passes=6 if quick else 16)
+        return PerceptronTraining(passes=4 if quick else 20)
+    return CurveTraining(passes=4 if quick else 16)
 
 
 def transfer_study(data: RealSet, config: PerceptronTraining | CurveTraining, n_copies: int = COPIES) -> Study:
@@ -91,20 +91,21 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     `DEVELOPMENT`; ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of
     mTransSee; ``confusion`` of the first and the last; ``choices``: accuracy and time to simulate by number of drills.
     """
-    n = 100 if quick else SAMPLES
+    n = 25 if quick else SAMPLES
     drills, config = Drills(), transfer_training(quick)
     with kept(keep) as folder:
         data = simulated(generate(drills, n, folder), n)
-    training = transfer_study(data, config, 2 if quick else COPIES)
+    training = transfer_study(data, config, 1 if quick else COPIES)
     developed = np.isin(made.data.person, DEVELOPMENT)
     tests = {
         "synthetic_to_real": made.data.select(~developed),
         "synthetic_to_real_development": made.data.select(developed),
-        "synthetic_to_mtranssee": read("mtranssee", 1500 if quick else 0),
+        "synthetic_to_mtranssee": read("mtranssee", FEW if quick else 0),
     }
     validations = {name: judge(training, test) for name, test in tests.items()}
-    times = measure(lambda: [simulate(draw_drill(drills, number)) for number in range(_TIMED)], repeat=1 if quick else 3, warmup=1)
-    each = [time / _TIMED for time in times]
+    timed, repeat, warmup = (len(LABELS), 1, 0) if quick else (_TIMED, 3, 1)
+    times = measure(lambda: [simulate(draw_drill(drills, number)) for number in range(timed)], repeat=repeat, warmup=warmup)
+    each = [time / timed for time in times]
     result: dict[str, Any] = {}
     for name, validation in validations.items():
         right = validation.probabilities.argmax(axis=-1) == validation.label

@@ -34,6 +34,7 @@ _TUNING_SEEDS: Final = ((11, 1.0), (12, 1.4), (13, 2.2))
 _FIRST: Final = 1001  # seed of the first scene that is measured; those below were looked at before
 _SCENES: Final = 50
 _SHORT: Final = 3.6  # s: more scenes tell more than longer ones
+_QUICK: Final = 2.8
 _KNOBS_FROM: Final = 5  # knobs are varied on every so many scenes
 _CLOCK_SCENES: Final = 4
 
@@ -45,7 +46,7 @@ Runs = hand_gain.Runs
 def plan(quick: bool) -> list[tuple[Script, int, float]]:
     """Give script, seed and distance [m] of the scenes that are measured: fifty people, every script at every distance twice."""
     if quick:
-        return [(SCRIPTS[1], 1, DISTANCES[0])]
+        return [(dataclasses.replace(SCRIPTS[1], duration=_QUICK), 1, DISTANCES[0])]
     short = [dataclasses.replace(script, duration=_SHORT) for script in SCRIPTS]
     return [(short[k % len(short)], _FIRST + k, DISTANCES[k // len(short) % len(DISTANCES)]) for k in range(_SCENES)]
 
@@ -57,7 +58,7 @@ def scenes(quick: bool) -> list[Scene]:
 
 def tuning_scenes(quick: bool) -> list[Scene]:
     """Scenes that filters are tuned on: other scripts, other people, other distances."""
-    chosen, body = (TUNING[:1], "ellipsoids") if quick else (TUNING, "mesh")
+    chosen, body = ([dataclasses.replace(TUNING[0], duration=_QUICK)], "ellipsoids") if quick else (TUNING, "mesh")
     return [scene(script, seed, far, body) for seed, far in _TUNING_SEEDS[: 1 if quick else None] for script in chosen]
 
 

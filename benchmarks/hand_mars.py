@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -58,15 +59,17 @@ class Exercises:
 
 @cache
 def exercises(name: str) -> Exercises:
-    """Read and track one of `MARS`. Raises AbsentError when the recordings are not there."""
-    path = folder() / "mars" / f"{name}.npz"
+    """Read and track one of `MARS`; ``name:400``: its first 400 clouds. Raises AbsentError when the recordings are not there."""
+    file, _, most = name.partition(":")
+    path = folder() / "mars" / f"{file}.npz"
     if not path.is_file():
         raise AbsentError(f"{path}: there is no such recording; HANDWAVE_DATA names the folder with them (docs/reference/recordings.md)")
     recording = open_original("mars", path)
     tracker = tracker_for(PRESETS["mars"], TRACKERS[0])
-    clouds = [item.to_room(recording.info.mount) for item in recording.items if isinstance(item, PointCloud)]
+    found = (item.to_room(recording.info.mount) for item in recording.items if isinstance(item, PointCloud))
+    clouds = list(itertools.islice(found, int(most) if most else None))
     with np.load(path) as data:
-        joints, names = to_our_axes(data["joint_xyz"]), [str(joint) for joint in data["joints"]]
+        joints, names = to_our_axes(data["joint_xyz"])[: len(clouds)], [str(joint) for joint in data["joints"]]
     hands = joints[:, [names.index(hand) for hand in _HANDS]]
     speed = np.linalg.norm(np.gradient(hands, _FRAME, axis=0), axis=2)
     return Exercises(tuple(TrackedCloud(c, tracker.process(c)) for c in clouds), joints, hands, speed, recording.info)
@@ -179,6 +182,7 @@ AXES: Final = ("depth", "across", "height")
 SIDES: Final = ("left", "right")
 HISTORIES: Final = {"none": (), "short, 0.2 s": (0.2,), "0.2 0.5 1.5 s": (0.2, 0.5, 1.5), "long, 0.2 0.5 1.5 4 s": (0.2, 0.5, 1.5, 4.0)}
 _QUICK: Final = PostureTrainingConfig(hidden=(16,), members=1, epochs=5)
+_FEW: Final = ":400"  # clouds of each file in quick runs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -199,6 +203,11 @@ class Split:
         kinect = kinect_place(train)
         recordings = tuple(recording_of(name, kinect) for name in train)
         return cls(tuple(train), tuple(test), kinect, recordings, mean_pose(train, kinect), mean_pose(train, kinect, moving=True))
+
+    @cache  # noqa: B019 - a run makes few splits, and several fits take the same samples
+    def samples(self, features: PostureFeatureConfig, block: float) -> PostureSamples:
+        """Samples of the training files."""
+        return samples_of(self.recordings, features, block)
 
     def truth(self, name: str) -> Float64Array:
         """Hands in the room, shape (n_clouds, 2, 3) [m]."""
@@ -261,7 +270,7 @@ def over_tests(split: Split, model: PostureModel) -> dict[str, Estimated]:
 
 def evaluate(split: Split, config: PostureTrainingConfig) -> tuple[dict[str, Any], PostureModel]:
     """Train, and give the figures of every test file."""
-    model, took = timed(lambda: fit_postures(samples_of(split.recordings, config.features, config.block), config))
+    model, took = timed(lambda: fit_postures(split.samples(config.features, config.block), config))
     files = {name: figures_of(split, name, found) for name, found in over_tests(split, model).items()}
     about = {
         "training_s": 1e-3 * took,
@@ -291,11 +300,9 @@ def configs_of(quick: bool) -> dict[str, PostureTrainingConfig]:
 def rows(split: Split, quick: bool) -> list[dict[str, Any]]:
     """Error of every choice, known people, beside the time of one cloud; the first is the reference."""
     made: dict[str, tuple[float, list[float]]] = {}
-    samples: dict[PostureFeatureConfig, PostureSamples] = {}
     for name, config in configs_of(quick).items():
-        own = config.features
-        samples[own] = samples.get(own) or samples_of(split.recordings, own, config.block)
-        found = over_tests(split, fit_postures(samples[own], dataclasses.replace(config, folds=2)))
+        samples = split.samples(config.features, config.block)
+        found = over_tests(split, fit_postures(samples, dataclasses.replace(config, folds=2)))
         error = split.ratio({name: one.position - split.truth(name) for name, one in found.items()})
         made[name] = error, [value for one in found.values() for value in one.times_ms]
     made |= other_models(split, configs_of(quick)["default"], float(np.median(made["default"][1])), quick)
@@ -313,7 +320,7 @@ def other_models(split: Split, config: PostureTrainingConfig, before: float, qui
         "model ridge": lambda: make_pipeline(StandardScaler(), Ridge(alpha=1000.0)),
         "model extra trees, 200": lambda: ExtraTreesRegressor(10 if quick else 200, min_samples_leaf=3, max_features=0.3, random_state=0),
     }
-    train = samples_of(split.recordings, config.features)
+    train = split.samples(config.features, config.block)
     test = {name: samples_of([recording_of(name, split.kinect)], config.features) for name in split.test}
     made = {}
     for label, make in makers.items():
@@ -334,16 +341,17 @@ def _places(split: Split, name: str, samples: PostureSamples, predicted: Float64
 def run(quick: bool = False) -> dict[str, Any]:
     """Train on some files of MARS and test on others.
 
-    ``quick``: a small network, few choices, one of two directions: to see that it runs.
+    ``quick``: a small network, few choices, one of two directions, the beginnings of the files: to see that it runs.
     Returns ``known``: trained on the validate files of both people, tested on their test files; ``held_out``: trained on one person, tested
     on the other, in both directions; each with the figures of every file (`figures_of`). ``geometric``: `HandTracker` on the test files of
     ``known``. ``known_worst_ratio``, ``held_out_worst_ratio``, ``choices``.
     Raises DataError when the recordings are not there.
     """
     config = configs_of(quick)["default"]
-    known = Split.of(*KNOWN)
+    acquainted, *strange = ([[f"{name}{_FEW if quick else ''}" for name in names] for names in split] for split in (KNOWN, *STRANGERS))
+    known = Split.of(*acquainted)
     figures, _ = evaluate(known, config)
-    strangers = [evaluate(Split.of(*names), config)[0] for names in STRANGERS[: 1 if quick else None]]
+    strangers = [evaluate(Split.of(*names), config)[0] for names in strange[: 1 if quick else None]]
     return {
         "known_worst_ratio": figures["worst_ratio"],
         "held_out_worst_ratio": max(one["worst_ratio"] for one in strangers),

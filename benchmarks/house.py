@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import json
 import subprocess
 import sys
@@ -56,15 +57,24 @@ def modules(root: Path = ROOT) -> dict[str, Path]:
     return {".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
 
 
-def imported(path: Path) -> set[str]:
-    """Every name that a file imports, lazily or not: modules, and ``module.name`` of what is taken out of them."""
+@functools.cache
+def _read(path: Path) -> tuple[frozenset[str], tuple[tuple[str, int], ...]]:
+    """Give what a file imports, see `imported`, and ``line name`` and lines of its functions; a file is parsed once."""
     names: set[str] = set()
+    functions: list[tuple[str, int]] = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
             names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            functions.append((f"{node.lineno} {node.name}", (node.end_lineno or 0) - node.lineno + 1))
+    return frozenset(names), tuple(functions)
+
+
+def imported(path: Path) -> frozenset[str]:
+    """Every name that a file imports, lazily or not: modules, and ``module.name`` of what is taken out of them."""
+    return _read(path)[0]
 
 
 def imports(files: Mapping[str, Path]) -> dict[str, set[str]]:
@@ -106,12 +116,7 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
 
 def function_lengths(files: Mapping[str, Path]) -> dict[str, int]:
     """Lines of every function and method, from ``def`` to its end, docstring included: ``module:line name`` to lines."""
-    found = {}
-    for name, path in files.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-                found[f"{name}:{node.lineno} {node.name}"] = (node.end_lineno or 0) - node.lineno + 1
-    return found
+    return {f"{name}:{place}": lines for name, path in files.items() for place, lines in _read(path)[1]}
 
 
 def _lines(path: str | Path) -> int:

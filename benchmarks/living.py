@@ -37,6 +37,7 @@ THINGS: Final = KINDS[:3]  # what does not live
 FIRST: Final = 1000  # number of the first room of the figure; those from 0 on are for development
 ROOMS: Final = 16
 SECONDS: Final = 15.0  # of a room
+_QUICK: Final = 5.0
 ON, OFF = 0.5, 0.8  # m: a track within the first of one and beyond the second of the other is that one's
 EVERY: Final = 0.5  # s: how often tracks are looked at
 AGES: Final = (1.0, 3.0, 6.0)  # s: probabilities of tracks that old are compared, too
@@ -44,7 +45,7 @@ _LEAST: Final = 3  # looks that a track needs to count
 _DRAWS: Final = 1000
 
 
-def room(number: int) -> Scene:
+def room(number: int, seconds: float = SECONDS) -> Scene:
     """Draw a room: a person about the middle who walks, stands, fidgets, gestures or sits, and one thing."""
     rng = np.random.default_rng([31, number])
     side = float(rng.choice([-1.0, 1.0]))
@@ -74,7 +75,7 @@ def room(number: int) -> Scene:
             rcs, speed, pause = float(rng.uniform(0.005, 0.03)), float(rng.uniform(0.4, 1.0)), float(rng.uniform(0.5, 4.0))
             things["movers"] = (Mover(path=stops, speed=speed, pause=pause, size=(0.45, 0.18, 0.3), rcs=rcs),)
     radar = SceneRadar(mount=Pose(z=float(rng.uniform(1.0, 1.8))))
-    return Scene(duration=SECONDS, seed=number, radars=(radar,), effects=room_effects(), people=(_person(rng, side),), **things)
+    return Scene(duration=seconds, seed=number, radars=(radar,), effects=room_effects(), people=(_person(rng, side),), **things)
 
 
 def _person(rng: np.random.Generator, side: float) -> Person:
@@ -121,10 +122,9 @@ class Judged:
         return float(self.odds[max(int((self.age <= age).sum()) - 1, 0)])
 
 
-def judge(number: int, folder: Path) -> tuple[list[Judged], list[float]]:
+def judge(made: Scene, folder: Path) -> tuple[list[Judged], list[float]]:
     """Follow everything in a room of the store; returns the tracks on the person or the thing, and what each cloud took [ms]."""
-    made = room(number)
-    columns = _store(folder).columns(made, 0)
+    columns, number = _store(folder).columns(made, 0), made.seed
     info = made.radars[0].info
     tracker = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli"), info)
     looks: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
@@ -199,11 +199,12 @@ def figures(found: Sequence[Judged]) -> dict[str, Any]:
 
 
 def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[str, Any]:
-    """Sixteen rooms, a quarter with each thing; quick: one of each for development. ``--seeds develop``: eight rooms for development."""
+    """Sixteen rooms, a quarter with each thing; quick: a while of one of each for development. ``--seeds develop``: eight rooms for development."""
     numbers = range(FIRST, FIRST + ROOMS) if seeds == "figure" and not quick else range(4 if quick else ROOMS // 2)
     with kept(keep) as folder:
-        _store(folder).make([(room(number), 0) for number in numbers], n_jobs=1, progress=not quick)
-        judged = [judge(number, folder) for number in numbers]
+        rooms = [room(number, _QUICK if quick else SECONDS) for number in numbers]
+        _store(folder).make([(made, 0) for made in rooms], n_jobs=1, progress=not quick)
+        judged = [judge(made, folder) for made in rooms]
     times = [spent for _, own in judged for spent in own]
     found = [one for own, _ in judged for one in own]
     cloud_ms = {"median": float(np.median(times)), "p95": float(np.percentile(times, 95))}

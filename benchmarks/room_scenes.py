@@ -106,8 +106,9 @@ def boards() -> Mapping[str, RadarInfo]:
     return {name: replace(info, full_scale=0.0) for name, info in found.items()}
 
 
+@cache
 def room(seed: int) -> Room:
-    """Draw a room; the same seed gives the same room."""
+    """Draw a room; the same seed gives the same room. It takes a tenth of a second, so rooms stay in memory."""
     rng = np.random.default_rng([seed, 0xA00])
     floor, n = Floor.draw(rng), int(rng.integers(1, 6))
     crowd = Crowd(rng, seed, floor, [_person(rng, number) for number in range(1, n + 1)])

@@ -160,7 +160,7 @@ def run(quick: bool) -> dict[str, Any]:
     """Measure and return the figures."""
     dial = propagation.run(quick)
     keys, rows = whole(quick)
-    keys |= synthesis(2 if quick else 10) | crowd_memory(3 if quick else 1000)
+    keys |= synthesis(1 if quick else 10) | (crowd_memory(2, 5_000) if quick else crowd_memory(1000))
     return {**dial, **keys, "choices": [*dial["choices"], *rows, *ghosts(quick), *effects(quick)]}
 
 

@@ -63,7 +63,7 @@ def page(folder: Path) -> Iterator[tuple[Any, list[int]]]:
     from selenium.webdriver.chrome.service import Service
 
     command = [sys.executable, "-m", "radar_app", "view", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
         driver: Any = None
         try:
             assert server.stdout is not None
@@ -72,7 +72,7 @@ def page(folder: Path) -> Iterator[tuple[Any, list[int]]]:
             options.binary_location = str(shutil.which("chromium"))
             for flag in (*FLAGS, f"--user-data-dir={folder / 'profile'}"):
                 options.add_argument(flag)
-            driver = Chrome(options=options, service=Service(str(shutil.which("chromedriver"))))
+            driver = Chrome(options=options, service=Service(str(shutil.which("chromedriver")), popen_kw={"start_new_session": True}))
             driver.get(address)
             yield driver, [server.pid, driver.service.process.pid]
         finally:
@@ -81,10 +81,11 @@ def page(folder: Path) -> Iterator[tuple[Any, list[int]]]:
             server.send_signal(signal.SIGINT)
 
 
-def used(pids: list[int]) -> dict[int, float]:
-    """Processor time of processes and their children [s], by process."""
+def used(pid: int) -> dict[int, float]:
+    """Processor time of a process and its children [s], by process."""
     found = {}
-    for parent in map(psutil.Process, pids):
+    with contextlib.suppress(psutil.Error):
+        parent = psutil.Process(pid)
         for process in (parent, *parent.children(recursive=True)):
             with contextlib.suppress(psutil.Error):
                 times = process.cpu_times()
@@ -99,17 +100,24 @@ def grown(before: dict[int, float], after: dict[int, float], seconds: float) -> 
 
 
 @contextlib.contextmanager
-def load(shares: list[float], period: float) -> Iterator[None]:
-    """Keep a process busy for each share of a core: it works for its share of every period [s], then rests, as a page does."""
-    code = "import sys,time\nshare=float(sys.argv[1])\nwhile 1:\n end=time.thread_time()+share*{0}\n began=time.monotonic()\n"
+def load(groups: Sequence[list[float]], period: float) -> Iterator[None]:
+    """Keep a process busy for each share of a core, a session per group.
+
+    A process works for its share of every period [s], then rests, as a page does. Where sessions share the processor out among themselves
+    (Linux, autogroup) the groups get what page and browser get.
+    """
+    code = "import os,sys,time\nshares=[float(each) for each in sys.argv[1:]]\nshare=shares[0]\n"
+    code += "for each in shares[1:]:\n if os.fork()==0:\n  share=each\n  break\n"
+    code += "while 1:\n end=time.thread_time()+share*{0}\n began=time.monotonic()\n"
     code += " while time.thread_time()<end: pass\n time.sleep(max(0.0,{0}-(time.monotonic()-began)))\n"
-    busy = [subprocess.Popen([sys.executable, "-c", code.format(period), str(share)]) for share in shares]
+    command = [sys.executable, "-c", code.format(period)]
+    busy = [subprocess.Popen([*command, *map(str, shares)], start_new_session=True) for shares in groups if shares]
     try:
         yield
     finally:
-        for process in busy:
-            process.kill()
-            process.wait()
+        for leader in busy:
+            os.killpg(leader.pid, signal.SIGKILL)
+            leader.wait()
 
 
 def until(wanted: Callable[[], Any], monitor: Monitor, what: str) -> None:
@@ -148,16 +156,17 @@ def turn(monitor: Monitor, folder: Path, quick: bool) -> Turn:
     with page(folder) as (driver, pids):
         until(lambda: driver.execute_script(_DRAWN) and (quick or driver.execute_script(_PEOPLE) >= 4), monitor, "a picture of four people")
         monitor.spin(settle)
-        began, drawn, cpu = time.monotonic(), driver.execute_script(_DRAWN), used(pids)
+        began, drawn, cpu = time.monotonic(), driver.execute_script(_DRAWN), [used(pid) for pid in pids]
         with_page = latencies(monitor, 0.0, seconds)
         wall = time.monotonic() - began
         rate = (driver.execute_script(_DRAWN) - drawn) / wall
-        shares = grown(cpu, used(pids), wall)
-    with load(shares, 1.0 / max(rate, 1.0)):
+        groups = [grown(before, used(pid), wall) for pid, before in zip(pids, cpu, strict=True)]
+    total = sum(map(sum, groups))
+    with load(groups, 1.0 / max(rate, 1.0)):
         beside = latencies(monitor, settle, seconds)
-    with load([sum(shares)], _SLICE):
+    with load([[total]], _SLICE):
         smooth = latencies(monitor, settle, seconds)
-    return Turn(with_page, beside, smooth, alone, rate, sum(shares))
+    return Turn(with_page, beside, smooth, alone, rate, total)
 
 
 def measure(folder: Path, quick: bool) -> dict[str, Any]:

@@ -60,18 +60,18 @@ def sitter(number: int, distance: float, seconds: float = SECONDS, *, comes: boo
     return Scene(duration=seconds, seed=number, radars=(radar,), people=(person,), furniture=furniture, effects=effects(rng))
 
 
-def follow(number: int, distance: float) -> dict[str, Any]:
-    """Look at one sitter after a full window: errors of all looks [1/min], and what a frame took [ms]."""
-    scene = sitter(number, distance)
+def follow(number: int, distance: float, seconds: float = SECONDS, window: float = VitalConfig().window) -> dict[str, Any]:
+    """Look at one sitter after a full window [s]: errors of all looks [1/min], and what a frame took [ms]."""
+    scene = sitter(number, distance, seconds)
     simulator = Simulator(scene)
-    monitor, vital = VitalMonitor(VitalConfig(), simulator.info), scene.people[0].vital
+    monitor, vital = VitalMonitor(VitalConfig(window=window), simulator.info), scene.people[0].vital
     assert vital is not None
     found: dict[str, Any] = {"distance": distance, "breath": [], "heart": [], "times_ms": []}
     for k in range(simulator.n_frames):
         made = simulator.process(k)
         seen, spent = timed(monitor.process, made.frame, made.truth.position[0])
         found["times_ms"].append(spent)
-        if seen is not None and k * scene.radars[0].waveform.frame_interval > VitalConfig().window:
+        if seen is not None and k * scene.radars[0].waveform.frame_interval > window:
             found["breath"].append(60 * abs(seen.breath - vital.breath_rate))
             found["heart"].append(60 * abs(seen.heart - vital.heart_rate))
     return found
@@ -117,9 +117,10 @@ def sits(number: int, seconds: float) -> dict[str, Any]:
 
 
 def sitters(quick: bool, keep: Path | None) -> dict[str, Any]:
-    """Errors of both rates of people who lean back."""
+    """Errors of both rates of people who lean back; quick: of one, over a short window."""
     places = [1.5] if quick else [place for place, count in PLACES.items() for _ in range(count)]
-    found = [once(keep and keep / f"vital_sitter_{k}.json", functools.partial(follow, k, place)) for k, place in enumerate(places)]
+    look = functools.partial(follow, seconds=14.0, window=12.0) if quick else follow
+    found = [once(keep and keep / f"vital_sitter_{k}.json", functools.partial(look, k, place)) for k, place in enumerate(places)]
     by_place = {place: [one for one in found if one["distance"] == place] for place in dict.fromkeys(places)}
     table = {f"{place:g}": {name: errors(own, name) for name in ("breath", "heart")} for place, own in by_place.items()}
     every = [time for one in found for time in one["times_ms"]]
@@ -135,8 +136,8 @@ def sitters(quick: bool, keep: Path | None) -> dict[str, Any]:
 
 
 def sitting(quick: bool, keep: Path | None) -> dict[str, Any]:
-    """How many keep their track while they sit for ten minutes; quick: one, for twenty seconds."""
-    seconds = 20.0 if quick else 600.0
+    """How many keep their track while they sit for ten minutes; quick: one, for ten seconds."""
+    seconds = 10.0 if quick else 600.0
     sat = [once(keep and keep / f"vital_sits_{k}.json", functools.partial(sits, k, seconds)) for k in range(1 if quick else 3)]
     return {**share("sitting_kept_10min", sum(one["kept"] for one in sat), len(sat)), "sitting": sat}
 

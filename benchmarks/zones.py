@@ -83,7 +83,7 @@ def run(quick: bool, keep: Path | None = None, parts: str = ",".join(PARTS)) -> 
     """Measure; ``keep`` is a folder for what is simulated; ``parts``: which of `PARTS`, with commas."""
     chosen, found = parts.split(","), {}
     with kept(keep) as folder:
-        seeds, seconds, part = (SEEDS[4:5], 3.0, 3.0) if quick else (SEEDS, 60.0, PART)
+        seeds, seconds, part = (SEEDS[4:5], 2.0, 2.0) if quick else (SEEDS, 60.0, PART)
         rooms = RoomStore(folder, part)
         if "rooms" in chosen:
             rooms.fill(seeds, seconds)
@@ -96,7 +96,7 @@ def run(quick: bool, keep: Path | None = None, parts: str = ",".join(PARTS)) -> 
             empty, minutes, length = (EMPTY[:1], 2, 3.0) if quick else (EMPTY, MINUTES, MINUTE)
             store = EmptyStore(folder, length)
             store.make(store.parts(empty, minutes))
-            hours = (0.02, 0.02) if quick else (HOURS, BARE_HOURS)
+            hours = (0.005, 0.005) if quick else (HOURS, BARE_HOURS)
             found |= in_empty_rooms(store, empty, minutes, *hours)
     if "stale" in chosen:
         from benchmarks.zones_stale import stale_detected

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.progress import track
 from threadpoolctl import threadpool_limits
 
@@ -78,17 +79,17 @@ class _Follower:
     """A tracker behind one candidate's clouds; between them its last tracks stay, as for whoever reads them."""
 
     def __init__(self, candidate: Candidate, config: TrackerConfig, info: RadarInfo) -> None:
-        self.candidate, self._tracker, self._info = candidate, PeopleTracker(config, info), info
+        self.candidate, self._tracker = candidate, PeopleTracker(config, info)
         self._last: Tracks | None = None
 
-    def process(self, scene: str, made: SimulatedFrame, cloud: PointCloud, *, with_time: bool) -> None:
+    def process(self, scene: str, made: SimulatedFrame, seen: NDArray[np.bool_], cloud: PointCloud, *, with_time: bool) -> None:
         if made.frame.sequence % self.candidate.every == 0:
             _OTHERS.sum()
             self._last, spent = timed(self._publish, cloud)
             if with_time:
                 self.candidate.times_ms.append(spent)
         if self._last is not None:
-            self.candidate.judge.compare(scene, made.truth, visible(made.truth, self._info), self._last)
+            self.candidate.judge.compare(scene, made.truth, seen, self._last)
 
     def _publish(self, cloud: PointCloud) -> Tracks:
         tracks = self._tracker.process(cloud)
@@ -110,13 +111,14 @@ def baseband(study: StudyConfig) -> list[Candidate]:
         chains = {one.name: Baseband(load(BasebandConfig, nest(one.knobs)), info) for one in found if one.every == 1}
         followers = [_Follower(one, TrackerConfig(), info) for one in found]
         for made in simulated:
+            seen = visible(made.truth, info)
             for name, chain in chains.items():
                 _OTHERS.sum()
                 cloud, spent = timed(_published, chain, made.frame)
                 room = cloud.to_room(info.mount)
                 for follower in followers:
                     if follower.candidate.name == name:
-                        follower.process(scene, made, room, with_time=False)
+                        follower.process(scene, made, seen, room, with_time=False)
                         if made.frame.sequence % follower.candidate.every == 0:
                             follower.candidate.times_ms.append(spent)
     return found
@@ -131,8 +133,9 @@ def tracking(study: StudyConfig) -> list[Candidate]:
         followers = [_Follower(one, load(TrackerConfig, nest(one.knobs)), info) for one in found]
         for made in simulated:
             cloud = cloud_from_msg(cloud_to_msg(chain.process(made.frame))).to_room(info.mount)
+            seen = visible(made.truth, info)
             for follower in followers:
-                follower.process(scene, made, cloud, with_time=True)
+                follower.process(scene, made, seen, cloud, with_time=True)
     return found
 
 

@@ -55,7 +55,7 @@ def faults(found):
 
 def probe(found):
     """Faults are named, healthy frames are not accused: the limits of the issue, on the scenes that the checks were made with."""
-    assert found["right"] >= 11
+    assert found["right"] == sum(bool(row["is"]) for row in found["cubes"]) == 6
     assert found["false_alarms"] == 0
 
 
@@ -118,10 +118,10 @@ def gesture_comparison(found):
 
 
 def one_channel(found):
-    """Nobody is nobody, who sits is there, and of six gestures most are named."""
+    """Nobody is nobody, who sits is there, and of three gestures most are named."""
     assert found["empty_rooms_with_presence"] == 0
     assert found["sitting_people_always_there"] == 1
-    assert found["gestures"] == 6
+    assert found["gestures"] == 3
     assert found["right"] >= 0.5
 
 
