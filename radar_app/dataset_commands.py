@@ -35,7 +35,12 @@ Folder = Annotated[Path, typer.Argument(help="folder of the data set; what is th
 @app.command()
 def generate(
     folder: Folder,
-    plan: Annotated[str, typer.Option(help="subjects: 10 people x 10 gestures x 15; thesis: 600 of 7; all: 600 of 10")] = "subjects",
+    plan: Annotated[
+        str,
+        typer.Option(
+            help="subjects: 10 people x 10 gestures x 15; thesis: 600 of 7; all: 600 of 10; envelope: 3000, near and far, turned, any mount"
+        ),
+    ] = "subjects",
     samples: Annotated[int | None, typer.Option("--samples", "-n", help="samples that the folder shall hold in the end", min=1)] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", help="processes that simulate; -1: one per core", min=-1)] = -1,
     seed: Annotated[int, typer.Option(help="of everything random, subjects included", min=0)] = 1,

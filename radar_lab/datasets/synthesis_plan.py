@@ -47,7 +47,8 @@ ANIMATIONS: Final[dict[str, tuple[tuple[tuple[str, int], ...], ...]]] = {
     "all": tuple(tuple((name, variant) for variant in range(_WAYS.get(name, 1))) for name in GESTURES),
 }
 """Gesture and variant by plan: samples go through the entries in turn, and within an entry, round by round, through its variants."""
-_STREAM, _SUBJECT_STREAM = 0x5A3, 0x5B1  # keep these draws apart from others with the same seed
+_STREAM, _SUBJECT_STREAM, _MOUNT_STREAM = 0x5A3, 0x5B1, 0x5C7  # keep these draws apart from others with the same seed
+_CHEST = (2.0, 1.1)  # m: distance and height of what a radar that looks down has in its middle
 _PER_ENTRY = 60  # samples of each animation, unless there are subjects (section 5.3)
 _BEFORE = 0.4  # s: who walks has stood that long before
 _WALK_TIME = (1.0, 1.6)  # s, at full speed
@@ -91,6 +92,13 @@ class Plan:
     coupling: tuple[float, float] = knob((-65.0, -55.0), unit="dB", low=-300.0, high=0.0, doc="of transmitters into receivers")
     channel_gain: float = knob(0.0, unit="dB", low=0.0, high=30.0, doc="rms gain error of a virtual channel, other in every sample")
     channel_phase: float = knob(0.0, unit="rad", low=0.0, high=math.pi, doc="rms phase error of a virtual channel, other in every sample")
+    mount: tuple[float, ...] = knob(
+        (),
+        unit="m",
+        low=0.1,
+        high=10.0,
+        doc="lowest and highest radar, which looks down by up to what centres a chest at 2 m; empty: as the radar itself says",
+    )
     floor: float = knob(0.0, low=0.0, high=1.0, doc="share of the power that the floor mirrors (multipath); 0: none")
     fidelity: Model = knob("auto", doc="model of propagation, as Scene.fidelity")
     margin: float = knob(0.2, unit="s", low=0.0, high=0.3, doc="simulated before and after the stroke; the hand is still then")
@@ -101,6 +109,8 @@ class Plan:
             low, high = getattr(self, name)
             if low > high:
                 raise ConfigError(f"Plan.{name}: {low:g} is above {high:g}; give the lower bound first")
+        if self.mount and not (len(self.mount) == 2 and self.mount[0] <= self.mount[1]):
+            raise ConfigError("Plan.mount: give the lowest and the highest place of the radar, e.g. (1.0, 2.2), or nothing")
         if not self.sides:
             raise ConfigError("Plan.sides is empty; name an azimuth, e.g. 0")
         known = list(dict.fromkeys(name for entry in ANIMATIONS[self.animations] for name, _ in entry))
@@ -119,9 +129,31 @@ class Plan:
         return len(self.entries) * (self.n_subjects * self.repetitions if self.n_subjects else _PER_ENTRY)
 
 
-PLANS: Final[dict[str, Plan]] = {"subjects": Plan(animations="all", n_subjects=10), "thesis": Plan(), "all": Plan(animations="all")}
+_ENVELOPE: Final = Plan(
+    animations="all",
+    n_subjects=60,
+    repetitions=5,
+    distance=(0.6, 5.3),  # the default radar sees 6.4 m
+    sides=tuple(math.radians(side) for side in (0.0, -37.5, 25.0, -12.5, 50.0, -25.0, 12.5, -50.0, 37.5)),
+    spread=math.radians(6.0),
+    turn=math.radians(60.0),
+    speed=(0.5, 1.8),
+    size=(0.7, 1.2),
+    tilt=(-0.3, 0.3),
+    path=(0.01, 0.06),
+    sway=(0.3, 2.0),
+    noise_figure=(0.0, 30.0),
+    mount=(0.8, 2.4),
+)
+PLANS: Final[dict[str, Plan]] = {
+    "subjects": Plan(animations="all", n_subjects=10),
+    "thesis": Plan(),
+    "all": Plan(animations="all"),
+    "envelope": _ENVELOPE,
+}
 """subjects: ten people, ten gestures, 15 repetitions at three places (section 4.3); thesis: 600 samples of seven gestures (section 5.3);
-all: the same of ten gestures, every sample of another person."""
+all: the same of ten gestures, every sample of another person; envelope: 60 people near and far, turned by up to 60 degrees, with 30 dB of
+signal, radars low and high."""
 
 
 def named_plan(name: str, **changes: Any) -> Plan:
@@ -186,7 +218,7 @@ def draw_sample(plan: Plan, seed: int, number: int, *, body: BodyKind = "mesh", 
     Gestures, then subjects, then places, take turns, so that every stretch of consecutive samples is about even; all else is drawn. Samples
     are numbered from 0, ``body`` is as `Person.body`, and without ``info`` the radar is the default one.
     """
-    info = info if info is not None else RadarInfo()
+    info = _mounted(plan, seed, number, info if info is not None else RadarInfo())
     rng = np.random.default_rng([seed, number, _STREAM])
     turn, entry = divmod(number, len(plan.entries))
     turn, who = divmod(turn, plan.n_subjects) if plan.n_subjects else (turn, number)
@@ -206,6 +238,16 @@ def draw_sample(plan: Plan, seed: int, number: int, *, body: BodyKind = "mesh", 
         fidelity=Fidelity(model=plan.fidelity),
     )
     return Sample(number, gesture, variant, subject.number, scene, stroke.start, stroke.end)
+
+
+def _mounted(plan: Plan, seed: int, number: int, info: RadarInfo) -> RadarInfo:
+    """Put the radar somewhere between the plan's heights, where it has any."""
+    if not plan.mount:
+        return info
+    rng = np.random.default_rng([seed, number, _MOUNT_STREAM])
+    height = float(rng.uniform(*plan.mount))
+    tilt = -float(rng.random()) * math.atan2(height - _CHEST[1], _CHEST[0])
+    return dataclasses.replace(info, mount=dataclasses.replace(info.mount, z=height, tilt=tilt))
 
 
 def _between(rng: np.random.Generator, bounds: tuple[float, float]) -> float:
