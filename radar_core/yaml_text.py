@@ -42,8 +42,10 @@ def read_yaml(text: str, source: object) -> Any:
 
 
 def read_document(text: str, source: object) -> tuple[Any, yaml.Node | None]:
-    """Read a YAML document, and compose it too, so that messages can name lines."""
+    """Read a YAML document, with its nodes, so that messages can name lines."""
     try:
-        return yaml.load(text, Loader=_Loader), yaml.compose(text, Loader=_Loader)  # a SafeLoader
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        return None if node is None else loader.construct_document(node), node
     except Exception as error:  # of hostile text: YAMLError, ValueError, RecursionError, OverflowError and others
         raise ConfigError(f"{source}: not valid YAML: {error or type(error).__name__}") from None

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from radar_core import DataError, RadarFrame, RadarInfo
 from radar_dsp.config import BasebandConfig, CouplingConfig
 from radar_dsp.spectrum import make_spectrum
-from radar_dsp.windows import make_window, response
+from radar_dsp.windows import make_window
 
 FloatArray = NDArray[np.float64]
 
 LOBE_DB: Final = -30.0
 """Down to here a window's main lobe counts [dB]: 2.8 cells to either side for ``nuttall``, 1.9 for ``hann``."""
-_STEP: Final = 0.01  # cells
+_STEPS: Final = 100  # per cell
 _ABOVE: Final = 10.0  # times the noise of a frame: what is weaker hides nothing and is not detected as leakage
 _RISE: Final = 1.26  # times the cell before (1 dB): from there on it is another echo
 _FEWEST: Final = 4  # frames that are averaged, at least
@@ -52,10 +52,9 @@ def lobe(name: str, n: int) -> float:
     """Half the width of a window's main lobe down to `LOBE_DB`, in cells; 1 where the window is too short to have one."""
     if n < 4:
         return 1.0
-    offset = np.arange(0.0, n / 2, _STEP)
-    power = np.abs(response(make_window(name, n), offset)) ** 2
+    power = np.abs(np.fft.rfft(make_window(name, n), _STEPS * n)) ** 2
     below = np.flatnonzero(power < 10 ** (LOBE_DB / 10) * power[0])
-    return float(offset[below[0]]) if len(below) else n / 2
+    return float(below[0] / _STEPS) if len(below) else n / 2
 
 
 def coupling_region(config: BasebandConfig, info: RadarInfo) -> NDArray[np.bool_]:

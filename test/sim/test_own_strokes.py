@@ -19,7 +19,8 @@ def timeline(*script, arm="right", strokes=OURS):
 def test_ours_go_through_their_places(name):
     """At rest at both ends, through every place, never beyond the arm."""
     stroke = load_stroke(name)
-    path = np.array([stroke.path()(u) for u in np.linspace(0.0, 1.0, 2001)])
+    way = stroke.path()
+    path = np.array([way(u) for u in np.linspace(0.0, 1.0, 2001)])
     for place in stroke.places:
         assert np.linalg.norm(path - place, axis=1).min() < 2e-3
     np.testing.assert_allclose(path[[0, -1]], [stroke.places[0], stroke.places[-1]], atol=1e-9)
