@@ -10,7 +10,7 @@ from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_from_
 from radar_ros.messages.tracks import tracks_from_msg, tracks_to_msg
 from radar_sim import Simulator, load_scene
 
-FRAMES = range(300, 370)  # of the demo: two people, and a gesture is on its way
+FRAMES = range(300, 350)  # of the demo: two people, and a gesture is on its way
 LIMIT = 30  # the frame in which a sequence passes a limit
 HUNDRED_MILLION_FRAMES_NS = 10**8 * 20_000_000
 SEQUENCES = [10**8, *(2**bits - LIMIT for bits in (31, 32, 53, 63)), 2**64 - 1 - len(FRAMES)]

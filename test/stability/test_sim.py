@@ -175,12 +175,12 @@ def test_one_chirp_one_sample_one_channel():
 
 
 def test_memory_stays_flat():
-    """Random access keeps nothing: 300 frames leave less behind than one cube takes (256 KiB)."""
+    """Random access keeps nothing: 150 frames leave less behind than one cube takes (256 KiB)."""
     simulator = Simulator(Scene(duration=100.0, people=(Person(),), effects=Effects(noise=NoiseConfig(), coupling=CouplingConfig())))
     simulator.process(0)
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
-    for k in range(300):
+    for k in range(150):
         simulator.process(k)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()

@@ -90,9 +90,9 @@ def test_running_feet_are_fast_but_finite():
     assert np.linalg.norm(np.diff(pose.joint, axis=0), axis=-1).max() / 0.005 < 20.0
 
 
-@pytest.mark.parametrize("duration", [0.5, 0.6, 1.0, 1e4])
+@pytest.mark.parametrize("duration", [0.5, 0.6, 1.0, 3600.0])
 def test_short_and_long_fidgets(duration):
-    """Too short for any movement, or hours of them."""
+    """Too short for any movement, or an hour of them."""
     timeline = Timeline(Person(script=(Action(gesture="push"), Action(fidget=duration))), 0)
     assert finite(timeline, np.linspace(0.0, min(timeline.end, 100.0), 300))
     assert timeline.end >= duration
@@ -149,7 +149,7 @@ def test_any_knobs_of_a_gesture(name, size, tilt, duration, arm, spread, pace, s
     assert 0.2 - 1e-9 <= stroke.end - stroke.start <= 2.0 * duration + 1e-9
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-math.pi, math.pi), distance=st.floats(0.0, 6.0), speed=st.floats(0.3, 1.2), heading=st.floats(-6.0, 6.0))
 def test_any_walk_is_continuous(angle, distance, speed, heading):
     """In every direction, over every distance: nothing in the posture jumps from one millisecond to the next."""

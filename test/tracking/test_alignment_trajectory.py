@@ -63,13 +63,13 @@ def test_without_errors_pose_and_offset_are_exact(d):
 
 @pytest.mark.parametrize("time", [0.0, 0.1, 0.5])
 def test_uncertainty_is_honest_while_errors_last(time):
-    """NEES over 25 runs of a minute, errors independent, or alike for 0.1 and 0.5 s; correlation times are measured to a third."""
+    """NEES over 12 runs of a minute, errors independent, or alike for 0.1 and 0.5 s; correlation times are measured to a third."""
     nees, found = [], None
-    for seed in range(25):
+    for seed in range(12):
         found = align_trajectories(*seen(np.random.default_rng(seed), time=time), TrajectoryConfig(max_offset=0.04))
         e = error(found)
         nees.append(e @ np.linalg.solve(found.covariance, e) / 4)
-    # 25 runs of 4 degrees of freedom: 1 +- 0.14; covariances of 20 to 200 stretches raise it by up to a fifth. Without regard to the
+    # 12 runs of 4 degrees of freedom: 1 +- 0.2; covariances of 20 to 200 stretches raise it by up to a fifth. Without regard to the
     # correlation it would be 1, 5 and 25.
     assert 0.6 < np.mean(nees) < 1.7
     assert found.correlation_time == pytest.approx(max(2 * time, 0.04), rel=0.35)
