@@ -71,7 +71,7 @@ def test_rate_behind_other_windows(noise_power, algorithm, window):
 @pytest.mark.parametrize("window", ["2d", "range", "speed"])
 @pytest.mark.parametrize("algorithm", ["os", "ca", "go", "so"])
 def test_loops_agree(monkeypatch, noise_power, algorithm, window):
-    """Compiled loops and plain numpy: the same mask cell by cell, and noise floors equal to float32 rounding (the rate is not looked at)."""
+    """Compiled loops and plain numpy: the same mask cell by cell, and noise floors equal to float32 rounding; no rate."""
     monkeypatch.setattr(thresholds, "NUMBERS", 50_000)
     config = CfarConfig(algorithm=algorithm, window=window, false_alarm=1e-2)
     correlation = tuple(noise_correlation(make_window(name, 64)) for name in ("hann", "nuttall"))
