@@ -37,12 +37,11 @@ def names() -> list[str]:
 
 def stage(name: str, quick: bool) -> dict[str, Any]:
     """Measure a stage of `handwave tradeoff` that is no benchmark of its own."""
-    import tempfile
-
+    from benchmarks.stores import kept
     from benchmarks.tradeoff.stages import StudyConfig
 
-    with tempfile.TemporaryDirectory() as folder:
-        found = STAGES[name].measure(StudyConfig(Path(folder), quick))
+    with kept(None) as folder:
+        found = STAGES[name].measure(StudyConfig(folder, quick))
     return {"left_out": found.left_out, "choices": found.rows}
 
 

@@ -157,8 +157,10 @@ def _hit(segment: TruthSegment, found: RecognisedGesture | None) -> bool:
 def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
     """Run the scene of a seed, or read what it gave before with the same configuration and sources."""
     scene = gesture_stream(seed, duration, brief)
+    if keep is None:
+        return perform(scene)
     told = digest([plain(scene), cases(), BURST, sources(PACKAGES)])
-    return dict(once(None if keep is None else keep / f"lost_chirps_{told}.json", lambda: perform(scene)))
+    return dict(once(keep / f"lost_chirps_{told}.json", lambda: perform(scene)))
 
 
 def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:

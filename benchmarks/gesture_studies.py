@@ -30,7 +30,7 @@ CURVES: Final = CurveConfig(nearest=1.0, farthest=5.5)
 """People stood at 1.2 to 4.8 m; what is nearer is somebody at the desk, what is farther came over a wall."""
 CHOICE_FOLDS: Final = 2  # of the ten: what the choices are compared on
 COPIES: Final = 8  # changed ones of every training sample
-FEW: Final = 300  # segments of each set in quick runs
+FEW: Final = 120  # segments of each set in quick runs
 SHARED: Final = {"CR": "circle", "KO": "knock", "PL": "pull", "PS": "push", "UP": "up"}  # mTransSee's names and mHomeGes's
 """Gestures that both data sets have."""
 

@@ -141,10 +141,12 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
-    told = digest([f"{config} {CURVES} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))])
 
     def part(name: str, work: Callable[[], Any]) -> Any:
-        return once(None if keep is None else keep / "parts" / f"{name}_{told}.joblib", work)
+        if keep is None:
+            return work()
+        told = digest([f"{config} {CURVES} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))])
+        return once(keep / "parts" / f"{name}_{told}.joblib", work)
 
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
     sets = {"mhomeges": study(ours, config, n_copies=n_copies), "mtranssee": study(other, config, n_copies=n_copies)}
@@ -164,7 +166,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     simulated = part("simulated", lambda: gestures_transfer.figures(first, quick, keep))
     result["confusion"] |= simulated.pop("confusion")
     rows = part("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
-    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(300 if quick else 0))))
+    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(150 if quick else 0))))
     result |= simulated | daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
 

@@ -84,9 +84,9 @@ def daily(limit: int) -> dict[str, float]:
 
 
 def figures(quick: bool = False) -> dict[str, Any]:
-    """Measure both; quick: ten segments of each data set, and ten seconds of each stream."""
-    limit = 10 if quick else SEGMENTS
-    found = {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(100 if quick else 0)}
+    """Measure both; quick: six segments of each data set, and six seconds of each stream."""
+    limit = 6 if quick else SEGMENTS
+    found = {kind: segments(kind, limit) for kind in GATES} | {"daily": daily(60 if quick else 0)}
     return {"shipped": found, "choices": []}
 
 

@@ -91,7 +91,7 @@ def figures(made: Study, quick: bool = False, keep: Path | None = None) -> dict[
     `DEVELOPMENT`; ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of
     mTransSee; ``confusion`` of the first and the last; ``choices``: accuracy and time to simulate by number of drills.
     """
-    n = 25 if quick else SAMPLES
+    n = 10 if quick else SAMPLES
     drills, config = Drills(), transfer_training(quick)
     with kept(keep) as folder:
         data = simulated(generate(drills, n, folder), n)

@@ -206,7 +206,7 @@ class Split:
 
     @cache  # noqa: B019 - a run makes few splits, and several fits take the same samples
     def samples(self, features: PostureFeatureConfig, block: float) -> PostureSamples:
-        """Samples of the training files."""
+        """Make samples of the training files."""
         return samples_of(self.recordings, features, block)
 
     def truth(self, name: str) -> Float64Array:

@@ -299,8 +299,10 @@ def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure") -> dict[
 
     def one(name: str, source: Source) -> dict[str, Any]:
         make, knobs = known[name]
+        if keep is None:
+            return judged(make, source, None)
         told = digest([code(_CODE), knobs, kind, [(r.name, r.limit) for r in source.recordings]])
-        return judged(make, source, None if keep is None else keep / f"{source.name}_{name}_{told}.json")
+        return judged(make, source, keep / f"{source.name}_{name}_{told}.json")
 
     known = contenders(quick)
     found = {source.name: {name: one(name, source) for name in known} for source in _tasks(quick, kind)}

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from radar_core import DataError
 from radar_core.config import load, nest
@@ -239,6 +238,8 @@ def share_interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float
 
 def rate_interval(count: int, time: float, level: float = 0.95) -> tuple[float, float]:
     """Give the exact interval of a Poisson rate (Garwood 1936) of ``count`` events in some time; (0, infinity) without time."""
+    from scipy.stats import chi2  # half a second to import, and few need it
+
     if not time:
         return 0.0, math.inf
     tail = (1 - level) / 2
