@@ -35,14 +35,14 @@ _DRILLS, _SEGMENTS = 150, 1500
 def worlds(folder: Path, quick: bool) -> tuple[SampleSet, SampleSet]:
     """Simulate two worlds, bodies of ellipsoids in both, seven gestures."""
     for world in (TRAINING, FASTER):
-        generate_world(world, folder, 8 if quick else _SAMPLES, progress=not quick)
+        generate_world(world, folder, 4 if quick else _SAMPLES, progress=not quick)
     one, other = (of_labels(collect(folder / world.name), SEVEN) for world in (TRAINING, FASTER))
     return one, other
 
 
 def simulated_people(folder: Path, quick: bool) -> tuple[SampleSet, SampleSet]:
     """Drills of simulated people, and segments of the real ones of mHomeGes whose recordings did not set the simulation."""
-    n = 12 if quick else _DRILLS
+    n = 5 if quick else _DRILLS
     place, gate = generate(Drills(), n, folder, progress=not quick), GATES["mhomeges"]
     features, label = [], []
     for number in range(n):
@@ -67,7 +67,7 @@ PAIRS: Final[dict[str, Callable[[Path, bool], tuple[SampleSet, SampleSet]]]] = {
 
 
 def _read(kind: str, quick: bool) -> RealSet:
-    return read(kind, 150 if quick else _SEGMENTS)
+    return read(kind, 50 if quick else _SEGMENTS)
 
 
 def _of(real: RealSet) -> SampleSet:

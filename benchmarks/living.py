@@ -37,7 +37,7 @@ THINGS: Final = KINDS[:3]  # what does not live
 FIRST: Final = 1000  # number of the first room of the figure; those from 0 on are for development
 ROOMS: Final = 16
 SECONDS: Final = 15.0  # of a room
-_QUICK: Final = 5.0
+_QUICK: Final = 4.0
 ON, OFF = 0.5, 0.8  # m: a track within the first of one and beyond the second of the other is that one's
 EVERY: Final = 0.5  # s: how often tracks are looked at
 AGES: Final = (1.0, 3.0, 6.0)  # s: probabilities of tracks that old are compared, too
@@ -163,19 +163,19 @@ def auc(people: Sequence[float], others: Sequence[float]) -> float:
     return float(roc_auc_score([1] * len(people) + [0] * len(others), [*people, *others]))
 
 
-def interval(found: Sequence[Judged], kinds: Sequence[str], score: Any) -> list[float] | None:
+def interval(found: Sequence[Judged], kinds: Sequence[str], score: Any, draws: int) -> list[float] | None:
     """Give the 95 % interval of `auc` by rooms drawn anew."""
     rooms = sorted({one.room for one in found})
     by_room = {number: [one for one in found if one.room == number] for number in rooms}
     rng = np.random.default_rng(0)
     drawn = []
-    for _ in range(_DRAWS):
+    for _ in range(draws):
         some = [one for number in rng.choice(rooms, len(rooms)) for one in by_room[int(number)]]
         drawn.append(auc([score(one) for one in some if one.kind == "person"], [score(one) for one in some if one.kind in kinds]))
     return np.nanpercentile(drawn, (2.5, 97.5)).tolist() if np.isfinite(drawn).any() else None
 
 
-def figures(found: Sequence[Judged]) -> dict[str, Any]:
+def figures(found: Sequence[Judged], draws: int = _DRAWS) -> dict[str, Any]:
     """Areas under the curve of people against things, against each kind, and after some seconds; who is taken for what."""
 
     def mean(one: Judged) -> float:
@@ -190,16 +190,16 @@ def figures(found: Sequence[Judged]) -> dict[str, Any]:
     taken = {kind: share("taken_for_a_person", sum(mean(one) > 0 for one in of([kind])), len(of([kind]))) for kind in ("person", *KINDS)}
     return {
         "auc": area(THINGS, mean),
-        "auc_interval": interval(found, THINGS, mean),
+        "auc_interval": interval(found, THINGS, mean, draws),
         "auc_against": {kind: area([kind], mean) for kind in KINDS},
-        "auc_pets_interval": interval(found, ["pet"], mean),
+        "auc_pets_interval": interval(found, ["pet"], mean, draws),
         "auc_at_age_s": {f"{age:g}": area(THINGS, functools.partial(Judged.at, age=age)) for age in AGES},
         "by_kind": {kind: {"tracks": len(of([kind])), **own} for kind, own in taken.items()},
     }
 
 
 def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[str, Any]:
-    """Sixteen rooms, a quarter with each thing; quick: a while of one of each for development. ``--seeds develop``: eight rooms for development."""
+    """Sixteen rooms, a quarter with each thing; quick: one of each, short. ``--seeds develop``: eight rooms for development."""
     numbers = range(FIRST, FIRST + ROOMS) if seeds == "figure" and not quick else range(4 if quick else ROOMS // 2)
     with kept(keep) as folder:
         rooms = [room(number, _QUICK if quick else SECONDS) for number in numbers]
@@ -208,4 +208,4 @@ def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[st
     times = [spent for _, own in judged for spent in own]
     found = [one for own, _ in judged for one in own]
     cloud_ms = {"median": float(np.median(times)), "p95": float(np.percentile(times, 95))}
-    return {"rooms": len(numbers), **figures(found), "cloud_ms": cloud_ms, "choices": []}
+    return {"rooms": len(numbers), **figures(found, 50 if quick else _DRAWS), "cloud_ms": cloud_ms, "choices": []}

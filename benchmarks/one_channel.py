@@ -164,5 +164,6 @@ def run(quick: bool, real: bool = False) -> dict[str, Any]:
     if real:
         return {"recordings": [recorded(path) for path in real_recordings()], "choices": []}
     numbers = range(1 if quick else 20)
-    found = _presence(numbers, 8.0, 12.0) | _gestures(numbers, (*_WANTED, _OTHERS[0]), 25.0) if quick else _presence(numbers) | _gestures(numbers)
-    return {"scenes": [numbers.start, numbers.stop], **found, "choices": []}
+    presence = _presence(numbers, 8.0, 12.0) if quick else _presence(numbers)
+    gestures = _gestures(numbers, (*_WANTED, _OTHERS[0]), 25.0) if quick else _gestures(numbers)
+    return {"scenes": [numbers.start, numbers.stop], **presence, **gestures, "choices": []}

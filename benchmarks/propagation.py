@@ -112,7 +112,7 @@ def ratios(quick: bool) -> dict[str, float]:
         {"product": bare_product(MANY), "exact": lambda: exact.process(echoes), "blocks": lambda: blocks.process(echoes)},
         repeat=3 if quick else 30,
     )
-    sample = crowd(60 if quick else MANY)
+    sample = crowd(20 if quick else MANY)
     truth = Reference(full, s).sums(sample)
 
     def ratio(times: dict[str, list[float]], top: str, bottom: str) -> float:
@@ -141,7 +141,7 @@ def compared(stage: str, echoes: Echoes, models: Mapping[str, Propagator], repea
 def dial(quick: bool) -> list[dict[str, Any]]:
     """Compare every setting at few and at many echoes."""
     rows = []
-    for n in (FEW, FEW + 200) if quick else (FEW, MANY):
+    for n in (FEW, FEW + 100) if quick else (FEW, MANY):
         # Product and transform have the same error; the cheaper one begins the dial, the other stands aside.
         simple = (Step("separable"), Step("nufft")) if n < 200 else (Step("nufft"), Step("separable"))
         models = {str(step): make_step(step, _shown(step), sampling()) for step in (simple[0], *DIAL, simple[1], *BESIDE)}
