@@ -1,10 +1,12 @@
 """Tests use ROS domains of their own, this machine only, and check every message field."""
 
+import gc
 import os
 import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent))  # oracles, for every test
 
@@ -15,6 +17,11 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _pool in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_pool}_NUM_THREADS", "1")
+
+# Examples of a property whose test names no number; `make test ARGS="--hypothesis-profile many"` looks harder.
+settings.register_profile("usual", max_examples=30, deadline=None)
+settings.register_profile("many", max_examples=1000, deadline=None)
+settings.load_profile("usual")
 
 _FILES = ("clouds_graph", "graph", "launch", "machine", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
 _QUICK_GRAPHS = ("[budget]", "[faults]", "[graph]", "[load_steps]", "[small]", "[soak]", "[view]")
@@ -34,6 +41,12 @@ def pytest_xdist_make_scheduler(config, log):
             return "graphs" if place.startswith(_GRAPHS) else place
 
     return WholeFiles(config, log)
+
+
+def pytest_collection_finish():
+    """What is imported and collected stays to the end: no later look for garbage walks over it again (half a million objects)."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items):
