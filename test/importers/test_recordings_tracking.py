@@ -82,7 +82,7 @@ def test_two_walkers_are_two_identities(name):
     assert found["rms_m"] < 0.25  # half a body, and the surface offset of 0.06 to 0.12 m
 
 
-@pytest.mark.parametrize("name", MARS)
+@pytest.mark.parametrize("name", [*list(MARS)[:2], *(pytest.param(name, marks=pytest.mark.long) for name in list(MARS)[2:])])
 def test_exercises_are_one_person_on_the_spine(name):
     """Exactly one identity, there in 99 % of the clouds, 0.15 m rms from the Kinect's spine, nearer than a place that never moves."""
     recordings("mars", f"{name}.npz")
