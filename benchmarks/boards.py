@@ -37,7 +37,7 @@ def run(quick: bool) -> dict[str, Any]:
     """Measure the TinyRad over USB, and the boards over UDP; raise AbsentError outside a checkout, or without what emulates USB."""
     if missing := emulated("umockdev_machine").missing():
         raise AbsentError(missing)
-    count = 60 if quick else _FRAMES
+    count = 40 if quick else _FRAMES
     runs = {name: _usb(count, transfer=size) for name, size in list(_TRANSFERS.items())[: 2 if quick else None]}
     usb = runs["whole frame"]
     figures: dict[str, Any] = {
@@ -53,7 +53,7 @@ def run(quick: bool) -> dict[str, Any]:
     }
     lost = {name: one["lost"] for name, one in runs.items()}
     rows = choices("usb transfer", ("lost", "frames"), lost, {name: one["delivery_ms"] for name, one in runs.items()}, "whole frame")
-    rows += _conversions(repeat=20 if quick else 300)
+    rows += _conversions(repeat=5 if quick else 300)
     other = boards_udp.figures(quick)
     return {**figures, **other, "choices": rows + other["choices"]}
 

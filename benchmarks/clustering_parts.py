@@ -71,7 +71,7 @@ def against_sklearn(n: int, repeat: int) -> tuple[list[dict[str, Any]], float]:
     }
     rows = []
     for name, (theirs, ours, times) in pairs.items():
-        measured = measure_together({"sklearn": theirs, "ours": ours}, repeat=times)
+        measured = measure_together({"sklearn": theirs, "ours": ours}, repeat=times, warmup=min(times - 1, 3))
         found = {f"{name}: sklearn n={n}": (1.0, measured["sklearn"]), f"{name}: ours n={n}": (same(ours(), theirs()), measured["ours"])}
         rows += against_first("clustering", "labels equal", found)
     return rows, rows[1]["ratio"]
@@ -89,7 +89,7 @@ def by_name(n: int, repeat: int) -> list[dict[str, Any]]:
         calls[f"name={name}"] = partial(made.labels, seen)
     calls["split by optics"] = lambda: split(points, len(CENTRES), CENTRES + 0.2)[0]
     calls["split by kmeans"] = lambda: kmeans(points, CENTRES + 0.2)[0]
-    times = measure_together(calls, repeat=repeat)
+    times = measure_together(calls, repeat=repeat, warmup=min(repeat - 1, 3))
     found = {f"{name} n={n}": (agreement(call(), owner), times[name]) for name, call in calls.items()}
     return against_first("clustering", "adjusted Rand index", found)
 
@@ -98,7 +98,7 @@ def figures(quick: bool) -> dict[str, Any]:
     """``choices``, and ``dbscan_over_sklearn_n20``, ``_n50``, ``_n200``, ``_n500``: time over scikit-learn's, of equal labels."""
     result: dict[str, Any] = {}
     rows: list[dict[str, Any]] = []
-    repeat = 10 if quick else 100
+    repeat = 1 if quick else 100
     for n in SIZES:
         compared, ratio = against_sklearn(n, repeat)
         result[f"dbscan_over_sklearn_n{n}"] = ratio

@@ -165,7 +165,7 @@ def performed(seed: int, duration: float, keep: Path | None) -> dict[str, Any]:
 
 def gestures(quick: bool, keep: Path | None) -> dict[str, Any]:
     """Gestures that are recognised without loss and are lost with it, for each case."""
-    seeds, duration = ((SEEDS[0],), 3.0) if quick else (SEEDS, DURATION)
+    seeds, duration = ((SEEDS[0],), 1.0) if quick else (SEEDS, DURATION)
     parts = [performed(seed, duration, keep) for seed in seeds]
     known = {name: np.concatenate([np.array(part[name]["hits"], np.bool_) for part in parts]) for name in cases()}
     table = {}

@@ -39,7 +39,7 @@ class Plan:
 
 
 FULL: Final = Plan()
-QUICK: Final = Plan(seeds=1, idle=("daily",), idle_seeds=1, duration=6.0)
+QUICK: Final = Plan(seeds=1, idle=("daily",), idle_seeds=1, duration=20.0)
 
 
 def scenes(plan: Plan) -> dict[str, list[Scene]]:
@@ -206,7 +206,7 @@ def rule_rows(gestures: Sequence[Judged], idle: Sequence[Judged], model: Gesture
 
 
 def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[str, Any]:
-    """Measure streams; the full plan is four hours of scene time and takes hours to simulate once; quick: 6 s of each.
+    """Measure streams; the full plan is four hours of scene time and takes hours to simulate once; quick: 20 s of each.
 
     Returns event recall, errors of start and end, what is recognised, false and rejected, and what explains them: ``tables``,
     ``false_by_cause``; false gestures and ghosts per minute of streams with known gestures and with none, see `Tally`; ``..._interval``: 95

@@ -144,6 +144,6 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[
 
     ``..._accuracy_7``, ``..._10``: of the events that were found; ``..._recognised_...``: missed ones count as wrong.
     """
-    sizes, other = (Sizes(20, 10), FASTER) if quick else (Sizes(), OTHER)
+    sizes, other = (Sizes(30, 10), FASTER) if quick else (Sizes(), OTHER)
     with kept(keep) as folder:
         return measure(folder, sizes, n_jobs, other_world=other)

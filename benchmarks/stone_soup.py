@@ -253,7 +253,7 @@ def over_stone_soup(quick: bool) -> dict[str, Any]:
     ``over_stone_soup``: median of our steps in space over that of theirs on the floor plane; the same by our steps on the plane, and by our
     first of five, which run with cold caches; ``choices`` with the difference of means.
     """
-    rounds = 6 if quick else 100
+    rounds = 2 if quick else 100
     knobs = StoneSoupConfig()
     parts = models(knobs.process_noise, knobs.position_std, knobs.gate)
     draws = [drawn(seed) for seed in range((rounds + 1) * _BATCH)]

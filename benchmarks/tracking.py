@@ -28,7 +28,7 @@ def hand(quick: bool) -> dict[str, float]:
     errors: list[float] = []
     times: list[float] = []
     drawing = 0
-    for k in range(simulator.n_frames)[1000:1250] if quick else range(simulator.n_frames):
+    for k in range(simulator.n_frames)[1000:1130] if quick else range(simulator.n_frames):
         made = simulator.process(k)
         truth, cloud = made.truth, baseband.process(made.frame).to_room(simulator.info.mount)
         tracks = people.process(cloud)
@@ -77,7 +77,7 @@ class Plan:
 
 FULL: Final = Plan()
 QUICK: Final = Plan(
-    ("crossing", "approach", "side_by_side"), seeds=1, peer_seeds=1, choice_names=("approach",), choice_every=12, seconds=1.2, processes=1
+    ("approach", "side_by_side"), seeds=1, peer_seeds=1, choice_names=("approach",), choice_every=20, seconds=0.8, processes=1
 )
 
 

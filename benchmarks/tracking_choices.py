@@ -231,7 +231,7 @@ def crowd(n_clouds: int, seed: int = 1) -> list[PointCloud]:
 
 def speed(quick: bool) -> dict[str, Any]:
     """Time the whole step of each tracker on `crowd`, in turn; ``step_ms_10_tracks_300_points`` is the product's, and ``choices``."""
-    clouds = crowd(100 if quick else 500)
+    clouds = crowd(40 if quick else 500)
     trackers = {name: PeopleTracker(config, RadarInfo()) for name, config in TRACKERS.items()}
     times: dict[str, list[float]] = {name: [] for name in trackers}
     followed = dict.fromkeys(trackers, 0)

@@ -27,7 +27,7 @@ from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, Tracks
 from radar_tracking.metrics import GospaMetric, ObjectSet, people
 
 _SCENES = ("two_crossing", "side_by_side", "five_people")
-_SECONDS = (6.0, 12.0)  # quick, full
+_SECONDS = (4.0, 12.0)  # quick, full
 
 
 def scenes(study: StudyConfig) -> tuple[str, ...]:

@@ -18,8 +18,8 @@ FIGURES_ONLY = {
     "machines", "newcomer", "one_channel", "person_odds", "probe", "soak", "vital",
 }  # fmt: skip
 
-# Half a minute to five minutes each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
-BY_HAND = {"boards", "budget", "calibrate_pair", "chain", "dsp", "gesture_model", "gestures", "tracking"}
+# A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
+BY_HAND = {"budget", "gesture_model", "gestures"}
 
 
 def machines(found):
@@ -61,7 +61,7 @@ def probe(found):
 
 def doctor(found):
     """Of recordings that the limits were chosen on: the fault of each is first, and a healthy room has none."""
-    assert found["right"] == found["bags_with_a_fault"] == 3
+    assert found["right"] == found["bags_with_a_fault"] == 2
     assert found["false_alarms"] == 0
 
 
@@ -145,8 +145,8 @@ def small(found):
 
 def boards(found):
     """Nothing is lost on a machine that is not overloaded; of ways from real to complex samples the driver's has the weakest ghosts."""
-    assert found["usb_frames"] == 60
-    assert 0 <= found["usb_lost"] < 60
+    assert found["usb_frames"] == 40
+    assert 0 <= found["usb_lost"] < 40
     assert 0 < found["usb_median_ms"] <= found["usb_p99_ms"] <= found["usb_max_ms"]
     assert 0 < found["usb_resume_replug_s"] < 60
     assert 0 < found["cpu"]["usb"] < 2

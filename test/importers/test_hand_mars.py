@@ -23,7 +23,7 @@ def split(train: tuple[str, ...], test: tuple[str, ...]) -> Split:
 def figures(train: tuple[str, ...], test: tuple[str, ...], members: int = 4) -> dict:
     """Train and test, with the parts left out in two halves only: they measure the deviation, which few of these tests need."""
     own = split(train, test)
-    settings = dataclasses.replace(PostureTrainingConfig(), members=members)
+    settings = dataclasses.replace(PostureTrainingConfig(), members=members, folds=2)
     model = fit_postures(samples_of(own.recordings, settings.features), settings)
     return {name: figures_of(own, name, found) for name, found in over_tests(own, model).items()}
 
@@ -55,8 +55,8 @@ def test_the_deviation_that_is_told_is_right_on_average(name):
 @pytest.mark.long
 @pytest.mark.parametrize(("train", "test"), STRANGERS)
 def test_a_stranger_is_still_better_than_the_mean_pose(train, test):
-    """The other person held out: no goal, but what the docs say, 0.71 to 0.77 (with two perceptrons a little more, hence the bound)."""
-    for found in figures(train, test, members=2).values():
+    """The other person held out: no goal, but what the docs say, 0.71 to 0.77 (with one perceptron a little more, hence the bound)."""
+    for found in figures(train, test, members=1).values():
         assert found["ratio"] < 0.90
 
 
