@@ -19,7 +19,7 @@ from benchmarks.hand_limit import HAND, LEVEL, SHARE, detectable_level
 from benchmarks.report import Panel, rate_interval, share, timed
 from benchmarks.room_scenes import DEVELOP, SEEDS, room
 from benchmarks.room_score import MATCHING, KeptRoom
-from benchmarks.rooms import PART, PROCESSES, RoomStore, basebands, default_tracker
+from benchmarks.rooms import PART, PROCESSES, RoomStore
 from benchmarks.stores import PACKAGES, kept, once, sources
 from radar_core import GESTURES, RadarInfo
 from radar_gestures.classifiers.model import load_model
@@ -28,7 +28,7 @@ from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Person, Simulator
-from radar_tracking import TrackedCloud
+from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
 
 PANEL: Final = Panel("gestures in random rooms", "right of all", "", "higher", "default", "default")
 NEAR: Final = (0.8, 1.7)  # m
@@ -79,9 +79,9 @@ def shipped(info: RadarInfo) -> GestureRecognizer:
     return GestureRecognizer(config_for(model.settings, GestureConfig()), model, info.mount)
 
 
-def judge(own: KeptRoom, levels: Mapping[str, float], make: Recogniser = shipped) -> Scored:
-    """Run the default tracker and a recogniser through a room. ``levels``: of its strokes, see `limits`."""
-    tracker, recogniser, matching = default_tracker(own.info), make(own.info), Matching(MATCHING)
+def judge(own: KeptRoom, levels: Mapping[str, float], make: Recogniser = shipped, tracking: TrackerConfig | None = None) -> Scored:
+    """Run a tracker (None: the default) and a recogniser through a room. ``levels``: of its strokes, see `limits`."""
+    tracker, recogniser, matching = make_tracker(tracking, own.info), make(own.info), Matching(MATCHING)
     found: list[Gesture] = []
     times: list[float] = []
     followed: list[set[int]] = []
@@ -233,14 +233,29 @@ def by_rooms(right: Sequence[Sequence[bool]], seed: int = 0) -> list[float] | No
     return [float(value) for value in np.quantile(shares, (0.025, 0.975))] if shares else None
 
 
-def measure(
-    store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path, make: Recogniser = shipped, baseband: str = "default"
-) -> list[Scored]:
-    """Judge a recogniser behind a baseband and the default tracker in rooms of a store; levels are kept in a folder."""
-    scored = []
-    for own in store.rooms(seeds, baseband, seconds):
+@dataclass(frozen=True)
+class Graph:
+    """What stands before and in the gesture stage; each has the default graph's."""
+
+    baseband: str = "default"  # one of `benchmarks.rooms.basebands`
+    tracking: TrackerConfig | None = None  # None: the default
+    make: Recogniser = shipped
+
+
+CHOICES: Final[Mapping[str, Graph]] = {
+    "default": Graph(),
+    "people": Graph(baseband="people"),
+    "poisson_bernoulli": Graph(tracking=TrackerConfig(tracker="poisson_bernoulli")),
+}
+"""By name: the default graph, the preset of the baseband, and the Bayesian tracker."""
+
+
+def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path, graph: Graph | None = None) -> list[Scored]:
+    """Judge a graph (None: the default) in rooms of a store; levels are kept in a folder."""
+    graph, scored = graph or Graph(), []
+    for own in store.rooms(seeds, graph.baseband, seconds):
         path = folder / f"limits_{sources((*PACKAGES, 'benchmarks/hand_limit.py'))}" / f"{own.seed:05d}_{seconds:g}.json"
-        scored.append(judge(own, once(path, functools.partial(limits, own)), make))
+        scored.append(judge(own, once(path, functools.partial(limits, own)), graph.make, graph.tracking))
     return scored
 
 
@@ -250,9 +265,10 @@ def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[st
     with kept(keep) as folder:
         store = RoomStore(folder, part)
         store.fill(chosen, seconds, n_jobs=1 if quick else PROCESSES)
-        scored = {name: measure(store, chosen, seconds, folder, baseband=name) for name in basebands()}
+        scored = {name: measure(store, chosen, seconds, folder, graph) for name, graph in CHOICES.items()}
     found = {name: summary(own) for name, own in scored.items()}
     times = {name: [time for one in own for time in one.times_ms] for name, own in scored.items()}
     rows = PANEL.rows({name: own["right_of_all"] or 0.0 for name, own in found.items()}, times | {"": times["default"]})
-    people = {f"people_{name}": found["people"][name] for name in ("right_of_all", "right_of_detectable", "false_per_minute")}
-    return {"seeds": "develop" if quick else seeds, **found["default"], **people, "choices": rows}
+    names = ("right_of_all", "right_of_all_interval", "right_of_detectable", "false_per_minute", "false_per_minute_interval")
+    beside = {f"{choice}_{name}": found[choice][name] for choice in CHOICES if choice != "default" for name in names}
+    return {"seeds": "develop" if quick else seeds, **found["default"], **beside, "choices": rows}

@@ -245,7 +245,7 @@ def _mounted(plan: Plan, seed: int, number: int, info: RadarInfo) -> RadarInfo:
     if not plan.mount:
         return info
     rng = np.random.default_rng([seed, number, _MOUNT_STREAM])
-    height = float(rng.uniform(*plan.mount))
+    height = float(rng.uniform(plan.mount[0], plan.mount[1]))
     tilt = -float(rng.random()) * math.atan2(height - _CHEST[1], _CHEST[0])
     return dataclasses.replace(info, mount=dataclasses.replace(info.mount, z=height, tilt=tilt))
 
