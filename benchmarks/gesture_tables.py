@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 import os
@@ -53,7 +52,7 @@ def holds(place: Path, plan: Plan, body: str) -> bool:
     if not (place / MANIFEST).is_file():
         return False
     found = read_manifest(place)
-    wanted = {"seed": 1, "plan": json.loads(json.dumps(dataclasses.asdict(plan))), "body": body, "one_tx": True, "motions": library_hash()}
+    wanted = {"seed": 1, "plan": json.loads(json.dumps(plan.written)), "body": body, "one_tx": True, "motions": library_hash()}
     return {name: found[name] for name in wanted} == wanted and len(sample_files(place)) == plan.n_samples
 
 

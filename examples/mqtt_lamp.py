@@ -6,6 +6,7 @@ python examples/mqtt_lamp.py localhost    # terminal 2; Ctrl-C ends it
 
 import json
 import sys
+import threading
 
 import paho.mqtt.client as mqtt
 
@@ -44,10 +45,12 @@ def main():
     """Run until Ctrl-C."""
     host, _, port = (sys.argv[1] if len(sys.argv) > 1 else "localhost").partition(":")
     lamp = Lamp(host, int(port or 1883))
+    lamp.client.loop_start()  # in a thread of its own, so that Ctrl-C never falls into the middle of a message
     try:
-        lamp.client.loop_forever()
+        threading.Event().wait()
     except KeyboardInterrupt:
-        pass
+        lamp.client.disconnect()
+        lamp.client.loop_stop()
 
 
 if __name__ == "__main__":

@@ -119,9 +119,11 @@ class Budget(Generic[T]):
         """Number of the level to use now; 0: the most accurate, or the only one."""
         return self._governor.level if self._governor is not None else 0
 
-    @property
-    def every(self) -> int:
-        """Only every so many'th frame is to be processed; ask with each message, before anything else: the radar is known by then."""
+    def begin(self) -> int:
+        """Begin with a message, before anything else; returns that only every so many'th frame is to be processed.
+
+        The radar is known by now: a budget that is a share of the time between frames starts here, and anew when that time changes.
+        """
         if self._ladder is not None and self._config.milliseconds(self._node.frame_interval) != self._budget_ms:
             self._start()
         return self._levels[self.number].every if self._levels else 1

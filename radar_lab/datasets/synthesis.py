@@ -68,11 +68,10 @@ class Job:
     @property
     def manifest(self) -> dict[str, Any]:
         """What has to be equal for a run to go on in a folder; in plain words, for the file."""
-        plan = dataclasses.asdict(self.plan)
         return {
             "format": FORMAT,
             "seed": self.seed,
-            "plan": plan if self.plan.mount else {name: plan[name] for name in plan if name != "mount"},  # data sets made before it had one
+            "plan": self.plan.written,
             "body": self.body,
             "raw": self.raw,
             "one_tx": self.one_tx,

@@ -119,6 +119,11 @@ class Plan:
                 raise ConfigError(f"Plan.gestures: {self.animations!r} has no {name!r}; choose of {', '.join(known)}")
 
     @property
+    def written(self) -> dict[str, Any]:
+        """Knobs as the manifest of a data set has them; heights only where there are any: data sets made before know none."""
+        return {name: value for name, value in dataclasses.asdict(self).items() if name != "mount" or value}
+
+    @property
     def entries(self) -> tuple[tuple[tuple[str, int], ...], ...]:
         """What samples go through in turn, see `ANIMATIONS`."""
         return tuple(entry for entry in ANIMATIONS[self.animations] if not self.gestures or entry[0][0] in self.gestures)

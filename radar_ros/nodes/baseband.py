@@ -79,7 +79,7 @@ class BasebandNode(StageNode):
         return tuple(made[config] for config in configs)
 
     def _take(self, msg: Any) -> None:
-        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.every
+        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), self._budget.begin()
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)

@@ -82,7 +82,7 @@ class TrackingNode(StageNode):
             self.get_logger().info(f"works with {len(areas)} zones of the topic zones from now on")
 
     def _take(self, msg: Any) -> None:
-        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), stride(msg) * self._budget.every
+        started, worked, every = time.monotonic_ns(), time.thread_time_ns(), stride(msg) * self._budget.begin()
         if not self.due(msg.sequence, every):  # left out to keep within the budget, and said so on stage_budget
             return
         self.count_gap(msg.sequence, every)
