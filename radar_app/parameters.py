@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -22,6 +23,8 @@ Configs = Annotated[
 ]
 ZonesFile = Annotated[Path | None, typer.Option("--zones", help="YAML file with the zones of the room (docs/how-to/zones.md)")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+
+_NAME: Final = re.compile(r"[^\s:]+")  # of a parameter: ROS writes name:=value, which is not meant here
 
 
 @contextmanager
@@ -87,7 +90,7 @@ def parse_parameters(given: list[str] | None, files: list[str] | None = None) ->
     for text in given or []:
         name, equals, value = text.partition("=")
         node, dot, parameter = name.partition(".")
-        if not (equals and dot and node and parameter):
+        if not (equals and dot and node and _NAME.fullmatch(parameter)):
             raise ConfigError(f"--param {text!r}: write node.parameter=value, e.g. tracking.association.gate=1.2")
         result.setdefault(node, {})[parameter] = read_yaml(value, f"--param {text!r}")
     return result

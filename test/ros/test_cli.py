@@ -99,6 +99,13 @@ def test_configuration_files_and_single_settings():
     assert set(given) == {"tracking"}
 
 
+@pytest.mark.parametrize("text", ["driver.loop:=true", "driver.=1", "driver=1", ".loop=1", "driver.loop", "driver.a b=1"])
+def test_what_is_no_parameter_is_refused_in_one_line(text):
+    """Also as ROS writes it, with a colon, which no node would understand."""
+    with pytest.raises(ConfigError, match=r"--param .*: write node\.parameter=value"):
+        parse_parameters([text])
+
+
 @pytest.mark.parametrize(
     ("files", "message"),
     [
