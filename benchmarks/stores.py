@@ -44,19 +44,9 @@ def digest(parts: object) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-_PASSING: Final[list[str]] = []  # folders that are open and will be thrown away
-
-
-def sources(parts: tuple[str, ...] = PACKAGES) -> str:
-    """Digest of the code of packages, or of single files, by their paths beside this package: figures of other code are not these.
-
-    It takes a second or more, so that there is none while nothing is kept.
-    """
-    return "passing" if _PASSING else _sources(parts)
-
-
 @functools.cache
-def _sources(parts: tuple[str, ...]) -> str:
+def sources(parts: tuple[str, ...] = PACKAGES) -> str:
+    """Digest of the code of packages, or of single files, by their paths beside this package: figures of other code are not these."""
     root, found = Path(__file__).resolve().parents[1], hashlib.sha256()
     for path in sorted(path for part in parts for path in list((root / part).rglob("*.py")) or [root / part]):
         found.update(f"{path.relative_to(root)}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
@@ -66,15 +56,8 @@ def _sources(parts: tuple[str, ...]) -> str:
 @contextmanager
 def kept(folder: Path | None) -> Iterator[Path]:
     """Give the folder in which parts are kept; None: one that is thrown away."""
-    if folder is not None:
-        yield folder
-        return
     with tempfile.TemporaryDirectory() as passing:
-        _PASSING.append(passing)
-        try:
-            yield Path(passing)
-        finally:
-            _PASSING.remove(passing)
+        yield Path(passing) if folder is None else folder
 
 
 def once(path: Path | None, make: Callable[[], Any]) -> Any:

@@ -3,7 +3,6 @@
 set -eu
 : "${VENV:=.venv}" "${PYTHON:=python3}"
 PIP="$VENV/bin/python -m pip --disable-pip-version-check"
-export PIP_NO_COMPILE=0 # pip reads it the wrong way round: do not compile; 12,000 modules are installed, and few are ever imported
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 began=$(date +%s)
