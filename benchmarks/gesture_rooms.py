@@ -269,6 +269,6 @@ def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[st
     found = {name: summary(own) for name, own in scored.items()}
     times = {name: [time for one in own for time in one.times_ms] for name, own in scored.items()}
     rows = PANEL.rows({name: own["right_of_all"] or 0.0 for name, own in found.items()}, times | {"": times["default"]})
-    names = ("right_of_all", "right_of_all_interval", "right_of_detectable", "false_per_minute", "false_per_minute_interval")
+    names = [f"{name}{both}" for name in ("right_of_all", "right_of_detectable", "false_per_minute") for both in ("", "_interval")]
     beside = {f"{choice}_{name}": found[choice][name] for choice in CHOICES if choice != "default" for name in names}
     return {"seeds": "develop" if quick else seeds, **found["default"], **beside, "choices": rows}
