@@ -20,8 +20,9 @@ from benchmarks.report import Panel, rate_interval, share, timed
 from benchmarks.room_scenes import DEVELOP, SEEDS, room
 from benchmarks.room_score import MATCHING, KeptRoom
 from benchmarks.rooms import PART, PROCESSES, RoomStore
-from benchmarks.stores import PACKAGES, kept, once, sources
+from benchmarks.stores import PACKAGES, digest, kept, once, sources
 from radar_core import GESTURES, RadarInfo
+from radar_core.config import plain
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
@@ -254,7 +255,7 @@ def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path
     """Judge a graph (None: the default) in rooms of a store; levels are kept in a folder."""
     graph, scored = graph or Graph(), []
     for own in store.rooms(seeds, graph.baseband, seconds):
-        path = folder / f"limits_{sources((*PACKAGES, 'benchmarks/hand_limit.py'))}" / f"{own.seed:05d}_{seconds:g}.json"
+        path = folder / f"limits_{sources((*PACKAGES, 'benchmarks/hand_limit.py'))}" / f"{own.seed:05d}_{digest([plain(room(own.seed).scene), seconds])}.json"
         scored.append(judge(own, once(path, functools.partial(limits, own)), graph.make, graph.tracking))
     return scored
 
