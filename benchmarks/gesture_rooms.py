@@ -255,7 +255,8 @@ def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path
     """Judge a graph (None: the default) in rooms of a store; levels are kept in a folder."""
     graph, scored = graph or Graph(), []
     for own in store.rooms(seeds, graph.baseband, seconds):
-        path = folder / f"limits_{sources((*PACKAGES, 'benchmarks/hand_limit.py'))}" / f"{own.seed:05d}_{digest([plain(room(own.seed).scene), seconds])}.json"
+        place = folder / f"limits_{sources((*PACKAGES, 'benchmarks/hand_limit.py'))}"
+        path = place / f"{own.seed:05d}_{digest([plain(room(own.seed).scene), seconds])}.json"
         scored.append(judge(own, once(path, functools.partial(limits, own)), graph.make, graph.tracking))
     return scored
 
