@@ -10,9 +10,9 @@ from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent))  # oracles, for every test
 
-# Before anything imports rclpy or messages. The process id keeps parallel workers and parallel runs of the suite apart. Domains above
-# 101 have ports that the system also gives to anybody who asks for any port.
-os.environ["ROS_DOMAIN_ID"] = str(10 + os.getpid() % 40)
+from ros_domains import next_domain
+
+os.environ["ROS_DOMAIN_ID"] = next_domain()  # before anything imports rclpy or messages
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _pool in ("OMP", "OPENBLAS", "MKL"):

@@ -19,6 +19,7 @@ import psutil
 import pytest
 from handwave.msg import Gesture, HandTrack, StageStatus, Track, TrackArray, Zone, ZoneArray
 from rich.console import Console
+from ros_domains import next_domain
 
 from radar_app.live import Monitor
 from radar_app.watching.health import Health
@@ -33,7 +34,7 @@ from radar_ros.interrupts import ros
 from radar_ros.messages.convert import to_time
 from radar_ros.nodes.driver import DriverNode
 
-DOMAIN = str(10 + (os.getpid() + 20) % 40)
+DOMAIN = next_domain()
 NODES = {"driver", "baseband", "tracking", "gestures", "hand", "zones", "visualisation", "vital"}
 SCENE = """
 duration: 6.0
@@ -326,7 +327,7 @@ def test_the_map_has_people_where_they_are():
 @pytest.mark.long
 def test_the_end_of_a_source_is_told(monkeypatch):
     """By a real driver whose scene ends: the teller says ready, then that it has ended; status calls it wrong."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(int(DOMAIN) + 40))
+    monkeypatch.setenv("ROS_DOMAIN_ID", next_domain())
     import rclpy
 
     from radar_ros.executor import make_executor

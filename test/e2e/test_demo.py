@@ -8,6 +8,7 @@ import sys
 
 import pytest
 from rich.console import Console
+from ros_domains import next_domain
 
 from radar_app.demo_report import missing_of, show_report
 from radar_ros import bags
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.long
 def run(tmp_path_factory):
     """One short demo."""
     folder = tmp_path_factory.mktemp("demo")
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(100 + os.getpid() % 2)}
+    environment = {**os.environ, "ROS_DOMAIN_ID": next_domain()}
     command = [sys.executable, "-m", "radar_app.cli", "demo", "--scene", "short", "--headless", "--json", "--bag", str(folder / "bag")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, cwd=folder)
     return done, folder / "bag"

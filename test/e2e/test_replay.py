@@ -1,12 +1,12 @@
 """Replaying a recording in its own time, with /clock, through real node processes."""
 
-import os
 import subprocess
 import sys
 import time
 
 import psutil
 import pytest
+from ros_domains import next_domain
 from rosgraph_msgs.msg import Clock
 from typer.testing import CliRunner
 
@@ -29,7 +29,7 @@ def test_replay_recognises_and_tells_the_time(raw):
 
     from radar_ros.executor import make_executor
 
-    domain = str(100 + (os.getpid() + 3) % 130)
+    domain = next_domain()
     slower = ["--rate", "0.5"]  # other tests share the machine
     command = [sys.executable, "-m", "radar_app", "replay", str(raw), *slower, "--domain", domain]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -59,7 +59,7 @@ def test_replay_without_a_graph_says_what_to_do(raw, monkeypatch):
     import radar_app.replaying as replaying
 
     monkeypatch.setattr(replaying, "READER_TIMEOUT", 0.5)
-    done = CliRunner().invoke(app, ["replay", str(raw), "--no-graph", "--domain", str(100 + (os.getpid() + 5) % 130)])
+    done = CliRunner().invoke(app, ["replay", str(raw), "--no-graph", "--domain", next_domain()])
     assert done.exit_code != 0
     assert "nobody reads radar/frame" in str(done.exception)
 
@@ -84,15 +84,15 @@ def test_topics_have_to_exist(raw):
     assert " radar/frame, " in str(done.exception)
 
 
-def start(raw, offset, *extra):
-    command = [sys.executable, "-m", "radar_app", "replay", str(raw), "--domain", str(100 + (os.getpid() + offset) % 130), *extra]
+def start(raw, *extra):
+    command = [sys.executable, "-m", "radar_app", "replay", str(raw), "--domain", next_domain(), *extra]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 @pytest.mark.long
 def test_an_interrupted_replay_tidies_up(raw):
     """SIGTERM: one word, status 143, no traceback."""
-    process = start(raw, 7, "--loop")
+    process = start(raw, "--loop")
     time.sleep(7.0)
     process.terminate()
     output, _ = process.communicate(timeout=10)
@@ -111,7 +111,7 @@ def is_tracking(process):
 @pytest.mark.long
 def test_a_node_that_dies_ends_a_replay_in_lockstep(raw, tmp_path):
     """At once, not after a time-out, and not with status 0: results with a hole are no results."""
-    process = start(raw, 11, "--lockstep", "--out", str(tmp_path / "out"))
+    process = start(raw, "--lockstep", "--out", str(tmp_path / "out"))
     end, victim = time.monotonic() + 40, None
     while victim is None and time.monotonic() < end:
         time.sleep(0.1)

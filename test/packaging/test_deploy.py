@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 import yaml
+from ros_domains import next_domain
 from typer.main import get_command
 
 from radar_app.cli import app
@@ -68,7 +69,7 @@ def heard(notified, seconds):
 def test_up_tells_systemd_that_all_nodes_live(tmp_path, monkeypatch):
     """READY and WATCHDOG once all nodes work; nothing while one hangs; WATCHDOG again when it goes on; STOPPING at the end."""
     address = tmp_path / "notify"
-    environment = {**os.environ, "NOTIFY_SOCKET": str(address), "WATCHDOG_USEC": "60000000", "ROS_DOMAIN_ID": str(50 + os.getpid() % 50)}
+    environment = {**os.environ, "NOTIFY_SOCKET": str(address), "WATCHDOG_USEC": "60000000", "ROS_DOMAIN_ID": next_domain()}
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
         notified.bind(str(address))
         command = [sys.executable, "-m", "radar_app", "up", "targets", "--param", "driver.source=sim", "--param", "driver.at_end=loop"]

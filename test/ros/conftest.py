@@ -1,12 +1,11 @@
 """Real rclpy for the tests of nodes and plumbing."""
 
 import gc
-import itertools
-import os
 import time
 
 import pytest
 import rclpy
+from ros_domains import next_domain
 
 from radar_ros.executor import make_executor
 
@@ -51,14 +50,10 @@ class Ros:
         gc.collect()  # a node that is still held is seen by the graphs of later tests
 
 
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
-_DOMAINS = itertools.count(os.getppid() + 20 * _WORKER)  # workers of one run share their parent
-
-
 @pytest.fixture
 def own_domain(monkeypatch):
     """A domain per test: nodes that were killed with SIGKILL, or that Python still holds, stay visible to others."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(50 + next(_DOMAINS) % 50))
+    monkeypatch.setenv("ROS_DOMAIN_ID", next_domain())
 
 
 @pytest.fixture

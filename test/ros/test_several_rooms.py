@@ -13,6 +13,7 @@ import pytest
 import yaml
 from home_assistant import House, wait_for
 from mosquitto_broker import Broker, missing
+from ros_domains import next_domain
 from typer.testing import CliRunner
 
 from radar_app.cli import app
@@ -185,8 +186,7 @@ def test_the_automations_of_the_page_name_what_there_is():
 def graph_of(marker, *words):
     """A command that is started as a user would; its processes carry a marker."""
     line = [sys.executable, "-m", "radar_app.cli", "up", *words]
-    domain = str(50 + os.getpid() % 50)
-    variables = {**os.environ, "HANDWAVE_TEST": marker, "ROS_DOMAIN_ID": domain}
+    variables = {**os.environ, "HANDWAVE_TEST": marker, "ROS_DOMAIN_ID": next_domain()}
     return subprocess.Popen(line, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
