@@ -17,6 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from benchmarks.faults_rows import Fault, Seen
 from radar_app.graph import NodeSpec, graph
 from radar_app.supervisor import Supervisor, environment
+from radar_app.watching.reports import reports_from_msg
 from radar_core import HandwaveError
 from radar_ros import qos
 from radar_ros.interrupts import Visitor, ros
@@ -46,8 +47,8 @@ class Ear(Visitor):
             qos.subscribe_latched(self.node, kind, topic, lambda msg, t=topic: self.last.__setitem__(t, msg), profile=qos.for_topic(topic))
 
     def _status(self, msg: Any) -> None:
-        if not msg.stale and (msg.header.stamp.sec or msg.header.stamp.nanosec):
-            self.finished[msg.stage].append(time.monotonic())
+        now = time.monotonic()
+        self.finished[msg.stage] += [now - (msg.monotonic_ns - one.monotonic_ns) * 1e-9 for one in reports_from_msg(msg) if not one.stale]
 
     def _diagnose(self, msg: Any) -> None:
         for status in msg.status:

@@ -9,7 +9,7 @@ from typing import Final
 
 from radar_app.composed import composed_spec
 from radar_app.graph import NodeSpec
-from radar_app.live import Monitor
+from radar_app.live import Monitor, Stage
 from radar_app.supervisor import Supervisor
 from radar_core import HandwaveError
 from radar_ros.interrupts import ros
@@ -18,6 +18,9 @@ START: Final = 90.0
 """How long the first tracks may take to come [s]; a cold disk is slow."""
 SETTLE: Final = 4.0
 """Start-up and discovery are not measured [s]."""
+
+REPORTED: Final = 1.0
+"""How long a driver that lives may take to say what it has done [s]."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +44,13 @@ class Load:
         return self.lost / max(self.due, 1)
 
 
-def _counts(monitor: Monitor, driver: str) -> tuple[int, int]:
-    """Frames that a driver was to give so far, and those that the track arrays stand for."""
-    stage = monitor.stages.get(driver)
-    return (stage.processed + stage.dropped if stage else 0), monitor.received
+def counts(monitor: Monitor, driver: str = "driver") -> tuple[int, int]:
+    """Frames that a driver was to give so far, and those that the track arrays stand for, at the moment of its next report."""
+    stage, end = monitor.stages.setdefault(driver, Stage()), time.monotonic() + REPORTED
+    heard = stage.heard
+    while stage.heard == heard and time.monotonic() < end:
+        monitor.spin(0.005)
+    return stage.processed + stage.dropped, monitor.received
 
 
 def settle(monitor: Monitor) -> None:
@@ -63,11 +69,11 @@ def listen(seconds: float, cpu: Callable[[], dict[str, float]], driver: str = "d
         monitor = Monitor()
         try:
             settle(monitor)
-            (due, received), before, started = _counts(monitor, driver), cpu(), time.monotonic()
+            (due, received), before, started = counts(monitor, driver), cpu(), time.monotonic()
             monitor.latencies.clear()
             monitor.spin(seconds)
+            due, received = counts(monitor, driver)[0] - due, monitor.received - received
             wall, after = time.monotonic() - started, cpu()
-            due, received = _counts(monitor, driver)[0] - due, monitor.received - received
             used = {name: value - before.get(name, 0.0) for name, value in after.items()}
             # A frame on its way at either end of the window is not lost.
             return Load([1e3 * value for value in monitor.latencies], due, max(0, due - received - 1), wall, used)

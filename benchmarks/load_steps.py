@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.graph import DOMAIN
 from benchmarks.graph_load import SCENE, demo_nodes
-from benchmarks.graph_runs import settle
+from benchmarks.graph_runs import counts, settle
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_ros.interrupts import ros
@@ -33,9 +33,9 @@ from radar_ros.interrupts import ros
 STEPS: Final = (0, 1, 2, 0)
 """Busy loops beside the graph, one step after the other."""
 TICK: Final = 0.5
-"""From one reading to the next [s]."""
+"""From one reading to the next [s], each at the driver's next report."""
 _SECONDS: Final = (2.0, 20.0)  # of one step: quick, and for the figure
-_MOMENT: Final = 0.3  # s
+_MOMENT: Final = 1.0  # s: some reports of the driver
 _LOOP: Final = "while True: pass"
 
 
@@ -196,16 +196,19 @@ def recorded(supervisor: Supervisor, monitor: Monitor, seconds: float) -> tuple[
     with busy_loops() as loops:
 
         def read() -> Reading:
+            due, received = counts(monitor)
             late, monitor.latencies[:] = tuple(1e3 * value for value in monitor.latencies), []
             used = sum(supervisor.cpu_seconds().values())
-            return Reading(time.monotonic(), _due(monitor), monitor.received, used, loops.seconds, machine_seconds(), late, count)
+            return Reading(time.monotonic(), due, received, used, loops.seconds, machine_seconds(), late, count)
 
         read()
         readings = [read()]
+        due = readings[0].at
         for count in STEPS:
             loops.set(count)
             for _ in range(max(round(seconds / TICK), 1)):
-                monitor.spin(max(readings[-1].at + TICK - time.monotonic(), 0.0))
+                due += TICK
+                monitor.spin(due - time.monotonic())
                 readings.append(read())
             first.append(len(readings) - 1)
     readings[-1] = _landed(monitor, readings[-1])
@@ -216,15 +219,9 @@ def _landed(monitor: Monitor, last: Reading) -> Reading:
     """Count frames that were on their way at the last reading as received: by the least gap of a moment between two of them."""
     end, least = time.monotonic() + _MOMENT, last.due - last.received
     while time.monotonic() < end:
-        monitor.spin(0.005)
-        least = min(least, _due(monitor) - monitor.received)
+        due, received = counts(monitor)
+        least = min(least, due - received)
     return replace(last, received=last.due - least)
-
-
-def _due(monitor: Monitor) -> int:
-    """Frames that the driver was to give so far."""
-    stage = monitor.stages.get("driver")
-    return stage.processed + stage.dropped if stage else 0
 
 
 def run(quick: bool) -> dict[str, Any]:

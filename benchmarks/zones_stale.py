@@ -36,7 +36,8 @@ class Listener(Visitor):
             self.stale.setdefault(msg.stage, now)
         elif msg.processed:
             self.busy.add(msg.stage)
-            self.last_frame = now if msg.stage == "driver" else self.last_frame
+            if msg.stage == "baseband":  # what it has finished with, it soon tells; a driver that is killed does not
+                self.last_frame = msg.monotonic_ns * 1e-9
 
     def _zones(self, msg: Any) -> None:
         if msg.stale and self.busy:

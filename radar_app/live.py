@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any, Final
 
 import numpy as np
@@ -13,12 +14,13 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from radar_app.watching.latency import Done, latencies
+from radar_app.watching.latency import latencies
 from radar_app.watching.listener import Listener
 from radar_app.watching.people import is_gesture, is_person, place
+from radar_app.watching.reports import StageReport, reports_from_msg
 from radar_app.watching.room_map import RoomMap, style_of
 from radar_core import HandwaveError
-from radar_ros.messages.convert import from_time, info_from_msg, stride
+from radar_ros.messages.convert import info_from_msg, stride
 from radar_ros.messages.zones import areas_from_msg
 
 _WINDOW: Final = 2.0  # s: rates and latencies on the display are those of the last while
@@ -28,7 +30,7 @@ _MAP: Final = (34, 14)  # columns and lines of the map
 _PEOPLE: Final = 6  # most that have a line of their own
 _GESTURES: Final = 4
 _NODES: Final = 6
-_KEPT: Final = 1000  # reports of stages: some seconds
+_KEPT: Final = 1000  # reports of stages, and frames whose tracks or whose report did not come: some seconds
 _STAGES: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures", "hand", "presence")
 
 
@@ -39,12 +41,13 @@ class Stage:
     processed: int = 0
     dropped: int = 0
     stale: bool = False
-    times: deque[float] = field(default_factory=lambda: deque(maxlen=200))
+    heard: float = 0.0  # when it last reported, on CLOCK_MONOTONIC [s]
+    times: deque[float] = field(default_factory=lambda: deque(maxlen=200))  # when it finished messages, on CLOCK_MONOTONIC of its host [s]
     compute: deque[float] = field(default_factory=lambda: deque(maxlen=200))
 
     def rate(self, now: float) -> float:
-        """Messages per second over the last while."""
-        return sum(now - t < _WINDOW for t in self.times) / _WINDOW
+        """Messages per second over the last while, up to what it reported last."""
+        return sum(self.times[-1] - t < _WINDOW for t in self.times) / _WINDOW if now - self.heard < _WINDOW else 0.0
 
 
 class Monitor(Listener):
@@ -81,7 +84,8 @@ class Monitor(Listener):
         self._map = RoomMap()
         self._seen: deque[tuple[float, int, str, float]] = deque(maxlen=_GESTURES)  # gestures with when they arrived
         self._first_ns = self._last_ns = 0  # stamps of frames
-        self._reports: deque[Done] = deque(maxlen=_KEPT)
+        self._newest = -1  # frame that was reported on
+        self._reports: deque[StageReport] = deque(maxlen=_KEPT)
         self._published: dict[int, int] = {}
         self._arrived: dict[int, int] = {}
         self.hear_each("stage_status", self._status, reliable=True)
@@ -92,25 +96,24 @@ class Monitor(Listener):
         self.hear("zones", self._zones)
 
     def _status(self, space: str, msg: Any) -> None:
-        stamp = from_time(msg.header.stamp)
-        if stamp == 0:
-            return  # says only that the stage is ready
         below = space[len(self.node.get_namespace()) :].strip("/")
-        stage = self.stages.setdefault(f"{below}/{msg.stage}".strip("/"), Stage())
-        stage.stale = msg.stale
-        if msg.stale:
-            return  # says only that nothing comes any more
-        stage.processed, stage.dropped = msg.processed, msg.dropped
-        stage.times.append(time.monotonic())
-        stage.compute.append(msg.compute_s)
-        self._reports.append(Done(f"{below}/{msg.stage}".strip("/"), msg.sequence, stamp, msg.monotonic_ns))
-        if msg.stage == "fusion" and not below:
-            self.frames, self.skipped = msg.processed, msg.dropped
-        elif msg.stage == "driver" and not below:
-            self.frames, self.skipped = msg.processed, msg.dropped
-            self._first_ns, self._last_ns = min(self._first_ns or stamp, stamp), stamp
-            self._published[msg.sequence] = msg.monotonic_ns
-            self._pair(msg.sequence)
+        for report in reports_from_msg(msg, below):
+            stage = self.stages.setdefault(report.stage, Stage())
+            stage.stale = report.stale
+            if not report.stale:  # else it says only that nothing comes any more
+                self._finished(stage, report)
+
+    def _finished(self, stage: Stage, report: StageReport) -> None:
+        stage.processed, stage.dropped, stage.heard = report.processed, report.dropped, time.monotonic()
+        stage.times.append(report.monotonic_ns * 1e-9)
+        stage.compute.append(report.compute)
+        self._reports.append(report)
+        if report.stage in ("driver", "fusion"):
+            self.frames, self.skipped, self._newest = report.processed, report.dropped, report.sequence
+        if report.stage == "driver":
+            self._first_ns, self._last_ns = min(self._first_ns or report.stamp_ns, report.stamp_ns), report.stamp_ns
+            self._published[report.sequence] = report.monotonic_ns
+            self._pair(report.sequence)
 
     def _tracks(self, msg: Any) -> None:
         self._arrived[msg.sequence] = time.monotonic_ns()
@@ -122,9 +125,9 @@ class Monitor(Listener):
         """Status and tracks come on different topics, in any order."""
         if sequence in self._published and sequence in self._arrived:
             self.latencies.append((self._arrived.pop(sequence) - self._published.pop(sequence)) * 1e-9)
-            for waiting in (self._published, self._arrived):
-                for old in [s for s in waiting if s < sequence - 500]:
-                    del waiting[old]
+        for waiting in (self._published, self._arrived):
+            if len(waiting) > _KEPT:
+                del waiting[next(iter(waiting))]
 
     def _gesture(self, msg: Any) -> None:
         if is_gesture(msg):
@@ -150,11 +153,13 @@ class Monitor(Listener):
         """Latency in milliseconds and the fraction of frames whose tracks never came."""
         latency = np.array(self.latencies) * 1e3
         due = self.frames + self.skipped
+        early = sum(1 for _ in takewhile(lambda sequence: sequence > self._newest, reversed(self._arrived)))  # not reported on yet
+        received = self.received - early * (stride(self.tracks) if early else 0)
         return {
             "frames": due,
             "latency_ms_median": float(np.median(latency)) if len(latency) else None,
             "latency_ms_p99": float(np.percentile(latency, 99)) if len(latency) else None,
-            "dropped_fraction": max(0.0, 1.0 - self.received / due) if due else None,
+            "dropped_fraction": max(0.0, 1.0 - received / due) if due else None,
             "dropped": {name: stage.dropped for name, stage in sorted(self.stages.items())},
         }
 

@@ -14,13 +14,15 @@ from rosbags.typesys.store import Typestore
 
 from radar_core import DataError
 
+_EARLIER = {f"earlier_{name}": np.empty(0, np.uint64) for name in ("sequence", "processed", "dropped", "monotonic_ns")}
+_EARLIER |= {"earlier_stamp_ns": np.empty(0, np.int64), "earlier_compute_s": np.empty(0)}
 _ADDED: Mapping[str, Mapping[str, Any]] = {
     "handwave/msg/HandTrack": {"velocity_rank": 0, "velocity_condition": math.nan, "outliers": 0},
     "handwave/msg/PointCloud": {"every": 1},
     "handwave/msg/CloudSource": {"every": 1},
     "handwave/msg/TrackArray": {"every": 1},
     "handwave/msg/Gesture": {"position": np.full(3, math.nan), "zones": [], "labels": []},
-    "handwave/msg/StageStatus": {"stale": False},
+    "handwave/msg/StageStatus": {"stale": False, **_EARLIER},
     "handwave/msg/Truth": {"labels": []},
 }
 """Fields that came later, by message type, and what stands for them in recordings without."""

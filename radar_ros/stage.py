@@ -28,9 +28,10 @@ from radar_core.gaps import Gaps
 from radar_ros import compiling, heartbeat, qos
 from radar_ros.executor import make_executor
 from radar_ros.guard import GuardMixin, Problems
-from radar_ros.messages.convert import header, info_from_msg
+from radar_ros.messages.convert import info_from_msg
 from radar_ros.middleware import unreadable
 from radar_ros.params import declare, explained, refuse_unknown
+from radar_ros.reports import TOGETHER, Reports
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
 _BUDGET = 0.8  # of the frame interval; above that, a little more load loses frames
@@ -39,7 +40,6 @@ _LOOK = 0.1  # s: how often a stage looks whether messages still come
 _HELD_UP = 0.5  # s: a look that comes so late says that the node itself was held up, and its messages wait
 _AHEAD = 10.0  # s: so far ahead of the time that has passed, stamps are worth a line
 _JUMP = 1000  # messages that are missing in a row are worth a line
-_MOST = 2**64 - 1  # what a count in a message can hold; a sequence that jumps may make more of it
 _INTERVALS = 5  # a stage is not stale within so many frames of its radar, however long these take
 
 
@@ -138,10 +138,10 @@ class StageMixin(GuardMixin):
         doc = "the stage is stale, and says so, when nothing has come for so long; 0: never"
         self.silence = Silence(float(declare(self, "stale_after", 2.0, doc, unit="s", low=0.0, high=3600.0)))
         self._finished = 0, 0  # stamp [ns] and sequence of the last message
-        self._status = self.create_publisher(handwave.msg.StageStatus, "stage_status", qos.stream_out())
+        self.reports = Reports(self)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(1.0, self._diagnose)
-        if self.silence.after > 0 and not self.reliable:  # in lockstep messages come when everybody is ready, however long that takes
+        if not self.reliable:  # in lockstep messages come when everybody is ready, however long that takes
             self.create_timer(_LOOK, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def set_parameters(self: Any, parameter_list: Any) -> Any:
@@ -164,12 +164,13 @@ class StageMixin(GuardMixin):
         """Take back what holds no longer because messages have stopped; overridden where there is such a thing."""
 
     def _listen(self: Any) -> None:
+        self.reports.send(after=TOGETHER)
         now = time.monotonic()
-        silent = self.silence.seconds(now)
-        if not self.expects_data() or not self.silence.look(now, self.frame_interval):
+        if not self.silence.after or not self.expects_data() or not self.silence.look(now, self.frame_interval):
             return
+        silent = self.silence.seconds(now)
         self.get_logger().error(f"nothing has come for {silent:.1f} s: what this stage said last does not hold any longer (stale)")
-        self.publish_status(*self._finished, 0.0)
+        self.reports.add(*self._finished)
         self.on_stale()
 
     def hear(self: Any) -> None:
@@ -188,20 +189,13 @@ class StageMixin(GuardMixin):
         self.processed += 1
         self._period.compute += compute
         self._period.compute_max = max(self._period.compute_max, compute)
-        self.publish_status(stamp_ns, sequence, compute)
-
-    def publish_status(self: Any, stamp_ns: int, sequence: int, compute: float) -> None:
-        """Publish what the stage has done so far; stamp 0 says only that it is ready."""
-        counts = {"sequence": sequence, "processed": self.processed, "dropped": self.dropped}
-        told = {"stage": self.stage, "stale": self.silence.stale, **{name: min(count, _MOST) for name, count in counts.items()}}
-        now = time.monotonic_ns()
-        self._status.publish(handwave.msg.StageStatus(header=header(stamp_ns, ""), compute_s=compute, monotonic_ns=now, **told))
+        self.reports.add(stamp_ns, sequence, compute, soon=True)
 
     def ready(self: Any) -> None:
         """Tell, once all inputs are connected, that the node knows its radar: a status with stamp 0, for replay in lockstep."""
         inputs = [s.topic_name for s in self.subscriptions if s.topic_name not in self.commands | {"/clock"}]
         if all(self.count_publishers(topic) for topic in inputs):
-            self.publish_status(0, 0, 0.0)
+            self.reports.add(0, 0)
 
     def due(self: Any, sequence: int, every: int) -> bool:
         """Whether a message is to be taken when one in so many is (see `Gaps.due`); ask before `count_gap`."""
@@ -257,7 +251,7 @@ class StageMixin(GuardMixin):
         if self.silence.stale:
             level = DiagnosticStatus.ERROR
             warnings.insert(0, f"stale: nothing has come for {self.silence.seconds(now):.1f} s")
-            self.publish_status(*self._finished, 0.0)  # again, for who did not hear it the first time
+            self.reports.add(*self._finished)  # again, for who did not hear it the first time
         message = "; ".join(warnings) or ("running" if not idle else "idle" if self.processed else "no data yet")
         more["stale"] = self.silence.stale
         self.publish_diagnostics("processing", message, {**values, **more}, level)
@@ -381,6 +375,8 @@ def run(*makers: Callable[[], Any]) -> int:
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)  # ours would be undone while Python exits: one more SIGINT then kills with status -2
+        for node in nodes if rclpy.ok() else ():
+            node.reports.send()
         for node in nodes:
             node.close()
             node.destroy_node()

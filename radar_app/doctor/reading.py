@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from radar_app.watching.reports import reports_from_msg
 from radar_core import ConfigError, DataError
 from radar_core.config import load, nest
 from radar_dsp import Baseband
@@ -121,8 +122,9 @@ class Intake:
                 evidence.cloud(cloud_from_msg(msg), arrived_ns)
             elif name == "tracks" and chain is None and "tracking" not in self._parameters:
                 evidence.track(tracks_from_msg(msg), arrived_ns)
-            elif name == "stage_status" and (msg.header.stamp.sec or msg.header.stamp.nanosec) and not msg.stale:
-                evidence.stage(msg.stage, msg.processed, msg.dropped)
+            elif name == "stage_status":
+                for report in (one for one in reports_from_msg(msg) if not one.stale):
+                    evidence.stage(report.stage, report.processed, report.dropped)
         except DataError as error:
             evidence.refuse(str(error))
 

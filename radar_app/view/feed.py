@@ -15,8 +15,9 @@ from typing import Any, Final, Generic, Literal, TypeVar
 
 import numpy as np
 
-from radar_app.view.records import EventMaps, NodeHealth, RangeDoppler, StageFigures, StageReport
+from radar_app.view.records import EventMaps, NodeHealth, RangeDoppler, StageFigures
 from radar_app.watching.latency import Latency, latencies
+from radar_app.watching.reports import StageReport
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_gestures.recognizer import Gesture
 from radar_tracking.tracks import HandTrack, Tracks, TrackStatus
@@ -38,6 +39,7 @@ _CHANNELS: Final[tuple[Channel, ...]] = (
 _CLOCKS: Final = ("clouds", "tracks")  # whose stamps tell the time; those of others may be of any moment
 _BACK: Final = 1_000_000_000  # ns: stamps that go back by more mean another recording, or the same one again
 _WHILE: Final = 2_000_000_000  # ns: rates and latencies are those of the last while
+_LATE: Final = 400_000_000  # ns: stages report some messages together
 _LOOK_BACK: Final = 8  # tracks that may be newer than the newest cloud
 
 
@@ -206,8 +208,9 @@ class Snapshot:
         """What every stage did in the last while, in the order in which they were first heard of."""
         last = {entry.value.stage: entry.value for entry in self.past("status")}
         recent: dict[str, list[StageReport]] = {name: [] for name in last}
-        for entry in self.past("status", _WHILE * 1e-9):
-            recent[entry.value.stage].append(entry.value)
+        for entry in self.past("status", (_WHILE + _LATE) * 1e-9):
+            if entry.value.stamp_ns > last[entry.value.stage].stamp_ns - _WHILE:
+                recent[entry.value.stage].append(entry.value)
         late = latencies(report for reports in recent.values() for report in reports)
         return tuple(_figures(last[name], recent[name], late.get(name, ())) for name in last)
 

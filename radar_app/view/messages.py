@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from radar_app.view.feed import Feed
-from radar_app.view.records import EventMaps, Level, NodeHealth, StageReport
+from radar_app.view.records import EventMaps, Level, NodeHealth
+from radar_app.watching.reports import reports_from_msg
 from radar_core import HandwaveError
 from radar_ros.messages.convert import cloud_from_msg, from_time, info_from_msg
 from radar_ros.messages.gestures import gesture_from_msg, maps_from_msg
@@ -36,13 +37,6 @@ def _room_area(msg: Any) -> Area | None:
 def _zone(msg: Any, area: Area | None) -> ZoneState:
     people = tuple(Occupant(int(who), float(dwell)) for who, dwell in zip(msg.track_id, msg.person_dwell_s, strict=False))
     return ZoneState(msg.name, area, Presence(msg.presence), from_time(msg.since), msg.dwell_s, people)
-
-
-def report_from_msg(msg: Any, place: str = "") -> StageReport:
-    """Take a stage's report out of a message; ``place`` is the namespace of its radar: left."""
-    stage = f"{place}/{msg.stage}" if place else msg.stage
-    stamp = from_time(msg.header.stamp)
-    return StageReport(stage, msg.sequence, msg.processed, msg.dropped, msg.compute_s, msg.monotonic_ns, bool(msg.stale), stamp)
 
 
 def health_from_msg(msg: Any) -> list[NodeHealth]:
@@ -125,9 +119,8 @@ def _zones(feed: Feed, msg: Any, place: str) -> None:
 
 
 def _status(feed: Feed, msg: Any, place: str) -> None:
-    stamp = from_time(msg.header.stamp)
-    if stamp:  # without, it says only that the stage is ready
-        feed.put("status", stamp, report_from_msg(msg, place))
+    for report in reports_from_msg(msg, place):
+        feed.put("status", report.stamp_ns, report)
 
 
 def _diagnostics(feed: Feed, msg: Any, place: str) -> None:

@@ -57,20 +57,6 @@ class RangeDoppler:
 
 
 @dataclass(frozen=True)
-class StageReport:
-    """That a stage has finished with one message; the fields of ``msg/StageStatus.msg``."""
-
-    stage: str  # of several radars with its place: left/driver
-    sequence: int
-    processed: int
-    dropped: int
-    compute: float  # time spent on this message [s]
-    monotonic_ns: int  # when the result was handed to the middleware
-    stale: bool
-    stamp_ns: int = 0  # of the result, in the node's clock
-
-
-@dataclass(frozen=True)
 class StageFigures:
     """What a stage did in the last while."""
 

@@ -25,6 +25,7 @@ _FLOW: Final = ("driver", "cloud2", "baseband", "fusion", "tracking", "gestures"
 _BINS: Final = 120  # places of the latency plot
 _MINUTE_NS: Final = 60_000_000_000
 _BEFORE: Final = 2.0  # s: how long before its tracks the reports of a frame may have come
+_OPEN_NS: Final = 1_000_000_000  # ns: what is so new is worked out again, since another radar may report on its frame yet
 
 
 class Tables:
@@ -140,9 +141,10 @@ class Latencies:
         last_ns = self._known[-1].stamp_ns if self._known else -1
         if not end.stamp_ns - _MINUTE_NS < last_ns <= end.stamp_ns:  # another recording, or the first look
             self._known, last_ns = [], -1
+        last_ns -= _OPEN_NS
         since = (end.stamp_ns - last_ns) * 1e-9 + _BEFORE if self._known else 60.0
         found = latencies(entry.value for entry in end.past("status", since)).get("tracking", [])
-        self._known = [each for each in self._known if each.stamp_ns > end.stamp_ns - _MINUTE_NS]
+        self._known = [each for each in self._known if end.stamp_ns - _MINUTE_NS < each.stamp_ns <= last_ns]
         self._known += sorted(each for each in found if each.stamp_ns > last_ns)
 
 

@@ -11,9 +11,9 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from radar_app.watching.latency import Done, Latency, latencies
+from radar_app.watching.latency import Latency, latencies
 from radar_app.watching.listener import Ears
-from radar_ros.messages.convert import from_time
+from radar_app.watching.reports import StageReport, reports_from_msg
 
 _SILENT: Final = 3.0  # s: nodes say once a second how they are; who says nothing for so long hangs, or was killed
 _KEPT: Final = 3000  # reports of stages that latencies are made of: some seconds
@@ -75,7 +75,7 @@ class Health:
         self._ears = ears
         self._space = ears.node.get_namespace().strip("/")
         self._said: dict[str, _Said] = {}
-        self._reports: deque[Done] = deque(maxlen=_KEPT)
+        self._reports: deque[StageReport] = deque(maxlen=_KEPT)
         ears.hear("diagnostics", self._diagnostics)
         if latencies:
             ears.hear_each("stage_status", self._status)
@@ -139,10 +139,7 @@ class Health:
                 self._said[name] = _Said(_LEVELS.get(status.level, "error"), status.message, values, time.monotonic())
 
     def _status(self, space: str, msg: Any) -> None:
-        stamp = from_time(msg.header.stamp)
-        if not msg.stale and stamp:  # else it says that nothing comes, or only that it is ready
-            name = f"{space.strip('/')}/{msg.stage}".strip("/")
-            self._reports.append(Done(name, msg.sequence, stamp, msg.monotonic_ns))
+        self._reports.extend(report for report in reports_from_msg(msg, space.strip("/")) if not report.stale)
 
 
 def _wait(readers: list[str]) -> str:

@@ -5,48 +5,11 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
+
+from radar_app.watching.reports import StageReport
 
 _APART_NS: Final = 30_000_000  # a cloud whose stamp is farther from that of the fused one is no part of it
-
-
-class Report(Protocol):
-    """What a stage reports of one message; ``stage`` begins with the namespace of its radar where there are several: left/driver."""
-
-    @property
-    def stage(self) -> str:
-        """Its name, with its place."""
-        ...
-
-    @property
-    def sequence(self) -> int:
-        """Of the message."""
-        ...
-
-    @property
-    def stamp_ns(self) -> int:
-        """Of the result, in the graph's clock [ns]."""
-        ...
-
-    @property
-    def monotonic_ns(self) -> int:
-        """When the result was handed on, on CLOCK_MONOTONIC [ns]."""
-        ...
-
-    @property
-    def stale(self) -> bool:
-        """Whether it says only that nothing comes any more."""
-        ...
-
-
-class Done(NamedTuple):
-    """A `Report` that holds nothing else."""
-
-    stage: str
-    sequence: int
-    stamp_ns: int
-    monotonic_ns: int
-    stale: bool = False
 
 
 class Latency(NamedTuple):
@@ -56,7 +19,7 @@ class Latency(NamedTuple):
     late_ns: int  # from the publication of the frame on CLOCK_MONOTONIC
 
 
-def latencies(reports: Iterable[Report]) -> dict[str, list[Latency]]:
+def latencies(reports: Iterable[StageReport]) -> dict[str, list[Latency]]:
     """Say how long the results of every stage took, in the order of the reports.
 
     A frame and what is made of it have one sequence. Fused clouds are counted anew: what they were made of is, of every radar, the cloud
@@ -78,15 +41,15 @@ def latencies(reports: Iterable[Report]) -> dict[str, list[Latency]]:
     return dict(found)
 
 
-def _place(report: Report) -> str:
+def _place(report: StageReport) -> str:
     return report.stage.rpartition("/")[0]
 
 
-def _name(report: Report) -> str:
+def _name(report: StageReport) -> str:
     return report.stage.rpartition("/")[2]
 
 
-def _clouds(reports: Sequence[Report], sent: Mapping[tuple[str, int], int]) -> dict[str, list[tuple[int, int]]]:
+def _clouds(reports: Sequence[StageReport], sent: Mapping[tuple[str, int], int]) -> dict[str, list[tuple[int, int]]]:
     """List the stamps of every radar's clouds, with when their frames were published; of a radar that gives clouds, its own."""
     made: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
     for report in reports:

@@ -11,6 +11,8 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+import radar_ros.bag_source  # noqa: F401  (registers the source)
+from radar_app.watching.reports import StageReport, reports_from_msg
 from radar_core import CloudSource, ConfigError, DataError, Pose, Quality
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.paths import share_dir
@@ -262,14 +264,21 @@ def test_a_gesture_recorded_before_it_said_where(tmp_path):
     assert np.isnan(gesture.position).all()
 
 
-def test_a_status_recorded_before_stages_said_that_they_are_stale(tmp_path):
-    """A stage that said nothing of it was not."""
-    lines = [line for line in definition("StageStatus") if not line.startswith("bool stale")]
+LISTS = tuple(f"{kind}[] earlier_" for kind in ("int64", "uint64", "float64"))
+
+
+@pytest.mark.parametrize("lacks", [LISTS, (*LISTS, "bool stale")])
+def test_a_status_recorded_before_several_went_together(tmp_path, lacks):
+    """It is of one message; a stage that said nothing of being stale was not."""
+    lines = [line for line in definition("StageStatus") if not line.startswith(lacks)]
+    assert len(lines) == len(definition("StageStatus")) - 3 - len(lacks)
     counts = {"sequence": 3, "processed": 4, "dropped": 1, "compute_s": 0.5, "monotonic_ns": 9}
+    counts |= {} if "bool stale" in lacks else {"stale": False}
     bag = recorded_before(tmp_path / "old", "handwave/msg/StageStatus", lines, topic="/stage_status", stage="tracking", **counts)
     (item,) = bags.read(bag, ("stage_status",))
-    status = parse(item.data, "stage_status")
-    assert (status.stage, status.processed, status.stale) == ("tracking", 4, False)
+    assert [*reports_from_msg(parse(item.data, "stage_status"), "left")] == [
+        StageReport("left/tracking", 3, 4, 1, 0.5, 9, False, 7 * 10**9 + 5)
+    ]
 
 
 def before_strides(name):

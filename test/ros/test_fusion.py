@@ -75,7 +75,7 @@ def fusion(ros):
         clouds = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.sensor(reliable=True)) for name in MOUNTS}
         radars = {name: ros.node.create_publisher(RadarInfoMsg, f"{name}/radar/info", qos.LATCHED) for name in MOUNTS}
         readers = (*clouds.values(), *radars.values())
-        writers = [node._points, node._announcer._infos, node._status]
+        writers = [node._points, node._announcer._infos, node.reports.publisher]
         assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (*readers, *writers)))
         for name in infos:
             radars[name].publish(info_to_msg(info(name), 0))

@@ -83,7 +83,7 @@ class Bench:
         infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
         self.clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
         self.tracks = ros.node.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
-        writers = (self.node._gestures, self.node._status, infos, self.clouds, self.tracks)
+        writers = (self.node._gestures, self.node.reports.publisher, infos, self.clouds, self.tracks)
         assert ros.spin_until(lambda: all(writer.get_subscription_count() for writer in writers))
         infos.publish(info_to_msg(INFO, 0))
         assert ros.spin_until(lambda: any(s.header.stamp.sec == 0 for s in statuses))

@@ -85,7 +85,7 @@ def stage(ros):
     hands = ros.collect(HandTrackMsg, "hand", qos.RESULT)
     status = ros.collect(StageStatusMsg, "stage_status", qos.sensor(reliable=True))
     assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (infos, clouds, tracks, trigger)))
-    assert ros.spin_until(lambda: node._hand.get_subscription_count() and node._status.get_subscription_count())
+    assert ros.spin_until(lambda: node._hand.get_subscription_count() and node.reports.publisher.get_subscription_count())
     infos.publish(info_to_msg(LEFT, 0))
     assert ros.spin_until(lambda: node._info.info is not None)
     heard = []

@@ -66,7 +66,7 @@ class Bench:
         statuses = ros.collect(StageStatusMsg, "stage_status", qos.sensor(reliable=True))
         infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
         self.clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
-        writers = (self.node._tracks, self.node._count, self.node._diagnostics, self.node._status, infos, self.clouds)
+        writers = (self.node._tracks, self.node._count, self.node._diagnostics, self.node.reports.publisher, infos, self.clouds)
         assert ros.spin_until(lambda: all(writer.get_subscription_count() for writer in writers))
         infos.publish(info_to_msg(INFO, 0))
         assert ros.spin_until(lambda: any(s.header.stamp.sec == 0 for s in statuses))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radar_app.view.feed import Feed
-from radar_app.view.records import StageReport
+from radar_app.watching.reports import StageReport
 from radar_core import PointCloud
 from radar_tracking.tracks import Track, Tracks, TrackStatus
 
