@@ -18,6 +18,7 @@ _OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, 
 _SHARPER = 4.0
 _SAME_DIRECTION, _APART = 0.35, 0.3  # rad, m: of a reflection and its cause
 _FLOOR_STD, _FLOOR_TURN = 0.2, 0.1  # m, rad: spread of echoes by way of the floor, since bodies echo at all heights
+_RATE_ERROR, _SHARE_ERROR = 0.1, 0.2  # m/s and of a body's speed: by which range rates of reflections are off
 _NEAREST: Final = 0.3  # m: strengths fall with the distance from here on
 _jit = numba.njit(cache=True, nogil=True)
 
@@ -269,3 +270,40 @@ def _by_the_floor(distance: float, height: float, body: float) -> float:
     """Where an echo appears that takes the straight way and the one by the floor, on the floor plane [m]."""
     straight, mirrored = math.hypot(distance, height - body), math.hypot(distance, height + body)
     return math.sqrt(max((0.5 * (straight + mirrored)) ** 2 - (height - body) ** 2, 0.0))
+
+
+@_jit
+def unexplained(x: Any, y: Any, vx: Any, vy: Any, rate: Any, unsure: Any) -> Any:
+    """How much faster tracks move than as reflections of each other, shape (n_tracks, n_tracks) [m/s]: the first as the second's.
+
+    ``x``, ``y`` from the sensor [m], ``vx``, ``vy`` [m/s], measured range rates [m/s] and standard deviations of velocities [m/s], shape
+    (n_tracks,) each. A flat wall between a body and its image, upright and halfway, mirrors the body's velocity; an echo that takes the
+    wall one way only is the mean of body and image, and comes from the one's direction or the other's.
+    """
+    n = len(x)
+    result = np.zeros((n, n))
+    for i in range(n):
+        for k in range(n):
+            if i == k:
+                continue
+            far, near = math.hypot(x[i], y[i]), math.hypot(x[k], y[k])
+            if far < 1e-6 or near < 1e-6:
+                continue
+            ux, uy = x[i] / far, y[i] / far
+            speed, own = math.hypot(vx[k], vy[k]), (vx[k] * x[k] + vy[k] * y[k]) / near
+            error = abs(rate[i] - _mirrored(x[i] - x[k], y[i] - y[k], vx[k], vy[k], ux, uy))
+            whole = max(2.0 * far - near, near)  # how far the image is, if the echo's way is half of it
+            once = 0.5 * (own + _mirrored(whole * ux - x[k], whole * uy - y[k], vx[k], vy[k], ux, uy))
+            error = min(error, abs(rate[i] - once))
+            if abs((math.atan2(y[i], x[i]) - math.atan2(y[k], x[k]) + math.pi) % (2.0 * math.pi) - math.pi) < _SAME_DIRECTION:
+                error = min(error, max(abs(2.0 * rate[i] - own) - speed, 0.0))
+            result[i, k] = max(error - _RATE_ERROR - _SHARE_ERROR * speed - unsure[k], 0.0)
+    return result
+
+
+@_jit
+def _mirrored(dx: float, dy: float, vx: float, vy: float, ux: float, uy: float) -> float:
+    """Range rate along (ux, uy) of what moves as (vx, vy) does in a mirror that (dx, dy) goes through upright [m/s]."""
+    square = max(dx * dx + dy * dy, 1e-12)
+    part = 2.0 * (vx * dx + vy * dy) / square
+    return (vx - part * dx) * ux + (vy - part * dy) * uy

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array
-from radar_tracking.poisson.kernels import Shares, behind
+from radar_tracking.poisson.kernels import Shares, behind, unexplained
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
 
@@ -64,7 +64,9 @@ def note_look(
     rows["total"] += way
     rate = np.where(torso > 0.3, (np.nan_to_num(measured.speed) @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
     rows["drift"] = rows["drift"] * math.exp(-dt / MOVED_TIME) + rate * min(dt, _PACE_TIME)
-    table.ways += np.outer(way, rows["pace"] <= measured.still_speed)
+    unsure = 0.5 * np.sqrt(np.maximum(table.covariance[:, 2, 2], table.covariance[:, 3, 3]))
+    alone = unexplained(away[:, 0], away[:, 1], table.mean[:, 2], table.mean[:, 3], rate, unsure)
+    table.ways += alone * (np.where(np.abs(rate) > measured.still_speed, 1.0, 0.0) * min(dt, _PACE_TIME))[:, None]
     found = behind(*place, strength, rows["odds"] >= least_odds, table.ways, origin[2], body_height)
     rows["behind"], rows["same"], rows["floor"], rows["law"], rows["alone"] = found
 
