@@ -375,7 +375,7 @@ def run(*makers: Callable[[], Any]) -> int:
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)  # ours would be undone while Python exits: one more SIGINT then kills with status -2
-        for node in nodes if rclpy.ok() else ():
+        for node in (each for each in nodes if isinstance(each, StageMixin) and rclpy.ok()):
             node.reports.send()
         for node in nodes:
             node.close()

@@ -18,7 +18,7 @@ _OCCLUDER, _BESIDE, _BEHIND = 0.3, 0.05, 0.2  # m, rad, m: half a body's width, 
 _SHARPER = 4.0
 _SAME_DIRECTION, _APART = 0.35, 0.3  # rad, m: of a reflection and its cause
 _FLOOR_STD, _FLOOR_TURN = 0.2, 0.1  # m, rad: spread of echoes by way of the floor, since bodies echo at all heights
-_RATE_ERROR, _SHARE_ERROR = 0.1, 0.2  # m/s and of a body's speed: by which range rates of reflections are off
+_RATE_ERROR, _ACROSS_ERROR, _SHARE_ERROR = 0.1, 0.3, 0.2  # m/s and of a body's speed: by which velocities of reflections are off
 _NEAREST: Final = 0.3  # m: strengths fall with the distance from here on
 _jit = numba.njit(cache=True, nogil=True)
 
@@ -283,27 +283,38 @@ def unexplained(x: Any, y: Any, vx: Any, vy: Any, rate: Any, unsure: Any) -> Any
     n = len(x)
     result = np.zeros((n, n))
     for i in range(n):
+        far = max(math.hypot(x[i], y[i]), _NEAREST)
+        ux, uy = x[i] / far, y[i] / far
+        across = -vx[i] * uy + vy[i] * ux
         for k in range(n):
             if i == k:
                 continue
-            far, near = math.hypot(x[i], y[i]), math.hypot(x[k], y[k])
-            if far < 1e-6 or near < 1e-6:
-                continue
-            ux, uy = x[i] / far, y[i] / far
-            speed, own = math.hypot(vx[k], vy[k]), (vx[k] * x[k] + vy[k] * y[k]) / near
-            error = abs(rate[i] - _mirrored(x[i] - x[k], y[i] - y[k], vx[k], vy[k], ux, uy))
+            near = max(math.hypot(x[k], y[k]), _NEAREST)
+            speed, own, turn = math.hypot(vx[k], vy[k]), (vx[k] * x[k] + vy[k] * y[k]) / near, (vy[k] * x[k] - vx[k] * y[k]) / near**2
+            along_error = _RATE_ERROR + _SHARE_ERROR * speed + unsure[k]
+            across_error = _ACROSS_ERROR + _SHARE_ERROR * speed + unsure[k] + unsure[i]
+            least = _excess(rate[i], across, x[i] - x[k], y[i] - y[k], vx[k], vy[k], ux, uy, own, 1.0, 1.0, along_error, across_error)
             whole = max(2.0 * far - near, near)  # how far the image is, if the echo's way is half of it
-            once = 0.5 * (own + _mirrored(whole * ux - x[k], whole * uy - y[k], vx[k], vy[k], ux, uy))
-            error = min(error, abs(rate[i] - once))
+            dx, dy = whole * ux - x[k], whole * uy - y[k]
+            least = min(least, _excess(rate[i], across, dx, dy, vx[k], vy[k], ux, uy, own, 0.5, far / whole, along_error, across_error))
             if abs((math.atan2(y[i], x[i]) - math.atan2(y[k], x[k]) + math.pi) % (2.0 * math.pi) - math.pi) < _SAME_DIRECTION:
-                error = min(error, max(abs(2.0 * rate[i] - own) - speed, 0.0))
-            result[i, k] = max(error - _RATE_ERROR - _SHARE_ERROR * speed - unsure[k], 0.0)
+                along = max(abs(rate[i] - 0.5 * own) - 0.5 * speed, 0.0) - along_error
+                least = min(least, max(along, abs(across - far * turn) - across_error))
+            result[i, k] = max(least, 0.0)
     return result
 
 
 @_jit
-def _mirrored(dx: float, dy: float, vx: float, vy: float, ux: float, uy: float) -> float:
-    """Range rate along (ux, uy) of what moves as (vx, vy) does in a mirror that (dx, dy) goes through upright [m/s]."""
+def _excess(
+    rate: float, across: float, dx: float, dy: float, vx: float, vy: float, ux: float, uy: float, own: float, share: float, lever: float,
+    along_error: float, across_error: float,
+) -> float:  # fmt: skip
+    """How far velocities along and across (ux, uy) are from those of what moves as (vx, vy) does in an upright mirror that halves (dx, dy).
+
+    Of ``share`` of the way the wall is part, the rest has the body's range rate; ``lever`` shortens distances across [m/s].
+    """
     square = max(dx * dx + dy * dy, 1e-12)
     part = 2.0 * (vx * dx + vy * dy) / square
-    return (vx - part * dx) * ux + (vy - part * dy) * uy
+    wx, wy = vx - part * dx, vy - part * dy
+    along = abs(rate - share * (wx * ux + wy * uy) - (1.0 - share) * own) - along_error
+    return max(along, abs(across - lever * (wy * ux - wx * uy)) - across_error)

@@ -66,7 +66,7 @@ def note_look(
     rows["drift"] = rows["drift"] * math.exp(-dt / MOVED_TIME) + rate * min(dt, _PACE_TIME)
     unsure = 0.5 * np.sqrt(np.maximum(table.covariance[:, 2, 2], table.covariance[:, 3, 3]))
     alone = unexplained(away[:, 0], away[:, 1], table.mean[:, 2], table.mean[:, 3], rate, unsure)
-    table.ways += alone * (np.where(np.abs(rate) > measured.still_speed, 1.0, 0.0) * min(dt, _PACE_TIME))[:, None]
+    table.ways += alone * (np.where(torso > 0.3, 1.0, 0.0) * min(dt, _PACE_TIME))[:, None]
     found = behind(*place, strength, rows["odds"] >= least_odds, table.ways, origin[2], body_height)
     rows["behind"], rows["same"], rows["floor"], rows["law"], rows["alone"] = found
 
