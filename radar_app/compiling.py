@@ -1,4 +1,4 @@
-"""`handwave compile`: the loops that the usual graph needs, compiled once and kept on disk."""
+"""`handwave compile`: the loops that the usual graph needs, compiled once and kept on disk; and what nodes say of it."""
 
 from __future__ import annotations
 
@@ -45,6 +45,12 @@ def compile_loops() -> None:
     pipeline = _step(console, "the detector", lambda: Pipeline(simulator.info))
     _step(console, "tracking, gestures and hand", follow)
     console.print(f"compiled: all loops of the usual graph, in {time.monotonic() - started:.0f} s", highlight=False)
+
+
+def told(line: str) -> str:
+    """Take out of a line of a node's log what it says about compiling; empty: nothing."""
+    found = line.partition("]: ")[2]
+    return found if found.startswith(("compiling ", "compiled ")) else ""
 
 
 def _step(console: Console, what: str, work: Callable[[], T]) -> T:

@@ -15,6 +15,7 @@ import psutil
 from rich.console import Console
 from rich.live import Live
 
+from radar_app import compiling
 from radar_app.demo_report import missing_of, show_report
 from radar_app.fork_server import ForkServer
 from radar_app.graph import STAGES, VARIANTS, NodeSpec, graph
@@ -22,7 +23,6 @@ from radar_app.live import Monitor
 from radar_app.parameters import zone_parameters
 from radar_app.supervisor import LOOK, Supervisor, environment, refuse_running
 from radar_core import ConfigError
-from radar_ros import compiling
 from radar_ros.bags import free_folder
 from radar_ros.interrupts import ros
 from radar_ros.signals import interruptible

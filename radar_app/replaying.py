@@ -12,12 +12,12 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
+from radar_app import compiling
 from radar_app.graph import STAGES, graph
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import ConfigError, DataError
 from radar_core.mounting import MountCalibration, load_mount
-from radar_ros import compiling
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.interrupts import ros
 from radar_ros.offline import Recording, copy_info, open_recording

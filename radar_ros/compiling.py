@@ -82,9 +82,3 @@ def done() -> None:
     """Say what was compiled since `tell`, if anything was."""
     if _teller is not None:
         _teller.done()
-
-
-def told(line: str) -> str:
-    """Take out of a line of a node's log what it says about compiling; empty: nothing."""
-    found = line.partition("]: ")[2]
-    return found if found.startswith(("compiling ", "compiled ")) else ""

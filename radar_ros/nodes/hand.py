@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import handwave.msg
+import numpy as np
 from handwave.srv import TrackHand
 from std_msgs.msg import Bool, Float32
 
@@ -20,6 +21,7 @@ from radar_ros.params import declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackStatus
+from radar_tracking.clustering.lloyd import kmeans
 
 _AXES = ("velocity_none", "velocity_one_axis", "velocity_two_axes", "velocity_whole")  # by the number of axes told
 
@@ -30,6 +32,7 @@ class HandNode(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("hand", **kwargs)
         self._tracker = HandTracker(declare_config(self, HandConfig, changeable=True))
+        kmeans(np.eye(2), np.eye(2))  # what compiled loops need is loaded with the first: half a second, which the first hand would miss
         self._people: dict[int, TrackStatus] = {}
         self._last: HandTrack | None = None  # that was published
         self._command = (-1, False)  # stamp at which the last command takes effect [ns], and whether it was to follow a hand

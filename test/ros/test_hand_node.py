@@ -1,5 +1,8 @@
 """The hand node over real DDS: the trigger topic, what it says of the velocity, and clouds of several radars."""
 
+import pickle
+import subprocess
+import sys
 from dataclasses import fields
 from types import SimpleNamespace
 
@@ -105,6 +108,29 @@ def stage(ros):
         assert ros.spin_until(lambda: any(s.header.stamp.sec and s.sequence == k for s in status))
 
     return SimpleNamespace(node=node, send=send, tell=tell, hands=hands, cautions=cautions)
+
+
+FIRST_HAND = """
+import pickle, sys
+import rclpy
+rclpy.init()
+from radar_ros.nodes.hand import make_node
+node = make_node()
+seen = [pickle.load(sys.stdin.buffer) for _ in range(6)]
+before = set(sys.modules)
+node._tracker.start(1, seen[0].cloud.stamp_ns)
+hands = [node._tracker.process(each) for each in seen]
+print(hands[-1] is not None, [name for name in set(sys.modules) - before if not name.startswith("radar")][:5])
+"""
+
+
+def test_the_first_hand_waits_for_nothing_to_be_loaded(own_domain):
+    """What compiled loops need takes half a second to load, in which hands would be lost: the node has it before clouds come."""
+    clouds = [measured("left", 10 * k, [NEAR]) for k in range(6)]
+    seen = [TrackedCloud(cloud.to_room(LEFT.mount), tracked(cloud, ONE)) for cloud in clouds]
+    given = b"".join(map(pickle.dumps, seen))
+    done = subprocess.run([sys.executable, "-c", FIRST_HAND], input=given, stdout=subprocess.PIPE, check=True)
+    assert done.stdout.decode().strip() == "True []"
 
 
 ONE = ((1, NEAR, TrackStatus.CONFIRMED),)

@@ -7,7 +7,7 @@ import textwrap
 
 import pytest
 
-from radar_ros import compiling
+from radar_app import compiling
 from radar_ros.waiting import Patience
 
 
