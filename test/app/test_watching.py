@@ -306,6 +306,44 @@ def test_the_display_fits_a_terminal(monkeypatch):
     assert set(threading.enumerate()) == before
 
 
+def report(stage, last, *earlier):
+    """A status of 50 Hz, of these frames; each was finished 5 ms after it came."""
+    msg = StageStatus(stage=stage, sequence=last, processed=last + 1, compute_s=0.001, monotonic_ns=at(last))
+    msg.header.stamp = to_time(at(last))
+    msg.earlier_stamp_ns = msg.earlier_monotonic_ns = [at(k) for k in earlier]
+    msg.earlier_sequence, msg.earlier_processed = list(earlier), [k + 1 for k in earlier]
+    msg.earlier_dropped, msg.earlier_compute_s = [0 for _ in earlier], [0.001 for _ in earlier]
+    return msg
+
+
+def at(k):
+    return 10**9 + k * 20_000_000
+
+
+def test_what_stages_report_together_counts_as_if_it_came_alone(monkeypatch):
+    """Rate, latencies and lost frames: all of those that were reported, and none of those whose report is to come yet."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
+    with ros(), Monitor() as monitor:
+        for k in range(10, 110, 10):
+            for number in range(k - 10, k + 4):  # tracks of four come before their report
+                if number != 7 and (number >= k - 6 or k == 10):
+                    msg = tracks(1)
+                    msg.sequence = number
+                    monitor._tracks(msg)
+            monitor._status("/", report("driver", k - 1, *range(k - 10, k - 1)))
+        assert (monitor.frames, len(monitor.latencies)) == (100, 99)
+        assert monitor.figures()["dropped_fraction"] == pytest.approx(0.01)
+        driver = monitor.stages["driver"]
+        assert driver.rate(driver.heard + 0.1) == 50.0
+        assert driver.rate(driver.heard + 3.0) == 0.0
+        before = len(monitor._arrived)
+        for number in range(200, 5000):
+            msg = tracks(1)
+            msg.sequence = number
+            monitor._tracks(msg)
+        assert before < len(monitor._arrived) <= 1000  # nobody reports any more
+
+
 def drawn(monitor):
     console = Console(width=80, height=24, file=io.StringIO(), color_system=None)
     console.print(monitor.render("title"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radar_app.view.feed import Feed
+from radar_app.view.table_panels import Latencies
 from radar_app.watching.reports import StageReport
 from radar_core import PointCloud
 from radar_tracking.tracks import Track, Tracks, TrackStatus
@@ -127,20 +128,40 @@ def test_wishes_are_counted():
 
 
 def test_figures_of_stages():
-    """Rate, time and latency of the last two seconds, by the reports of the driver."""
+    """Rate, time and latency of the last two seconds, by the reports of the driver, however many come together."""
     feed = Feed()
-    for k in range(100):
+    for k in range(150):
         stamp = k * SECOND // 50
-        feed.put("status", stamp, StageReport("driver", k, k + 1, 0, 0.001, stamp, False))
-        feed.put("status", stamp, StageReport("tracking", k, k + 1, 3, 0.004, stamp + 7_000_000, False))
         feed.put("tracks", stamp, tracks(k, stamp, 1))
-    driver, tracking = feed.history().at().stages
+        if k % 10 == 4:  # some together, and of the last five nothing yet
+            for name, dropped, compute, late in (("tracking", 3, 0.004, 7_000_000), ("driver", 0, 0.001, 0)):
+                for number in range(max(k - 9, 0), k + 1):
+                    at = number * SECOND // 50
+                    feed.put("status", at, StageReport(name, number, number + 1, dropped, compute, at + late, False, at))
+    tracking, driver = feed.history().at().stages
     assert tracking.rate == pytest.approx(50.0)
     assert tracking.latency == pytest.approx(0.007)
     assert tracking.compute == pytest.approx(0.004)
     assert (tracking.dropped, driver.latency) == (3, 0.0)
-    feed.put("status", 2 * SECOND, StageReport("tracking", 99, 100, 3, 0.0, 0, True))
-    assert feed.history().at().stages[1].stale
+    feed.put("status", 3 * SECOND, StageReport("tracking", 149, 150, 3, 0.0, 0, True, 3 * SECOND))
+    assert feed.history().at().stages[0].stale
+
+
+def test_latencies_of_radars_that_report_one_after_the_other():
+    """A fused result counts from the frame that was published first, also if the report of that frame comes last."""
+    feed, known = Feed(), Latencies()
+    for k in range(100):
+        stamp = k * SECOND // 20
+        feed.put("tracks", stamp, tracks(k, stamp, 1))
+        if k % 4 == 3:
+            for name, late in (("tracking", 30), ("right/driver", 10), ("left/driver", 0)):
+                for number in range(k - 3, k + 1):
+                    at = number * SECOND // 20
+                    feed.put("status", at, StageReport(name, number, number + 1, 0, 0.001, at + late * 1_000_000, False, at))
+                known.until(feed.history().at())  # somebody looks all the time
+    found = known.until(feed.history().at())
+    assert [each.stamp_ns for each in found] == [k * SECOND // 20 for k in range(100)]
+    assert {each.late_ns for each in found} == {30_000_000}
 
 
 def test_the_feed_knows_neither_ros_nor_bokeh():
