@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from radar_core import DataError
 
-_EARLIER = {f"earlier_{name}": np.empty(0, np.uint64) for name in ("sequence", "processed", "dropped", "monotonic_ns")}
+_EARLIER: dict[str, Any] = {f"earlier_{name}": np.empty(0, np.uint64) for name in ("sequence", "processed", "dropped", "monotonic_ns")}
 _EARLIER |= {"earlier_stamp_ns": np.empty(0, np.int64), "earlier_compute_s": np.empty(0)}
 _ADDED: Mapping[str, Mapping[str, Any]] = {
     "handwave/msg/HandTrack": {"velocity_rank": 0, "velocity_condition": math.nan, "outliers": 0},
