@@ -65,8 +65,7 @@ def note_look(
     rate = np.where(torso > 0.3, (np.nan_to_num(measured.speed) @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
     rows["drift"] = rows["drift"] * math.exp(-dt / MOVED_TIME) + rate * min(dt, _PACE_TIME)
     unsure = 0.5 * np.sqrt(np.maximum(table.covariance[:, 2, 2], table.covariance[:, 3, 3]))
-    x, y, vx, vy = np.column_stack([away, table.mean[:, 2:4]]).T.copy()
-    alone = unexplained(x, y, vx, vy, rate, unsure)
+    alone = unexplained(away[:, 0], away[:, 1], table.mean[:, 2], table.mean[:, 3], rate, unsure)
     table.ways += alone * (np.where(torso > 0.3, 1.0, 0.0) * min(dt, _PACE_TIME))[:, None]
     found = behind(*place, strength, rows["odds"] >= least_odds, table.ways, origin[2], body_height)
     rows["behind"], rows["same"], rows["floor"], rows["law"], rows["alone"] = found

@@ -93,9 +93,8 @@ class Measure:
         azimuth = np.arctan2(away[:, 1], away[:, 0])
         snr = np.where(np.isfinite(points.power), 10.0 * np.log10(np.maximum(points.power, 1e-3)), _UNKNOWN_SNR)
         still = np.asarray(np.abs(points.speed) < still_speed)
-        x, y = place.T.copy()  # as rows in memory, however many points there are: for one type of machine code
         return Measured(
-            points, x, y, np.cos(azimuth), np.sin(azimuth), distance, azimuth, points.speed, still, snr, height,
+            points, place[:, 0], place[:, 1], np.cos(azimuth), np.sin(azimuth), distance, azimuth, points.speed, still, snr, height,
             along**2 + blur**2, (distance * turn) ** 2, still_speed, self.range_cell,
         )  # fmt: skip
 

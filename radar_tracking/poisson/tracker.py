@@ -47,7 +47,7 @@ class PoissonTracker:
     """
 
     def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
-        self.config = config or TrackerConfig()
+        self.config = config or TrackerConfig(tracker="poisson_bernoulli")
         self._view, self._zones = View(info), Zones(self.config.zones)
         self._decisions = Decisions(self.config.poisson, self._view, self._zones)
         self.reset()
@@ -60,10 +60,8 @@ class PoissonTracker:
         self._admission.change(config)
 
     def check(self, config: TrackerConfig) -> None:
-        """Raise `ConfigError` when a configuration differs in more than ``zones.areas`` and what is of other trackers."""
-        old = self.config
-        others = {name: getattr(old, name) for name in ("association", "filter", "life", "background")}
-        if replace(config, zones=replace(config.zones, areas=old.zones.areas), **others) != old:
+        """Raise `ConfigError` when a configuration differs in more than ``zones.areas``, without which `change` keeps the tracks."""
+        if replace(config, zones=replace(config.zones, areas=self.config.zones.areas)) != self.config:
             raise ConfigError("but for zones.areas the tracker poisson_bernoulli cannot change while people are tracked; make a new one")
 
     def reset(self) -> None:
