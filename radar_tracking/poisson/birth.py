@@ -53,7 +53,7 @@ class Birth:
         middle_height = float(weight @ np.nan_to_num(measured.points.position[:, 2], nan=config.body_height))
         if not bool(self._view.sees(at)[0]) or not self._zones.may_enter(np.array([*place, middle_height]), now):
             return
-        speed = float(weight @ np.nan_to_num(measured.speed))
+        speed = float(weight @ measured.rate)
         noise = config.torso_speed**2 + _LIMB_SPEED_STD**2 + measured.still_speed**2 / 3.0
         gain = _SPEED_STD**2 / (_SPEED_STD**2 + noise)
         axes = np.array([sight, [-sight[1], sight[0]]])

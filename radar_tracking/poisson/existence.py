@@ -79,7 +79,7 @@ def note_motion(table: Table, update: Update, measured: Measured, dt: float, now
     """Add up how far tracks have moved, and whether they stand."""
     rows, own = table.rows, update.rows
     rows["moved"] *= math.exp(-dt / MOVED_TIME)
-    speed = np.abs(np.nan_to_num(update.speed))
+    speed = np.abs(np.where(np.isfinite(update.speed), update.speed, 0.0))
     stirs = own[speed > measured.still_speed]
     way = (speed[speed > measured.still_speed] - 0.05) * np.minimum(now - rows["stirred"][stirs], config.correlation_time)
     rows["moved"][stirs] += way

@@ -35,21 +35,21 @@ def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, confi
     if not len(table) or h <= 0:
         return
     stands = table.rows["stands"]
-    F = np.tile(np.eye(N_STATES), (len(table), 1, 1))
-    F[:, 0, 2] = F[:, 1, 3] = h
-    F[:, range(4, N_STATES), range(4, N_STATES)] = np.exp(-h / np.array([_OFFSET_TIME, _OFFSET_TIME, _SWING_TIME]))
+    lasting = math.exp(-h / _OFFSET_TIME), math.exp(-h / _SWING_TIME)
+    F = np.diag([1.0, 1.0, 1.0, 1.0, lasting[0], lasting[0], lasting[1]])
+    F[0, 2] = F[1, 3] = h
     q = config.acceleration**2 * _MANOEUVRE
-    Q = np.zeros_like(F)
-    scale = np.where(unseen & stands, _CALMEST, np.where(stands, _CALM, 1.0))
-    Q[:, :4, :4] = q * np.kron(np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]]), np.eye(2)) * scale[:, None, None]
-    lasting = F[0, 4, 4], F[0, 6, 6]
+    Q = np.zeros((len(table), N_STATES, N_STATES))
+    scale = np.where(unseen & stands, _CALMEST, np.where(stands, _CALM, 1.0))[:, None]
+    Q[:, (0, 1), (0, 1)], Q[:, (2, 3), (2, 3)] = q * h**3 / 3 * scale, q * h * scale
+    Q[:, (0, 1), (2, 3)] = Q[:, (2, 3), (0, 1)] = q * h * h / 2 * scale
     Q[:, 4:6, 4:6] = (1.0 - lasting[0] ** 2) * offset_covariance(table.rows["sight"], table.rows["offset"])
     Q[:, 6, 6] = (1.0 - lasting[1] ** 2) * swing_variance(range_cell, config)
-    table.mean = np.einsum("nij,nj->ni", F, table.mean)
-    P = F @ table.covariance @ F.transpose(0, 2, 1) + Q
-    rest = np.ones((len(table), N_STATES))
-    rest[:, 2:4] = np.exp(-h / np.where(unseen & stands, _REST, np.inf))[:, None]
-    P = P * rest[:, :, None] * rest[:, None, :]
+    table.mean = table.mean @ F.T
+    P = F @ table.covariance @ F.T + Q
+    rest = np.where(unseen & stands, math.exp(-h / _REST), 1.0)[:, None, None]
+    P[:, 2:4, :] *= rest
+    P[:, :, 2:4] *= rest
     P *= np.minimum(1.0, _LARGEST / np.maximum(P[:, 0, 0], P[:, 1, 1]))[:, None, None]
     table.covariance = 0.5 * (P + P.transpose(0, 2, 1))
     table.mean[:, 2:4] *= np.exp(-h / np.where(unseen | stands, _STOP, _GO))[:, None]

@@ -23,7 +23,7 @@ _ON_THE_SPOT, _MOST_STUCK = 2.5, 3.0  # m: within `moved`'s time; what is more s
 
 _FAITHFUL: Final = 0.8  # m: range rates lead people to where they are, within this
 MOVED_TIME: Final = 6.0  # s: ways and mean places are of so long
-_PACE_TIME: Final = 0.4  # s: who has moved just now
+_LONGEST: Final = 0.4  # s: range rates say no more about what came before
 _WEAK: Final = (0.0, 6.0)  # dB: weaker than a body by less is no image, by more may be one
 _CLOSE: Final = 0.8  # m: images by way of walls are farther from their cause
 _LAW: Final = (-10.0, 20.0)  # dB: how much weaker than a body; what is beyond says no more
@@ -32,8 +32,8 @@ _ALONE: Final = (0.02, 5.0, 0.3)  # m: least and largest way alone that says any
 FEATURES: Final = ("points", "snr", "height", "tall", "fast", "behind", "same", "floor", "law", "alone", "hits", "went", "stuck", "creep")
 """Logarithm of the points of a cloud; strength [dB]; how far the middle is from a body's, and how much taller the track is than one [m];
 share of fast points; whether it lies behind a stronger track, and in that one's direction; how well it fits the echo of such a track by way
-of the floor; how much weaker it is than a body at its distance [dB]; logarithm of its least way while such a track did not move (of these,
-what speaks for an image counts as far as `_suspect` says);
+of the floor; how much weaker it is than a body at its distance [dB]; logarithm of its least way that is no reflection of such a track (of
+these, what speaks for an image counts as far as `_suspect` says);
 log odds of a cloud with points; way from where it began [m]; how much farther it should be from where it was, by its range rates, than on
 the spot people ever are [m]; how far the place to which its range rates lead is from where it is [m]."""
 CONSTANT: Final = -0.3
@@ -51,22 +51,22 @@ def note_look(
     """
     rows, share = table.rows, 1.0 - math.exp(-dt / LOOK_TIME)
     own = (shares.torso + shares.limb).T
-    known, speed = np.isfinite(measured.height), np.abs(np.nan_to_num(measured.speed))
+    known, speed = np.isfinite(measured.height), np.abs(measured.rate)
     height = np.where(known, measured.height, 0.0)
     columns = (np.ones(len(measured)), measured.snr, speed > _FAST, known, height, height**2)
     rows["look"] += share * (own @ np.column_stack(columns) - rows["look"])
     torso = shares.torso.sum(axis=0)
     now = np.where(torso > 0.3, (speed @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
-    rows["pace"] = np.maximum(rows["pace"] * math.exp(-dt / _PACE_TIME), now)
     away, strength = table.mean[:, :2] - origin[:2], _strength(table)
     place = np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])
     way = np.where(now > measured.still_speed, now * dt, 0.0)
     rows["total"] += way
-    rate = np.where(torso > 0.3, (np.nan_to_num(measured.speed) @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
-    rows["drift"] = rows["drift"] * math.exp(-dt / MOVED_TIME) + rate * min(dt, _PACE_TIME)
+    rate = np.where(torso > 0.3, (measured.rate @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
+    rows["drift"] = rows["drift"] * math.exp(-dt / MOVED_TIME) + rate * min(dt, _LONGEST)
     unsure = 0.5 * np.sqrt(np.maximum(table.covariance[:, 2, 2], table.covariance[:, 3, 3]))
-    alone = unexplained(away[:, 0], away[:, 1], table.mean[:, 2], table.mean[:, 3], rate, unsure)
-    table.ways += alone * (np.where(torso > 0.3, 1.0, 0.0) * min(dt, _PACE_TIME))[:, None]
+    x, y, vx, vy = np.column_stack([away, table.mean[:, 2:4]]).T.copy()
+    alone = unexplained(x, y, vx, vy, rate, unsure)
+    table.ways += alone * (np.where(torso > 0.3, 1.0, 0.0) * min(dt, _LONGEST))[:, None]
     found = behind(*place, strength, rows["odds"] >= least_odds, table.ways, origin[2], body_height)
     rows["behind"], rows["same"], rows["floor"], rows["law"], rows["alone"] = found
 

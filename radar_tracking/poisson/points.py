@@ -37,6 +37,8 @@ class Measured:
         From the sensor, on the floor plane of ``room`` [m, rad].
     speed : ndarray of float64, shape (n_points,)
         Range rate [m/s]; NaN: not measured.
+    rate : ndarray of float64, shape (n_points,)
+        The same, 0 where it was not measured.
     still : ndarray of bool, shape (n_points,)
         Slower than `still_speed`.
     snr : ndarray of float64, shape (n_points,)
@@ -59,6 +61,7 @@ class Measured:
     distance: Float64Array
     azimuth: Float64Array
     speed: Float64Array
+    rate: Float64Array
     still: BoolArray
     snr: Float64Array
     height: Float64Array
@@ -85,16 +88,18 @@ class Measure:
         origin = points.origins.take(points.sensor, axis=0)
         away, blur, height = self._flatten(cloud, points, origin)
         place, distance = origin[:, :2] + away, np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)
-        moving = np.abs(points.speed[np.abs(points.speed) > 1e-3])
-        self._cell = min(self._cell, float(moving.min(initial=np.inf)))
+        rate = np.where(np.isfinite(points.speed), points.speed, 0.0)
+        moving = np.abs(rate)
+        self._cell = min(self._cell, float(moving.min(initial=np.inf, where=moving > 1e-3)))
         still_speed = max(self._slowest, 0.5 * self._cell if np.isfinite(self._cell) else 0.0)
         along = _known(cloud.range_std[points.index], self._config.range_std, _MOST_STD)
         turn = _known(cloud.azimuth_std[points.index], self._config.angle_std, 0.5 * _MOST_STD)
         azimuth = np.arctan2(away[:, 1], away[:, 0])
         snr = np.where(np.isfinite(points.power), 10.0 * np.log10(np.maximum(points.power, 1e-3)), _UNKNOWN_SNR)
         still = np.asarray(np.abs(points.speed) < still_speed)
+        x, y = place.T.copy()  # as rows in memory, however many points there are: for one type of machine code
         return Measured(
-            points, place[:, 0], place[:, 1], np.cos(azimuth), np.sin(azimuth), distance, azimuth, points.speed, still, snr, height,
+            points, x, y, np.cos(azimuth), np.sin(azimuth), distance, azimuth, points.speed, rate, still, snr, height,
             along**2 + blur**2, (distance * turn) ** 2, still_speed, self.range_cell,
         )  # fmt: skip
 

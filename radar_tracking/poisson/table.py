@@ -28,12 +28,11 @@ RECORD = np.dtype(
         ("haunt", np.float64, 2),  # mean place of the time over which `moved` adds up
         ("height", np.float64),  # of the torso's points [m]
         ("look", np.float64, 6),  # means of points, of sums of their strengths [dB], fast ones, with heights, of heights, of squares
-        ("pace", np.float64),  # largest speed of the torso just now [m/s]
         ("behind", np.bool_),  # a stronger track, and in its direction
         ("same", np.bool_),
         ("floor", np.float64),  # how well it fits the echo of such a track by way of the floor, 0 to 1
         ("law", np.float64),  # how much weaker it is than a body as strong as such a track would be at its distance [dB]
-        ("alone", np.float64),  # way, by range rates, while such a track did not move; the least of all such tracks [m]
+        ("alone", np.float64),  # way that no reflection of such a track goes; the least of all such tracks [m]
         ("drift", np.float64),  # where range rates of the last seconds say that it went, along the line of sight [m]
         ("total", np.float64),  # way, by range rates [m]
         ("sight", np.float64, 2),  # unit vector from the sensor
@@ -59,7 +58,7 @@ class Table:
     covariance : ndarray of float64, shape (n_tracks, 7, 7)
         Of the same.
     ways : ndarray of float64, shape (n_tracks, n_tracks)
-        Way of the first track, by range rates, while the second did not move [m].
+        Way of the first track that no reflection of the second goes [m].
     """
 
     def __init__(self) -> None:
@@ -72,6 +71,11 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def numbers(self) -> set[int]:
+        """Ids of all tracks."""
+        return set(self.rows["id"].tolist())
 
     @property
     def existence(self) -> Float64Array:
@@ -100,7 +104,7 @@ class Table:
         """Keep some rows, in this order."""
         self.rows, self.mean, self.covariance = self.rows[rows], self.mean[rows], self.covariance[rows]
         self.ways = self.ways[np.ix_(rows, rows)]
-        alive = set(self.rows["id"].tolist())
+        alive = self.numbers
         self._apart = {pair for pair in self._apart if alive.issuperset(pair)}
         self._together = {pair: time for pair, time in self._together.items() if alive.issuperset(pair)}
 

@@ -60,8 +60,10 @@ class PoissonTracker:
         self._admission.change(config)
 
     def check(self, config: TrackerConfig) -> None:
-        """Raise `ConfigError` when a configuration differs in more than ``zones.areas``, without which `change` keeps the tracks."""
-        if replace(config, zones=replace(config.zones, areas=self.config.zones.areas)) != self.config:
+        """Raise `ConfigError` when a configuration differs in more than ``zones.areas`` and what is of other trackers."""
+        old = self.config
+        others = {name: getattr(old, name) for name in ("association", "filter", "life", "background")}
+        if replace(config, zones=replace(config.zones, areas=old.zones.areas), **others) != old:
             raise ConfigError("but for zones.areas the tracker poisson_bernoulli cannot change while people are tracked; make a new one")
 
     def reset(self) -> None:
@@ -144,18 +146,21 @@ class PoissonTracker:
 
     def _shape(self, measured: Measured, shares: Shares, dt: float) -> None:
         """Average heights and extents."""
+        seen = np.flatnonzero(shares.torso.sum(axis=0) > 1.0)
+        if not len(seen):
+            return
         rows, share = self._table.rows, 1.0 - math.exp(-dt / _SHAPE_TIME)
-        height = measured.points.position[:, 2]
-        for row in np.flatnonzero(shares.torso.sum(axis=0) > 1.0):
-            weight = np.where(np.isfinite(height), shares.torso[:, row], 0.0)
-            if weight.sum() > 0:
-                rows["height"][row] += share * (float(weight @ np.nan_to_num(height)) / float(weight.sum()) - rows["height"][row])
-            own = shares.torso[:, row] + shares.limb[:, row]
-            step = np.column_stack([measured.x, measured.y, np.nan_to_num(height, nan=rows["height"][row])])
-            step -= [*self._table.mean[row, :2], rows["height"][row]]
-            square = own @ step**2 / own.sum()
-            before = rows["spread"][row]
-            rows["spread"][row] = np.where(np.isfinite(before), before + share * (square - before), square)
+        height, torso = measured.points.position[:, 2], shares.torso[:, seen]
+        known = np.isfinite(height)
+        total, middle = known @ torso, np.where(known, height, 0.0) @ torso
+        usual = rows["height"][seen]
+        usual = usual + np.where(total > 0, share * (middle / np.maximum(total, 1e-9) - usual), 0.0)
+        rows["height"][seen] = usual
+        own, mean = torso + shares.limb[:, seen], self._table.mean[seen]
+        steps = (measured.x[:, None] - mean[:, 0], measured.y[:, None] - mean[:, 1], np.where(known[:, None], height[:, None] - usual, 0.0))
+        square = np.stack([(own * step**2).sum(axis=0) for step in steps], axis=-1) / own.sum(axis=0)[:, None]
+        before = rows["spread"][seen]
+        rows["spread"][seen] = np.where(np.isfinite(before), before + share * (square - before), square)
 
     def _people(self) -> Float64Array:
         """Places of people and how far from them no clutter is learned, shape (n, 3) [m]."""
@@ -173,7 +178,9 @@ class PoissonTracker:
         if shares is not None and len(measured):
             whole = shares.torso + shares.limb
             best = whole.argmax(axis=1)
-            sure = (whole[np.arange(len(best)), best] > _OWNED) & np.isin(owners[best], self._table.rows["id"])
+            alive = self._table.numbers
+            there = np.array([number in alive for number in owners.tolist()])
+            sure = (whole[np.arange(len(best)), best] > _OWNED) & there[best]
             point_track_id[measured.points.index[sure]] = owners[best[sure]]
         tracks = tuple(self._track(row, now, point_track_id) for row in range(len(self._table)))
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)

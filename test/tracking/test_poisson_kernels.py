@@ -274,3 +274,40 @@ def test_points_without_elevation_lie_where_they_are(seed, tilt, yaw, height):
     measured = Measure(TrackerConfig(), Admission(TrackerConfig(), mount.origin), View(info)).process(cloud)
     np.testing.assert_allclose(np.column_stack([measured.x, measured.y]), floor, atol=1e-3)
     assert np.isnan(measured.height).all()
+
+
+def echoes_of(place: np.ndarray, wall: np.ndarray, offset: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where a radar at the origin sees a body's image, and the echo that takes the wall one way only, shape (2,) each."""
+    image = place - 2.0 * (wall @ place - offset) * wall
+    whole = np.hypot(*image)
+    return image, image / whole * 0.5 * (whole + np.hypot(*place))
+
+
+@often
+@given(seed=seeds)
+def test_reflections_by_a_flat_wall_are_explained_and_others_are_not(seed):
+    """Of a body that walks by any flat wall: its image, and its echo that takes the wall one way; somebody else who walks is neither."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-math.pi, math.pi)
+    wall, offset = np.array([math.cos(angle), math.sin(angle)]), rng.uniform(4.0, 7.0)
+    place, heading = rng.uniform([1.0, -2.0], [3.0, 2.0]), rng.uniform(-math.pi, math.pi)
+    velocity = rng.uniform(0.3, 1.5) * np.array([math.cos(heading), math.sin(heading)])
+    step = 1e-5
+    before, after = (
+        np.array([place + sign * step * velocity, *echoes_of(place + sign * step * velocity, wall, offset)]) for sign in (-1, 1)
+    )
+    middle, speed = 0.5 * (before + after), (after - before) / (2.0 * step)
+    rate = (np.hypot(*after.T) - np.hypot(*before.T)) / (2.0 * step)
+    found = kernels.unexplained(*middle.T.copy(), *speed.T.copy(), rate, np.zeros(3))
+    assert found[1, 0] == found[2, 0] == 0.0
+    assert np.isfinite(found).all()
+    rest = np.zeros(2)
+    other = np.array([place, [4.0, 0.5]]), np.array([rest, [-1.5, 0.0]])  # somebody walks towards the radar while the body stands
+    found = kernels.unexplained(*other[0].T.copy(), *other[1].T.copy(), np.array([0.0, -1.5]), np.zeros(2))
+    assert found[1, 0] > 1.0
+
+
+def test_tracks_at_one_place_and_at_the_sensor_have_reflections_too():
+    """Nothing is divided by zero."""
+    x, y = np.array([0.0, 2.0, 2.0]), np.array([0.0, 1.0, 1.0])
+    assert np.isfinite(kernels.unexplained(x, y, np.ones(3), np.zeros(3), np.ones(3), np.zeros(3))).all()
