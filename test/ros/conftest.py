@@ -38,6 +38,20 @@ class Ros:
         self.node.create_subscription(msg_type, topic, received.append, profile)
         return received
 
+    def connect(self, *topics):
+        """Spin until every publisher and every reader of these topics, among the nodes here, know each other; False: they never did.
+
+        That a reader is in the graph does not yet mean that a publisher sends to it.
+        """
+        return all(self.spin_until(lambda: self._connected(topic)) for topic in topics)  # noqa: B023  (it is called at once)
+
+    def _connected(self, topic):
+        name = topic if topic.startswith("/") else f"/{topic}"
+        senders = [one for node in self.nodes for one in node.publishers if one.topic_name == name]
+        readers = [one for node in self.nodes for one in node.subscriptions if one.topic_name == name]
+        known = all(one.get_subscription_count() >= len(readers) for one in senders)
+        return bool(senders and readers) and known and all(one.get_publisher_count() >= len(senders) for one in readers)
+
     def close(self):
         for node in self.nodes:
             getattr(node, "close", lambda: None)()

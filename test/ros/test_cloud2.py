@@ -180,9 +180,11 @@ def test_a_walker_is_tracked_over_nonsense_and_a_driver_that_starts_again(ros, n
     simulator = Simulator(scene)
     baseband = Baseband(BasebandConfig(), simulator.info)
     n = node(**{"mount.z": 1.2, "frame_interval": 0.05})
-    ros.add(radar_ros.nodes.tracking.make_node())
+    tracking = ros.add(radar_ros.nodes.tracking.make_node())
     tracks = ros.collect(TrackArray, "tracks", qos.RESULT)
-    assert ros.spin_until(lambda: n.count_subscribers("radar/points") >= 2)
+    assert ros.connect("radar/points", "tracks")
+    n.send(cloud_to_cloud2(Baseband(BasebandConfig(), simulator.info).process(simulator.process(0).frame)))
+    assert ros.spin_until(lambda: tracking.frame_interval)  # radar/info is told with the first cloud: what comes before is dropped
     for k in range(simulator.n_frames):
         made = simulator.process(k)
         if k == 20:
