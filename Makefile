@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS = 1
 # Compiled modules are kept, whatever the shell says: without, each of some hundred processes of the tests compiles all of them anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: blender docs help demo test test-all coverage stability mutations setup lint docs pictures bench clean
+.PHONY: blender docs help demo test test-all coverage stability mutations setup lint docs pictures figures figures-check bench clean
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
@@ -67,6 +67,14 @@ docs: setup
 ## make pictures   every picture of docs/ that this machine can make (ARGS="--only view"; HANDWAVE_DATA names the recordings)
 pictures: setup
 	$(VENV)/bin/python docs/research/make_all.py $(ARGS)
+
+## make figures  run the studies whose stored results are missing or of other code (ARGS="living probe": only these); it goes on where it stopped
+figures: setup
+	$(VENV)/bin/python -m benchmarks.figures $(ARGS)
+
+## make figures-check  which stored results are of other code, and why, and which pages quote them (RELEASE=1: fails when there is one)
+figures-check: setup
+	$(VENV)/bin/python -m benchmarks.figures --check $(if $(RELEASE),--release) $(ARGS)
 
 ## make bench      the accuracy and the time of every choice, as tables
 bench: setup

@@ -57,6 +57,11 @@ def figures(result: dict[str, Any]) -> str:
     return found
 
 
+def section(name: str, result: dict[str, Any]) -> str:
+    """Write a benchmark's section, without its heading."""
+    return f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](../img/choices_{name}.png)\n"
+
+
 def apart(name: str, quick: bool = False) -> dict[str, Any]:
     """Run one benchmark in a process of its own, so that none warms the caches of another.
 
@@ -96,8 +101,8 @@ def main() -> None:
         name, _, file = argument.partition("=")
         result = measured(name, file)
         draw(result["choices"], docs / "img" / f"choices_{name}.png")
-        kept[name] = f"\n{figures(result)}\n\n{table(result['choices'])}\n\n![accuracy against time](../img/choices_{name}.png)\n"
-        body = "".join(f"\n## {section}\n{kept[section]}" for section in NAMES if section in kept)
+        kept[name] = section(name, result)
+        body = "".join(f"\n## {one}\n{kept[one]}" for one in NAMES if one in kept)
         path.write_text(HEAD.format(machine=machine()) + body, encoding="utf-8")  # after each: the slow ones come last
 
 

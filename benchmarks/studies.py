@@ -1,0 +1,107 @@
+"""The studies whose figures docs quote: the command of each, and why one has no stored result yet.
+
+The result of a study lies in ``docs/research/figures/NAME.json``: what its command printed. ``docs/research/figures/made/NAME.json``
+says by which code it was made. `figures` makes them, `quotes` compares pages with them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.__main__ import PARTS
+from benchmarks.report import checkout
+
+HOURS: Final = "takes hours of processor time"
+GRAPH: Final = "measures the live graph: wants a machine with two cores of its own"
+RECORDED: Final = "wants recordings, which HANDWAVE_DATA names"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is run for one stored result."""
+
+    command: str  # what follows ``python -m benchmarks``, without --json and --keep
+    absent: str = ""  # why no result is stored yet; empty: one is
+    keep: str = ""  # folder of finished parts, whose names tell the code they depend on; empty: a folder for each state of all the code
+
+
+STUDIES: Final[Mapping[str, Study]] = {
+    "boards": Study("boards"),
+    "budget": Study("budget"),
+    "calibrate_pair": Study("calibrate_pair"),
+    "doctor": Study("doctor", HOURS),
+    "dsp": Study("dsp", HOURS),
+    "effects": Study("effects"),
+    "faults": Study("faults", HOURS),
+    "fuzz": Study("fuzz", HOURS),
+    "gesture_comparison": Study("gesture_comparison"),
+    "gesture_crowds": Study("gesture_crowds"),
+    "gesture_fusion": Study("gesture_fusion", HOURS),
+    "gesture_knobs": Study("gesture_knobs"),
+    "gesture_model": Study("gesture_model"),
+    "gesture_rooms": Study("gesture_rooms", HOURS, keep="rooms"),
+    "gesture_streams": Study("gesture_streams"),
+    "gesture_tables": Study("gesture_tables"),
+    "gesture_worlds": Study("gesture_worlds"),
+    "gestures_enrolled": Study("gestures_enrolled", HOURS, keep="gestures_enrolled"),
+    "gestures_real": Study("gestures --real", keep="gestures_real"),
+    "gestures_shipped": Study("gestures_shipped", RECORDED),
+    "gestures_speed": Study("gestures_speed"),
+    "graph": Study("graph", GRAPH),
+    "hand": Study("hand", keep="hand"),
+    "hand_losses": Study("hand_losses", HOURS),
+    "hand_mars": Study("hand_mars"),
+    "hand_noise": Study("hand_noise", HOURS),
+    "hand_velocity": Study("hand_velocity"),
+    "living": Study("living"),
+    "load_steps": Study("load_steps", GRAPH),
+    "machines": Study("machines", HOURS),
+    "one_channel": Study("one_channel", HOURS),
+    "one_channel_real": Study("one_channel --real", RECORDED),
+    "people_real": Study("people_real", RECORDED),
+    "person_odds": Study("person_odds", RECORDED),
+    "probe": Study("probe"),
+    "rooms": Study("rooms", HOURS, keep="rooms"),
+    "simulator": Study("simulator", HOURS),
+    "small": Study("small", GRAPH),
+    "stage_reports": Study("stage_reports", GRAPH),
+    "tracking": Study("tracking", HOURS, keep="tracking"),
+    "view": Study("view", GRAPH),
+    "vital_sitters": Study("vital --parts sitters", HOURS),
+    "vital_sitting": Study("vital --parts sitting", HOURS),
+    "zones": Study("zones --parts rooms,latency,nights", HOURS, keep="rooms"),
+    "zones_stale": Study("zones --parts stale", GRAPH),
+}
+"""By name."""
+
+_MENTION: Final = re.compile(r"-m benchmarks ([a-z_]+)")
+
+
+def folder() -> Path:
+    """Give the folder of the stored results."""
+    return checkout("docs", "research", "figures")
+
+
+def pages() -> list[Path]:
+    """Find the pages that may quote figures: the README, and all of docs."""
+    return [checkout("README.md"), *sorted(checkout("docs").rglob("*.md"))]
+
+
+def parts(name: str) -> tuple[str, ...]:
+    """Name the studies of a benchmark's section in docs/research/benchmarks.md: itself, or those that it contains."""
+    return (name,) if name in STUDIES else tuple(part for part in PARTS.get(name, ()) if part in STUDIES)
+
+
+def of_command(benchmark: str) -> tuple[str, ...]:
+    """Name the studies that a page means by ``python -m benchmarks BENCHMARK``; none: the table lacks one."""
+    means = {benchmark, *PARTS.get(benchmark, ())}
+    return tuple(name for name, study in STUDIES.items() if study.command.split()[0] in means)
+
+
+def mentioned(text: str) -> Iterator[str]:
+    """Yield the benchmarks whose command a page gives."""
+    yield from dict.fromkeys(_MENTION.findall(text))
