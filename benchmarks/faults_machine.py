@@ -20,6 +20,7 @@ import psutil
 
 from benchmarks.faults_graph import DOMAIN
 from benchmarks.faults_rows import Fault, Seen
+from benchmarks.moved_clock import MovedClock
 from radar_app.supervisor import environment
 from radar_core import HandwaveError
 from radar_ros import qos
@@ -30,26 +31,6 @@ _UP: Final = (sys.executable, "-m", "radar_app", "up", "--respawn")
 _SCENE: Final = ("--scene", "single_target", "--param", "driver.at_end=loop")
 _UP_DOMAIN: Final = ("--domain", str(_DOMAIN))
 _START, _LONGEST = 90.0, 40.0  # s
-_MOVED: Final = """
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <fcntl.h>
-#include <stdlib.h>
-#include <sys/mman.h>
-#include <time.h>
-static int (*real)(clockid_t, struct timespec *);
-static volatile long *shift;
-int clock_gettime(clockid_t id, struct timespec *now) {
-  if (!real) {
-    real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
-    int file = open(getenv("HANDWAVE_CLOCK"), O_RDONLY);
-    shift = file < 0 ? 0 : (volatile long *)mmap(0, sizeof(long), PROT_READ, MAP_SHARED, file, 0);
-  }
-  int result = real(id, now);
-  if (id == CLOCK_REALTIME && shift && shift != MAP_FAILED) now->tv_sec += *shift;
-  return result;
-}
-"""
 
 
 class Up:
@@ -192,21 +173,13 @@ def _read_only() -> Seen:
 
 
 def _clock(seconds: int) -> Callable[[], Seen]:
-    """Let the clock jump, for the nodes alone: a library in front of libc, as libfaketime is."""
+    """Let the clock jump, for the nodes alone."""
 
     def inject() -> Seen:
         with tempfile.TemporaryDirectory() as folder:
-            source, library, shift = (Path(folder) / name for name in ("moved.c", "moved.so", "shift"))
-            source.write_text(_MOVED, encoding="utf-8")
-            subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"], check=True)
-            shift.write_bytes((7200).to_bytes(8, sys.byteorder, signed=True))
-
-            def jump(_: Up) -> None:
-                with shift.open("r+b") as file:
-                    file.write((7200 + seconds).to_bytes(8, sys.byteorder, signed=True))
-
-            with up(variables={"LD_PRELOAD": str(library), "HANDWAVE_CLOCK": str(shift)}) as one:
-                return one.after(jump)
+            clock = MovedClock(Path(folder), 7200.0)
+            with up(variables=clock.variables) as one:
+                return one.after(lambda _: clock.step(seconds))
 
     return inject
 

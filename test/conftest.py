@@ -24,7 +24,7 @@ settings.register_profile("many", max_examples=1000, deadline=None)
 settings.load_profile("usual")
 
 _FILES = ("clouds_graph", "graph", "launch", "machine", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
-_QUICK_GRAPHS = ("[budget]", "[faults]", "[graph]", "[load_steps]", "[small]", "[soak]", "[view]")
+_QUICK_GRAPHS = ("[budget]", "[faults]", "[graph]", "[load_steps]", "[ptp]", "[small]", "[soak]", "[view]")
 _GRAPHS = ("app/", "e2e/", "logger/test_logger_page", "tradeoff/", "view/", *(f"ros/test_{name}.py" for name in _FILES))
 
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living", "load_steps",
-    "machines", "newcomer", "one_channel", "person_odds", "probe", "soak", "vital",
+    "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
 }  # fmt: skip
 
 # A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -57,6 +57,14 @@ def probe(found):
     """Faults are named, healthy frames are not accused: the limits of the issue, on the scenes that the checks were made with."""
     assert found["right"] == sum(bool(row["is"]) for row in found["cubes"]) == 6
     assert found["false_alarms"] == 0
+
+
+def ptp(found):
+    """Clocks a frame apart are told of, clocks that agree are not; offsets over a virtual cable are small, where there is linuxptp."""
+    assert found["warned_when_apart"] == found["diagnostics_when_apart"] > 0
+    assert found["warned_when_together"] == 0
+    assert found["fusion_offset_error_ms"] < found["limit_ms"]
+    assert not found["available"] or found["ptp_offset_us_median"] < 1000
 
 
 def doctor(found):
@@ -210,6 +218,7 @@ def test_quick_run(name, tmp_path):
         "one_channel": one_channel,
         "person_odds": person_odds,
         "probe": probe,
+        "ptp": ptp,
         "small": small,
         "soak": soak,
         "zones": zones,
