@@ -26,7 +26,7 @@ import time
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from benchmarks.__main__ import runner
 from benchmarks.document import NAMES
@@ -34,8 +34,9 @@ from benchmarks.house import imports, modules
 from benchmarks.quotes import quotes, wrong
 from benchmarks.report import checkout
 from benchmarks.stores import code_of, digest
-from benchmarks.studies import STUDIES, Study, folder, mentioned, of_command, pages, parts
+from benchmarks.studies import STUDIES, TRADEOFF, Study, folder, mentioned, of_command, pages, parts
 from benchmarks.tradeoff.document import machine
+from benchmarks.tradeoff.stages import STAGES
 
 _DATA: Final = ("baseband", "bodies", "gestures", "levels", "models", "scenes", "strokes", "tracking")  # of config/: what studies read
 _NAMED: Final = 3  # as many modules a line names; of the others it says how many they are
@@ -87,7 +88,7 @@ def fingerprint(path: Path) -> str:
 def code(study: Study) -> dict[str, str]:
     """Fingerprints of all that a study's result depends on, by paths in the checkout: modules, and configurations that these name."""
     root = checkout()
-    own = [_files()[name] for name in closure(f"benchmarks.{study.command.split()[0]}")]
+    own = [_files()[name] for name in closure(study.module)]
     said = frozenset[str]().union(*map(_texts, own))
     read = [path for part in _DATA for path in (root / "config" / part).glob("*.*") if {path.stem, path.name} & said]
     return {str(path.relative_to(root)): fingerprint(path) for path in sorted({*own, *read})}
@@ -101,7 +102,7 @@ def outdated(name: str, results: Path, now: Mapping[str, str] | None = None) -> 
     if not record.exists():
         return "nobody knows by which code it was made"
     made = json.loads(record.read_text(encoding="utf-8"))
-    if made["command"] != shown(STUDIES[name]):
+    if made["command"] != STUDIES[name].shown:
         return f"its command was {made['command']}"
     now = code(STUDIES[name]) if now is None else now
     other = sorted(path for path in made["code"].keys() | now.keys() if made["code"].get(path) != now.get(path))
@@ -109,19 +110,20 @@ def outdated(name: str, results: Path, now: Mapping[str, str] | None = None) -> 
     return f"{', '.join(other[:_NAMED])}{more} changed since {made['date']}" if other else ""
 
 
-def shown(study: Study) -> str:
-    """Give the command of a study as a person types it."""
-    return f"python -m benchmarks {study.command} --json"
-
-
-def _keep(name: str, now: Mapping[str, str]) -> list[str]:
-    """Tell a study that can go on where to keep its finished parts: they never serve for other code."""
-    study = STUDIES[name]
-    if "keep" not in inspect.signature(runner(study.command.split()[0])).parameters:
-        return []
-    place = checkout() / "build" / "figures" / (study.keep or f"{name}_{digest(now)}")
+def _keep(name: str, now: Mapping[str, str]) -> Path:
+    """Make the folder for finished parts of a study: they never serve for other code."""
+    place = checkout() / "build" / "figures" / (STUDIES[name].keep or f"{name}_{digest(now)}")
     place.mkdir(parents=True, exist_ok=True)
-    return ["--keep", str(place)]
+    return place
+
+
+def _command(study: Study, keep: Path) -> list[str]:
+    """Give the words of a study's command; where it can go on, it keeps what is finished."""
+    if study.command == TRADEOFF:
+        return ["-m", "radar_app", "lab", "tradeoff", "-o", str(keep)]
+    words = shlex.split(study.command)
+    kept = ["--keep", str(keep)] if "keep" in inspect.signature(runner(words[0])).parameters else []
+    return ["-m", "benchmarks", *words, "--json", *kept]
 
 
 def _write(path: Path, content: object, indent: int | None = None) -> None:
@@ -134,15 +136,19 @@ def _write(path: Path, content: object, indent: int | None = None) -> None:
 def make(name: str, results: Path, extra: Sequence[str] = ()) -> str:
     """Run a study and store its result with the code it was made by; returns why there is none, empty: it is stored."""
     study, now = STUDIES[name], code(STUDIES[name])
-    command = [sys.executable, "-m", "benchmarks", *shlex.split(study.command), "--json", *extra, *_keep(name, now)]
+    keep = _keep(name, now)
     before = os.times()
+    command = [sys.executable, *_command(study, keep), *extra]
     done = subprocess.run(command, check=False, stdout=subprocess.PIPE, text=True, cwd=checkout())  # it shows its progress itself
     after = os.times()
     if done.returncode:
         return "left out" if done.returncode == os.EX_UNAVAILABLE else f"failed with status {done.returncode}"
-    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    if study.command == TRADEOFF:
+        result = {stage: json.loads((keep / f"{stage}.json").read_text(encoding="utf-8")) for stage in STAGES}
+    else:
+        result = json.loads(done.stdout.splitlines()[-1])
     used = after.children_user + after.children_system - before.children_user - before.children_system
-    told = {"command": shown(study), "date": f"{datetime.now(UTC):%Y-%m-%d}", "on": machine(), "cpu_seconds": round(used, 1), "code": now}
+    told = {"command": study.shown, "date": f"{datetime.now(UTC):%Y-%m-%d}", "on": machine(), "cpu_seconds": round(used, 1), "code": now}
     (results / "made" / f"{name}.json").unlink(missing_ok=True)  # stopped between the two: unknown code, not wrong code
     _write(results / f"{name}.json", result)
     _write(results / "made" / f"{name}.json", told, indent=0)
@@ -168,7 +174,7 @@ def make_all(names: Sequence[str], results: Path) -> bool:
     todo = [name for name in names if outdated(name, results)]
     print(f"{len(names) - len(todo)} of {len(names)} are of this code", flush=True)
     for number, name in enumerate(todo, 1):
-        print(f"[{number}/{len(todo)}] {name}: {shown(STUDIES[name])}", flush=True)
+        print(f"[{number}/{len(todo)}] {name}: {STUDIES[name].shown}", flush=True)
         start = time.monotonic()
         why = make(name, results)
         failed |= why.startswith("failed") or (not why and not rewrite([name], results))

@@ -15,70 +15,83 @@ from typing import Final
 from benchmarks.__main__ import PARTS
 from benchmarks.report import checkout
 
-HOURS: Final = "takes hours of processor time"
-GRAPH: Final = "measures the live graph: wants a machine with two cores of its own"
-RECORDED: Final = "wants recordings, which HANDWAVE_DATA names"
+TRADEOFF: Final = "handwave lab tradeoff"  # its result is a folder; stored is one file with what STAGE.json holds for each stage
+LONG: Final = "not run since results are stored: takes minutes to hours of processor time"
+GRAPH: Final = "not run since results are stored: measures the live graph, for which no other work may run beside it"
+RECORDED: Final = "not run since results are stored: wants recordings, which HANDWAVE_DATA names"
 
 
 @dataclass(frozen=True)
 class Study:
     """What is run for one stored result."""
 
-    command: str  # what follows ``python -m benchmarks``, without --json and --keep
+    command: str  # what follows ``python -m benchmarks``, without --json and --keep; or `TRADEOFF`
     absent: str = ""  # why no result is stored yet; empty: one is
     keep: str = ""  # folder of finished parts, whose names tell the code they depend on; empty: a folder for each state of all the code
+
+    @property
+    def module(self) -> str:
+        """What the command runs: all that it imports decides about the result."""
+        return "benchmarks.tradeoff.run" if self.command == TRADEOFF else f"benchmarks.{self.command.split()[0]}"
+
+    @property
+    def shown(self) -> str:
+        """The command as a person types it."""
+        return f"{TRADEOFF} -o FOLDER" if self.command == TRADEOFF else f"python -m benchmarks {self.command} --json"
 
 
 STUDIES: Final[Mapping[str, Study]] = {
     "boards": Study("boards"),
     "budget": Study("budget"),
     "calibrate_pair": Study("calibrate_pair"),
-    "doctor": Study("doctor", HOURS),
-    "dsp": Study("dsp", HOURS),
+    "doctor": Study("doctor", LONG),
+    "dsp": Study("dsp", LONG),
     "effects": Study("effects"),
-    "faults": Study("faults", HOURS),
-    "fuzz": Study("fuzz", HOURS),
+    "faults": Study("faults", LONG),
+    "fuzz": Study("fuzz", LONG),
     "gesture_comparison": Study("gesture_comparison"),
     "gesture_crowds": Study("gesture_crowds"),
-    "gesture_fusion": Study("gesture_fusion", HOURS),
+    "gesture_fusion": Study("gesture_fusion", LONG),
     "gesture_knobs": Study("gesture_knobs"),
     "gesture_model": Study("gesture_model"),
-    "gesture_rooms": Study("gesture_rooms", HOURS, keep="rooms"),
+    "gesture_rooms": Study("gesture_rooms", LONG, keep="rooms"),
     "gesture_streams": Study("gesture_streams"),
     "gesture_tables": Study("gesture_tables"),
     "gesture_worlds": Study("gesture_worlds"),
-    "gestures_enrolled": Study("gestures_enrolled", HOURS, keep="gestures_enrolled"),
+    "gestures_enrolled": Study("gestures_enrolled", LONG, keep="gestures_enrolled"),
     "gestures_real": Study("gestures --real", keep="gestures_real"),
     "gestures_shipped": Study("gestures_shipped", RECORDED),
     "gestures_speed": Study("gestures_speed"),
     "graph": Study("graph", GRAPH),
     "hand": Study("hand", keep="hand"),
-    "hand_losses": Study("hand_losses", HOURS),
+    "hand_losses": Study("hand_losses", LONG),
     "hand_mars": Study("hand_mars"),
-    "hand_noise": Study("hand_noise", HOURS),
+    "hand_noise": Study("hand_noise", LONG),
     "hand_velocity": Study("hand_velocity"),
     "living": Study("living"),
     "load_steps": Study("load_steps", GRAPH),
-    "machines": Study("machines", HOURS),
-    "one_channel": Study("one_channel", HOURS),
+    "machines": Study("machines", LONG),
+    "one_channel": Study("one_channel", LONG),
     "one_channel_real": Study("one_channel --real", RECORDED),
     "people_real": Study("people_real", RECORDED),
     "person_odds": Study("person_odds", RECORDED),
     "probe": Study("probe"),
-    "rooms": Study("rooms", HOURS, keep="rooms"),
-    "simulator": Study("simulator", HOURS),
+    "rooms": Study("rooms", LONG, keep="rooms"),
+    "simulator": Study("simulator", LONG),
     "small": Study("small", GRAPH),
     "stage_reports": Study("stage_reports", GRAPH),
-    "tracking": Study("tracking", HOURS, keep="tracking"),
+    "tracking": Study("tracking", LONG, keep="tracking"),
+    "tradeoff": Study(TRADEOFF, f"{LONG}; config/tradeoff holds values that were rounded for the page", keep="tradeoff"),
     "view": Study("view", GRAPH),
-    "vital_sitters": Study("vital --parts sitters", HOURS),
-    "vital_sitting": Study("vital --parts sitting", HOURS),
-    "zones": Study("zones --parts rooms,latency,nights", HOURS, keep="rooms"),
+    "vital_sitters": Study("vital --parts sitters", LONG),
+    "vital_sitting": Study("vital --parts sitting", LONG),
+    "zones": Study("zones --parts rooms,nights", LONG, keep="rooms"),
+    "zones_latency": Study("zones --parts latency", LONG, keep="rooms"),
     "zones_stale": Study("zones --parts stale", GRAPH),
 }
 """By name."""
 
-_MENTION: Final = re.compile(r"-m benchmarks ([a-z_]+)")
+_MENTION: Final = re.compile(r"-m benchmarks ([a-z_]+)|handwave (?:lab )?(tradeoff) (?:-o report|--stage)")
 
 
 def folder() -> Path:
@@ -99,9 +112,9 @@ def parts(name: str) -> tuple[str, ...]:
 def of_command(benchmark: str) -> tuple[str, ...]:
     """Name the studies that a page means by ``python -m benchmarks BENCHMARK``; none: the table lacks one."""
     means = {benchmark, *PARTS.get(benchmark, ())}
-    return tuple(name for name, study in STUDIES.items() if study.command.split()[0] in means)
+    return tuple(name for name, study in STUDIES.items() if study.module.removesuffix(".run").split(".")[-1] in means)
 
 
 def mentioned(text: str) -> Iterator[str]:
     """Yield the benchmarks whose command a page gives."""
-    yield from dict.fromkeys(_MENTION.findall(text))
+    yield from dict.fromkeys(one or other for one, other in _MENTION.findall(text))
