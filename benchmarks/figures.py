@@ -94,8 +94,8 @@ def code(study: Study) -> dict[str, str]:
     return {str(path.relative_to(root)): fingerprint(path) for path in sorted({*own, *read})}
 
 
-def outdated(name: str, results: Path, now: Mapping[str, str] | None = None) -> str:
-    """Say why a study has to be run; empty: its stored result is of this code. ``now``: its `code`, None: it is worked out."""
+def outdated(name: str, results: Path) -> str:
+    """Say why a study has to be run; empty: its stored result is of this code."""
     if not (results / f"{name}.json").exists():
         return f"not stored: {STUDIES[name].absent or 'the file is missing'}"
     record = results / "made" / f"{name}.json"
@@ -104,7 +104,7 @@ def outdated(name: str, results: Path, now: Mapping[str, str] | None = None) -> 
     made = json.loads(record.read_text(encoding="utf-8"))
     if made["command"] != STUDIES[name].shown:
         return f"its command was {made['command']}"
-    now = code(STUDIES[name]) if now is None else now
+    now = code(STUDIES[name])
     other = sorted(path for path in made["code"].keys() | now.keys() if made["code"].get(path) != now.get(path))
     more = f" and {len(other) - _NAMED} more" if len(other) > _NAMED else ""
     return f"{', '.join(other[:_NAMED])}{more} changed since {made['date']}" if other else ""
@@ -178,7 +178,8 @@ def make_all(names: Sequence[str], results: Path) -> bool:
         start = time.monotonic()
         why = make(name, results)
         failed |= why.startswith("failed") or (not why and not rewrite([name], results))
-        print(f"[{number}/{len(todo)}] {name}: {why or 'stored'} ({time.monotonic() - start:.0f} s)", flush=True)
+        hint = "; take the reason why it is not stored out of benchmarks/studies.py" if STUDIES[name].absent and not why else ""
+        print(f"[{number}/{len(todo)}] {name}: {why or 'stored'}{hint} ({time.monotonic() - start:.0f} s)", flush=True)
     return not failed
 
 
