@@ -26,6 +26,7 @@ import numpy as np
 from benchmarks import faults_boards, faults_machine
 from benchmarks.boards_udp import emulated
 from benchmarks.faults_rows import MOST, Fault, Seen
+from benchmarks.interfaces import ip
 from radar_core import HandwaveError
 
 COMPUTER, CARD = "192.0.2.1", "192.0.2.2"  # addresses for documentation: nobody has them
@@ -88,13 +89,6 @@ class Cable:
                 ip("link", "set", "near", "netns", self._places[0])
         ip("address", "add", f"{COMPUTER}/24", "dev", "near")
         self.up()
-
-
-def ip(*words: str) -> None:
-    """Call ip(8); a `HandwaveError` says what it refuses."""
-    done = subprocess.run(["ip", *words], capture_output=True, text=True)
-    if done.returncode:
-        raise HandwaveError(f"ip {' '.join(words)}: {done.stderr.strip()}")
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from benchmarks.faults_network import ip
+from benchmarks.interfaces import ip
 from benchmarks.report import AbsentError
 from radar_core import HandwaveError
 
