@@ -111,10 +111,8 @@ def outdated(name: str, results: Path) -> str:
 
 
 def _keep(name: str, now: Mapping[str, str]) -> Path:
-    """Make the folder for finished parts of a study: they never serve for other code."""
-    place = checkout() / "build" / "figures" / (STUDIES[name].keep or f"{name}_{digest(now)}")
-    place.mkdir(parents=True, exist_ok=True)
-    return place
+    """Give the folder for finished parts of a study: either their names or the folder's tell by which code they were made."""
+    return checkout() / "build" / "figures" / (STUDIES[name].keep or f"{name}_{digest(now)}")
 
 
 def _command(study: Study, keep: Path) -> list[str]:
@@ -122,8 +120,10 @@ def _command(study: Study, keep: Path) -> list[str]:
     if study.command == TRADEOFF:
         return ["-m", "radar_app", "lab", "tradeoff", "-o", str(keep)]
     words = shlex.split(study.command)
-    kept = ["--keep", str(keep)] if "keep" in inspect.signature(runner(words[0])).parameters else []
-    return ["-m", "benchmarks", *words, "--json", *kept]
+    if "keep" not in inspect.signature(runner(words[0])).parameters:
+        return ["-m", "benchmarks", *words, "--json"]
+    keep.mkdir(parents=True, exist_ok=True)
+    return ["-m", "benchmarks", *words, "--json", "--keep", str(keep)]
 
 
 def _write(path: Path, content: object, indent: int | None = None) -> None:
