@@ -1,7 +1,7 @@
 """The studies whose figures docs quote: the command of each, and why one has no stored result yet.
 
-The result of a study lies in ``docs/research/figures/NAME.json``: what its command printed. ``docs/research/figures/made/NAME.json``
-says by which code it was made. `figures` makes them, `quotes` compares pages with them.
+The result of a study is NAME.json in docs/research/figures: what its command printed. The NAME.json in the folder ``made`` there says by
+which code it was made. `figures` makes them, `quotes` compares pages with them.
 """
 
 from __future__ import annotations
