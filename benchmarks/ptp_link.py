@@ -25,10 +25,9 @@ SETTINGS: Final = {
     "logAnnounceInterval": "-1",
     "logSyncInterval": "-3",
     "logMinDelayReqInterval": "-3",
-    "freq_est_interval": "0",
-    "summary_interval": "-3",
 }
-"""What both ends are told beside `uds_address`: the section [global] of the how-to."""
+"""What both ends are told: the section [global] of docs/research/ptp.md."""
+_LOG: Final = {"freq_est_interval": "0", "summary_interval": "-3"}  # how often they tell: once a second, or with every message
 _TOLD: Final = re.compile(r"ptp4l\[(?P<at>[\d.]+)\]: .*master offset +(?P<offset>-?\d+) s(?P<state>\d) .*path delay +(?P<delay>-?\d+)")
 _SIDES: Final = {"near": "192.0.2.1/24", "far": "192.0.2.2/24"}  # addresses for documentation: nobody has them
 _END: Final = 5.0  # s
@@ -110,7 +109,7 @@ class Link:
     def start(self, side: str, *, steers: bool = False, variables: Mapping[str, str] | None = None) -> Ptp4l:
         """Start `ptp4l` at an end; one that does not steer its clock only tells the offset."""
         name = f"{side}{len(self._running)}"
-        settings = SETTINGS | {"uds_address": str(self.folder / name), "free_running": str(int(not steers))}
+        settings = SETTINGS | _LOG | {"uds_address": str(self.folder / name), "free_running": str(int(not steers))}
         file = self.folder / f"{name}.conf"
         file.write_text("[global]\n" + "".join(f"{key} {value}\n" for key, value in settings.items()), encoding="utf-8")
         words = ["ip", "netns", "exec", self._places[side], "ptp4l", "-f", str(file), "-i", side, "-m", *(["-s"] if side == "far" else [])]

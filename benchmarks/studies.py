@@ -76,6 +76,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "people_real": Study("people_real", RECORDED),
     "person_odds": Study("person_odds", RECORDED, keep="rooms"),
     "probe": Study("probe"),
+    "ptp": Study("ptp"),
     "rooms": Study("rooms", LONG, keep="rooms"),
     "simulator": Study("simulator", LONG),
     "small": Study("small", GRAPH),

@@ -1,10 +1,13 @@
 """Clocks of two computers: the moved clock itself, the fusion node between two clocks, and linuxptp where it is installed."""
 
+import configparser
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +15,12 @@ from ros_domains import next_domain
 
 from benchmarks.moved_clock import MovedClock
 from benchmarks.ptp import QUICK, fused, steered
-from benchmarks.ptp_link import Link, heard
+from benchmarks.ptp_link import SETTINGS, Link, heard
 from benchmarks.report import AbsentError
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler (cc)")
 FRAMES = 20e-3  # s
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "research" / "ptp.md"
 
 
 @pytest.fixture
@@ -93,6 +97,14 @@ print(time.monotonic() - began)
         (tmp_path / str(ahead)).mkdir()
         (waited,) = under(MovedClock(tmp_path / str(ahead), ahead), code)
         assert 0.19 < float(waited) < 60.0
+
+
+def test_the_page_shows_the_settings_that_were_run():
+    block = re.search(r"```ini\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)[1]
+    told = configparser.ConfigParser(delimiters=(" ",))
+    told.optionxform = str
+    told.read_string(block)
+    assert dict(told["global"]) == SETTINGS
 
 
 @pytest.mark.long
