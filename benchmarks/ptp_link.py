@@ -85,9 +85,9 @@ class Link:
         for program in ("ptp4l", "ip"):
             if shutil.which(program) is None:
                 raise AbsentError(f"{program} is not installed: apt-get install linuxptp iproute2")
-        self._places = {side: f"handwave_{os.getpid()}_{side}" for side in _SIDES}
         self._running: list[Ptp4l] = []
         self.folder = Path(tempfile.mkdtemp(prefix="handwave_ptp_"))
+        self._places = {side: f"{self.folder.name}_{side}" for side in _SIDES}  # names that nobody else has
 
     def __enter__(self) -> Link:
         try:

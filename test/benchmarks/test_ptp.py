@@ -123,7 +123,7 @@ def test_the_fusion_node_tells_how_far_clocks_are_apart(shift):
         assert found["of_one_radar"] == found["fused"]  # the left one, whose stamps are behind, is not waited for
         assert "left is not waited for: its stamps are behind those of the others; synchronise the clocks" in found["message"]
     else:
-        assert f"the clock of right is {abs(found['told_ms']):.0f}"[:25] in found["message"]
+        assert re.search(r"the clock of right is \d+\.\d ms behind that of left: clouds of different moments", found["message"])
         assert found["of_different_frames"] > 0
         assert found["frames_apart"] == 1
 
@@ -142,9 +142,12 @@ def test_ptp4l_over_a_virtual_cable(link, tmp_path):
 
 
 @pytest.mark.long
-def test_ptp4l_sets_the_clock_of_the_second_radar_right(link):
+def test_ptp4l_sets_the_clock_of_the_second_radar_right():
     """Before it acts, it and the fusion node tell the same offset; afterwards the clock is right and the node is content."""
-    found = steered(QUICK, 3, domain=int(next_domain()))
+    try:
+        found = steered(QUICK, 3, domain=int(next_domain()))
+    except AbsentError as error:
+        pytest.skip(str(error))
     assert found["before_truth_ms_median"] > 20.0
     assert found["before_warned"] > 0
     assert found["before_ptp_error_us_p95"] < 1e3
