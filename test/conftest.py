@@ -25,7 +25,8 @@ settings.load_profile("usual")
 
 _FILES = ("clouds_graph", "graph", "launch", "machine", "recovery", "several_rooms", "supervisor", "two_radars", "watchdog")
 _QUICK_GRAPHS = ("[budget]", "[faults]", "[graph]", "[load_steps]", "[ptp]", "[small]", "[soak]", "[view]")
-_GRAPHS = ("app/", "benchmarks/test_ptp.py", "e2e/", "logger/test_logger_page", "tradeoff/", "view/", *(f"ros/test_{name}.py" for name in _FILES))
+_PLACES = ("app/", "benchmarks/test_ptp.py", "e2e/", "logger/test_logger_page", "tradeoff/", "view/")
+_GRAPHS = (*_PLACES, *(f"ros/test_{name}.py" for name in _FILES))
 
 
 @pytest.hookimpl(optionalhook=True)
