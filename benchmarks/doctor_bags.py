@@ -341,26 +341,27 @@ def _on_the_spot(rng: np.random.Generator) -> Room:
 
 
 _STRICT: Final[list[dict[str, Any]]] = [
-    {"tracking.life.birth_points": 40},
+    {"tracking.min_speed": 3.0},
     {"tracking.max_distance": 0.9},
-    {"tracking.life.confirm_speed": 4.0},
+    {"tracking.poisson.clutter_density": 80.0},
     {"tracking.zones.boundaries": [-6.0, -0.5, -3.0, 3.0]},
-    {"tracking.life.confirm_points": 60.0},
+    {"tracking.tracker": "group_clustering", "tracking.life.confirm_points": 60.0},
 ]
+_THESIS: Final[dict[str, Any]] = {"tracking.tracker": "group_clustering"}
 _GREEDY: Final[list[dict[str, Any]]] = [
-    {"tracking.life.pair_distance": 0.0, "tracking.life.birth_distance": 2.5, "tracking.life.birth_together": 2.5}
-    | {"tracking.life.birth_behind": 2.5, "tracking.life.birth_before": 2.5, "tracking.association.gate": 2.0},
-    {"tracking.life.pair_distance": 0.0, "tracking.life.birth_distance": 2.5, "tracking.life.birth_together": 2.5}
+    {"tracking.poisson.body_width": 1.5},
+    _THESIS
+    | {"tracking.life.pair_distance": 0.0, "tracking.life.birth_distance": 2.5, "tracking.life.birth_together": 2.5}
     | {"tracking.life.birth_behind": 2.5, "tracking.life.birth_before": 2.5},
 ]
 _HASTY: Final[list[dict[str, Any]]] = [
-    {"tracking.min_speed": 0.3, "tracking.life.delete_static_after": 1.0},
-    {"baseband.spectrum.static": "remove", "tracking.life.delete_after": 0.4, "tracking.life.delete_static_after": 0.5},
-    {"tracking.min_speed": 0.35, "tracking.life.delete_static_after": 1.6},
+    {"tracking.min_speed": 0.3, "tracking.poisson.stay_time": 0.05},
+    {"baseband.spectrum.static": "remove", "tracking.poisson.leave_time": 0.3, "tracking.poisson.stay_time": 0.05},
+    _THESIS | {"tracking.min_speed": 0.35, "tracking.life.delete_static_after": 1.6},
 ]
 FAULTS: Final = (
     Case("nobody found", _user(_one, _STRICT)),
-    Case("ghosts", _user(_fan, [{}])),
+    Case("ghosts", _user(_fan, [_THESIS])),
     Case("merged people", _user(_side_by_side, _GREEDY)),
     Case("lost when still", _user(_stops, _HASTY)),
     Case("wrong angle sign", _mirrored, {"walked": "left"}),

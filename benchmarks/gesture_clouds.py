@@ -24,7 +24,7 @@ from radar_gestures.stage import GestureConfig, TrackEvent
 from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.matching import Matching, Visibility
 from radar_sim import Scene, Simulator, Truth
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
 
 PIECE: Final = 60.0  # scene time in one file [s]
 _POINT: Final = ("x", "y", "z", "range", "azimuth", "elevation", "radial_speed", "snr", "azimuth_std", "elevation_std")
@@ -133,7 +133,7 @@ def follow(
     definition, to who was nearest to the track, within 0.8 m, when it was decided.
     """
     info = scene.radars[0].info
-    people, matching, rule = PeopleTracker(tracker or TrackerConfig(), info), Matching(), Visibility(info)
+    people, matching, rule = make_tracker(tracker, info), Matching(), Visibility(info)
     recogniser = GestureRecognizer(config or GestureConfig(), model, info.mount)
     tracked, truths, times, events = [], [], [], []
     for moment in store.moments(scene):

@@ -28,7 +28,7 @@ from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Action, Scene, Simulator, Truth
 from radar_sim.motions.script import Timeline
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
 from radar_tracking.fusion.clouds import FusionConfig, fused_info
 
 DISTANCES: Final = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # from the middle between the radars [m]
@@ -90,7 +90,7 @@ def judge(store: Store, drawn: Scene, model: Classifier) -> dict[str, Counts]:
     truth = truth_segments(moment.truth for moment in streams[0])
     counts = {}
     for seen, info, moments in zip(WAYS, [*infos, fused_info(infos)], [*streams, list(pairs(streams, infos))], strict=False):
-        people = PeopleTracker(TrackerConfig(), info)
+        people = make_tracker(TrackerConfig(), info)
         tracked = [TrackedCloud(moment.cloud, people.process(moment.cloud)) for moment in moments]
         for way in ("fused", "before") if seen == "fused" else (seen,):
             clouds = [TrackedCloud(_flattened(own.cloud), own.tracks) for own in tracked] if way == "before" else tracked

@@ -36,7 +36,7 @@ from radar_lab.training.cnn import CnnConfig
 from radar_lab.training.networks import cnn_judge
 from radar_lab.training.training import TrainingConfig, fit, validate
 from radar_lab.training.validation import Mask, cross_validate, leave_subjects_out
-from radar_tracking import PeopleTracker, TrackedCloud
+from radar_tracking import TrackedCloud, make_tracker
 
 REPETITIONS: Final = 4
 KNOBS: Final[dict[str, tuple[Any, ...]]] = {
@@ -142,7 +142,7 @@ def _feature_sources(folder: Path, study: StudyConfig) -> tuple[Found, SampleSet
     """Compare what features are made of; times are of baseband, events and features for one second of radar."""
     found, baseband, training = Found(), _baseband_ms(study), TrainingConfig()
     info, walk = moments("two_crossing", dataclasses.replace(study, scene=None))  # people who walk, for times only
-    tracker = PeopleTracker(None, info)
+    tracker = make_tracker(None, info)
     tracked = [TrackedCloud(moment.cloud, tracker.process(moment.cloud)) for moment in walk]
     first: SampleSet | None = None
     reference = (50.0 * np.asarray(baseband[2])).tolist()

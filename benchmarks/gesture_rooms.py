@@ -246,9 +246,9 @@ class Graph:
 CHOICES: Final[Mapping[str, Graph]] = {
     "default": Graph(),
     "people": Graph(baseband="people"),
-    "poisson_bernoulli": Graph(tracking=TrackerConfig(tracker="poisson_bernoulli")),
+    "group_clustering": Graph(tracking=TrackerConfig(tracker="group_clustering")),
 }
-"""By name: the default graph, the preset of the baseband, and the Bayesian tracker."""
+"""By name: the default graph, the preset of the baseband, and the thesis's tracker."""
 
 
 def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path, graph: Graph | None = None) -> list[Scored]:

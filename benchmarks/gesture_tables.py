@@ -31,7 +31,7 @@ from radar_lab.training.training import TrainingConfig, fit, train_on, validate
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.motions.strokes import library_hash
-from radar_tracking import PeopleTracker, TrackedCloud
+from radar_tracking import TrackedCloud, make_tracker
 
 _PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
@@ -140,7 +140,7 @@ def frame_times(n_tx: int, n_frames: int) -> list[float]:
     info = simulator.info
     if n_tx == 1:
         frames, info = [one_transmitter_frame(frame, info) for frame in frames], one_transmitter(info)
-    baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(None, info)
+    baseband, tracker = Baseband(BasebandConfig(), info), make_tracker(None, info)
     stage = EventStage(GestureConfig(), info.mount)
 
     def step(frame: RadarFrame) -> None:

@@ -20,7 +20,7 @@ from radar_gestures.maps import FeatureMaps, feature_maps
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import EventStage, GestureConfig
 from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SimulatedFrame, Simulator
-from radar_tracking import PeopleTracker, Track, TrackedCloud, Tracks, TrackStatus
+from radar_tracking import Track, TrackedCloud, Tracks, TrackStatus, make_tracker
 
 N_TRACKS: Final[int] = 4
 N_POINTS: Final[int] = 40  # of each track
@@ -107,7 +107,7 @@ def publication(frames: list[SimulatedFrame], info: RadarInfo, model: GestureMod
     delays: list[list[float]] = []
     computing: list[list[float]] = []
     for _ in range(rounds):
-        baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(None, info)
+        baseband, tracker = Baseband(BasebandConfig(), info), make_tracker(None, info)
         recogniser, quiet = GestureRecognizer(GestureConfig(), model, info.mount), EventConfig().quiet
         delays.append([])
         computing.append([])

@@ -23,7 +23,7 @@ from radar_core import ConfigError, RadarFrame, RadarInfo, merge
 from radar_core.config import load, nest
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Scene, Simulator
-from radar_tracking import HandConfig, PeopleTracker, TrackedCloud
+from radar_tracking import HandConfig, TrackedCloud, make_tracker
 from radar_tracking.fusion.clouds import fused_info
 
 FILTERS: Final = ("linear", "extended", "imm", "mm_vel_est")  # estimators that are compared; all take the same points
@@ -329,7 +329,7 @@ FILTER = Panel("hand filter", "hand residual (rms)", "m", "lower", "mm_vel_est",
 def chain(infos: Sequence[RadarInfo]) -> tuple[RadarInfo, Callable[[Sequence[RadarFrame]], TrackedCloud]]:
     """Baseband, fusion and tracking of some radars; their frames are the first ones that it is given."""
     info = infos[0] if len(infos) == 1 else fused_info(infos)
-    people, basebands = PeopleTracker(None, info), [Baseband(BasebandConfig(), one) for one in infos]
+    people, basebands = make_tracker(None, info), [Baseband(BasebandConfig(), one) for one in infos]
 
     def process(frames: Sequence[RadarFrame]) -> TrackedCloud:
         parts = [baseband.process(frame) for baseband, frame in zip(basebands, frames, strict=False)]

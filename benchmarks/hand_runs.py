@@ -21,7 +21,7 @@ from radar_dsp import BasebandConfig
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.people import Action, Draw, Person, Reach
 from radar_sim.scene import SceneRadar
-from radar_tracking import HandConfig, HandTracker, PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import HandConfig, HandTracker, TrackedCloud, TrackerConfig, make_tracker
 from radar_tracking.estimators import SnapshotVelocity
 from radar_tracking.fusion.clouds import fused_info
 
@@ -208,7 +208,7 @@ def track(store: HandStore, scene: Scene, *, single: bool = False, second: Scene
     with np.errstate(invalid="ignore"):
         hand = np.where(total > 0, (weight * seen).sum(axis=0) / total, streams[0].hand[:n])
     info = infos[0] if single else fused_info(infos)
-    people, clouds, kept = PeopleTracker(TrackerConfig(), info), [], []
+    people, clouds, kept = make_tracker(TrackerConfig(), info), [], []
     for number, cloud in enumerate(streams[0].clouds[:n]):
         parts = [cloud, *(_nearest(stream.clouds, cloud.stamp_ns, clock_ns) for stream in streams[1:])]
         if abs(parts[-1].stamp_ns - cloud.stamp_ns) > SLOP * 1e9:

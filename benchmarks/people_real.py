@@ -30,7 +30,7 @@ from radar_core.config import load_file, plain
 from radar_core.paths import find_config
 from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 
-PRESETS: Final = ("default", "dense", "sparse", "furnished", "thesis")
+PRESETS: Final = ("default", "group_clustering", "dense", "sparse", "furnished", "thesis")
 RECOMMENDED: Final = {
     "mars": "sparse",
     "crossing_one": "dense",
@@ -186,8 +186,10 @@ def _mean_length(vectors: Sequence[Float64Array]) -> float | None:
 
 
 def preset(name: str) -> TrackerConfig:
-    """Give the product's default, or a preset of config/tracking."""
-    return TrackerConfig() if name == "default" else load_file(TrackerConfig, find_config(name, "tracking", ".yaml"))
+    """Give the product's default, the thesis's tracker without presets, or a preset of config/tracking."""
+    if name in ("default", "group_clustering"):
+        return TrackerConfig() if name == "default" else TrackerConfig(tracker="group_clustering")
+    return load_file(TrackerConfig, find_config(name, "tracking", ".yaml"))
 
 
 def ours(config: TrackerConfig) -> MakeTracker:

@@ -3,7 +3,7 @@
 Each room is simulated once; clouds and truth are kept, so that any tracker runs through all of them in seconds:
 
     store = RoomStore(folder)
-    scores = judge(lambda info: PeopleTracker(TrackerConfig(), info), store.rooms(DEVELOP[:10]))
+    scores = judge(lambda info: make_tracker(TrackerConfig(), info), store.rooms(DEVELOP[:10]))
     print(total(scores).figures())
 
 ``--seeds develop`` or ``choose`` are to develop and to choose on; ``figure``, the default, is for the figure that is quoted.
@@ -30,7 +30,8 @@ from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
 from radar_lab.evaluation.matching import Visibility, without_scatterers
 from radar_sim import Scene, Simulator, Truth
-from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking import TrackerConfig, make_tracker
+from radar_tracking.people.make import AnyTracker
 
 __all__ = ["DEVELOP", "SEEDS", "RoomStore", "judge", "run", "total"]
 
@@ -165,9 +166,9 @@ def _truths(part: Mapping[str, NDArray[Any]], baseband: str) -> Iterator[Truth]:
         yield Truth(stamp_ns=stamp, sequence=sequence, frame_id="room", **own, **seen)
 
 
-def default_tracker(info: RadarInfo) -> PeopleTracker:
+def default_tracker(info: RadarInfo) -> AnyTracker:
     """Make the product's tracker, which knows nothing of the room."""
-    return PeopleTracker(TrackerConfig(), info)
+    return make_tracker(TrackerConfig(), info)
 
 
 def measure(

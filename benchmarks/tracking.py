@@ -17,14 +17,14 @@ from benchmarks.tracking_score import Score
 from benchmarks.tracking_suite import PEER, PROCESSES, THESIS, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator, load_scene
-from radar_tracking import HandTracker, PeopleTracker, TrackedCloud, Tracks, TrackStatus
+from radar_tracking import HandTracker, TrackedCloud, Tracks, TrackStatus, make_tracker
 
 
 def hand(quick: bool) -> dict[str, float]:
     """Follow the first hand that draws on the demo scene, started by the truth: rms [m], share of the drawing, median per cloud."""
     simulator = Simulator(load_scene("demo"))
     baseband = Baseband(BasebandConfig(), simulator.info)
-    people, tracker, person = PeopleTracker(info=simulator.info), HandTracker(), None
+    people, tracker, person = make_tracker(info=simulator.info), HandTracker(), None
     errors: list[float] = []
     times: list[float] = []
     drawing = 0
@@ -53,7 +53,7 @@ def _nearest(tracks: Tracks, position: np.ndarray[tuple[int, ...], np.dtype[np.f
     return min(live, key=lambda t: float(np.hypot(*(t.position - position)[:2]))).id
 
 
-PRODUCT: Final = "group_clustering"
+PRODUCT: Final = "poisson_bernoulli"
 NO_SWITCHES: Final = ("crossing", "approach", "handshake")
 ONE_DIRECTION: Final = ("approach", "side_by_side", "parallel", "handshake")
 TILTED: Final = ("approach", "crossing")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -14,15 +13,43 @@ from benchmarks.tracking_score import Score, total
 from benchmarks.tracking_suite import TRACKERS, Done, changed
 from radar_core import PointCloud, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
-from radar_tracking import PeopleTracker, TrackerConfig
-from radar_tracking.poisson.config import PoissonConfig
+from radar_tracking import TrackerConfig, make_tracker
 
 DEFAULT: Final = "default"
+THESIS: Final = "group_clustering"
+PRODUCTS: Final = ("tracker", "bodies", "believing in people")
+"""Stages whose choices are compared with the product's tracker; those of others with `THESIS`."""
 N_PEOPLE, N_POINTS = 10, 30
 _FRAME_NS = 20_000_000
 
 KNOBS: Final[Mapping[str, Mapping[str, Sequence[Any]]]] = {
-    "tracker": {"tracker": ("group", "cluster_first", "poisson_bernoulli")},
+    "tracker": {"tracker": ("group_clustering", "group", "cluster_first")},
+    "bodies": {
+        "poisson.torso_std": (0.12, 0.25),
+        "poisson.limb_std": (0.3, 0.65),
+        "poisson.limb_share": (0.15, 0.5),
+        "poisson.torso_speed": (0.25, 0.6),
+        "poisson.limb_speed": (1.0, 2.5),
+        "poisson.angle_std": (0.03, 0.12),
+        "poisson.range_std": (0.02, 0.1),
+        "poisson.position_std": (0.04, 0.12),
+        "poisson.swing_std": (0.06, 0.25),
+        "poisson.surface": (0.0, 0.12),
+        "poisson.body_height": (0.9, 1.4),
+        "poisson.height_std": (0.2, 0.6),
+        "poisson.acceleration": (0.6, 2.5),
+        "poisson.body_width": (0.25, 0.5),
+    },
+    "believing in people": {
+        "poisson.reach": (0.6, 1.3),
+        "poisson.arm_time": (1.5, 6.0),
+        "poisson.moved": (0.1, 0.4),
+        "poisson.correlation_time": (0.08, 0.3),
+        "poisson.leave_time": (0.4, 1.5),
+        "poisson.stay_time": (2.0, 8.0),
+        "poisson.clutter_density": (0.01, 0.2),
+        "poisson.clutter_time": (4.0, 16.0),
+    },
     "association": {
         "association.method": ("mahalanobis",),
         "association.gate": (0.6, 1.5),
@@ -156,10 +183,6 @@ UNVARIED: Final[Mapping[str, str]] = {
     "zones.counted": "counts only",
     "zones.counted_boxes": "counts only",
     "max_distance": "says where the room is",
-    **dict.fromkeys(
-        (f"poisson.{one.name}" for one in dataclasses.fields(PoissonConfig)),
-        "of poisson_bernoulli, which is not the default; it is one row",
-    ),
 }
 """Knobs of the tracker that are not varied, and why."""
 
@@ -175,10 +198,22 @@ def tried() -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 
 
 def variants() -> dict[str, TrackerConfig]:
-    """Make configurations by "stage: name"; the first is the default, and what equals it is left out."""
+    """Make configurations by "stage: name"; the first is the default, and what equals it is left out.
+
+    Knobs of the thesis's trackers are tried with `THESIS`.
+    """
     default = TrackerConfig()
-    found = {f"{stage}: {label}": changed(knobs) for stage, label, knobs in tried()}
-    return {DEFAULT: default, **{label: config for label, config in found.items() if config != default}}
+    own = {f"{stage}: {label}": changed(_basis(stage) | dict(knobs)) for stage, label, knobs in tried()}
+    return {DEFAULT: default, **{label: config for label, config in own.items() if config != default}}
+
+
+def _basis(stage: str) -> dict[str, Any]:
+    """Knobs of the configuration that the choices of a stage are compared with."""
+    return {} if stage in PRODUCTS else {"tracker": THESIS}
+
+
+def _reference(stage: str) -> str:
+    return DEFAULT if stage in PRODUCTS else f"tracker: tracker={THESIS}"
 
 
 def rows(done: Sequence[Done]) -> list[dict[str, Any]]:
@@ -190,7 +225,9 @@ def rows(done: Sequence[Done]) -> list[dict[str, Any]]:
     stages = dict.fromkeys(label.split(": ", 1)[0] for label in scores if label != DEFAULT)
     found = []
     for stage in stages:
-        own = {label.removeprefix(f"{stage}: "): one for label, one in scores.items() if label == DEFAULT or label.startswith(f"{stage}: ")}
+        usual = _reference(stage)
+        own = {DEFAULT: scores[usual]} if usual in scores else {}
+        own |= {label.removeprefix(f"{stage}: "): one for label, one in scores.items() if label.startswith(f"{stage}: ")}
         found += against_first(
             stage, "mean GOSPA", {titled(label, one): (one.mean_gospa, one.times.tolist()) for label, one in own.items()}, "m"
         )
@@ -232,7 +269,7 @@ def crowd(n_clouds: int, seed: int = 1) -> list[PointCloud]:
 def speed(quick: bool) -> dict[str, Any]:
     """Time the whole step of each tracker on `crowd`, in turn; ``step_ms_10_tracks_300_points`` is the product's, and ``choices``."""
     clouds = crowd(40 if quick else 500)
-    trackers = {name: PeopleTracker(config, RadarInfo()) for name, config in TRACKERS.items()}
+    trackers = {name: make_tracker(config, RadarInfo()) for name, config in TRACKERS.items()}
     times: dict[str, list[float]] = {name: [] for name in trackers}
     followed = dict.fromkeys(trackers, 0)
     for k, cloud in enumerate(clouds):

@@ -55,12 +55,13 @@ def changed(knobs: Mapping[str, Any]) -> TrackerConfig:
 
 
 TRACKERS: Final[Mapping[str, TrackerConfig]] = {
-    "group_clustering": TrackerConfig(),
+    "poisson_bernoulli": TrackerConfig(),
+    "group_clustering": changed({"tracker": "group_clustering"}),
     "group": changed({"tracker": "group"}),
     "cluster_first": changed({"tracker": "cluster_first"}),
     "cluster_first_kmeans": changed({"tracker": "cluster_first", "association.split": "kmeans"}),
 }
-"""The thesis's three trackers, and the one that splits merged clusters; the first is the product's."""
+"""The product's, the thesis's three, and the one of these that splits merged clusters."""
 
 THESIS: Final[Mapping[str, TrackerConfig]] = {
     f"thesis_{name}": replace(load_file(TrackerConfig, find_config("thesis", "tracking", ".yaml")), tracker=name)
@@ -126,8 +127,8 @@ def zones_of(name: str) -> ZonesConfig:
 
 
 def make(name: str, config: TrackerConfig, info: RadarInfo) -> AnyTracker:
-    """Make one of our trackers for a scene; in the furnished room it has what our preset for such rooms changes."""
-    if SCENARIOS[name].room:
+    """Make one of our trackers for a scene; in the furnished room the thesis's have what our preset for such rooms changes."""
+    if SCENARIOS[name].room and config.tracker != "poisson_bernoulli":
         preset = load_file(TrackerConfig, find_config("furnished", "tracking", ".yaml"))
         config = load(TrackerConfig, over(plain(config), plain(preset)))
     zones = zones_of(name) if config.zones == ZonesConfig() else config.zones

@@ -21,7 +21,7 @@ from radar_dsp.vital import VitalConfig, VitalMonitor
 from radar_sim import Action, Person, Scene, Simulator, Variation, Vital, Walk
 from radar_sim.scene import SceneRadar
 from radar_sim.things import Furniture
-from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking import TrackerConfig, make_tracker
 
 DEVELOPED: Final = 100  # number of the first scene that was looked at
 SECONDS: Final = 45.0  # of a scene
@@ -103,7 +103,7 @@ def sits(number: int, seconds: float) -> dict[str, Any]:
     """Follow who comes and sits down with the default chain; whether one track stays to the end, and how long one was there."""
     scene = sitter(number, 1.5 + number % 3, seconds, comes=True)
     simulator = Simulator(scene)
-    baseband, tracker = Baseband(BasebandConfig(), simulator.info), PeopleTracker(TrackerConfig(), simulator.info)
+    baseband, tracker = Baseband(BasebandConfig(), simulator.info), make_tracker(TrackerConfig(), simulator.info)
     there: list[int] = []  # the person's track, -1 without one, from 5 s on
     for k in range(simulator.n_frames):
         made = simulator.process(k)

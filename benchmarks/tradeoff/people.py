@@ -23,8 +23,9 @@ from radar_gestures.recognizer import GestureRecognizer
 from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
 from radar_lab.pipeline import PipelineConfig
 from radar_sim import Fidelity, Scene, SimulatedFrame, Simulator, Truth, load_scene
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig, Tracks
+from radar_tracking import TrackedCloud, TrackerConfig, Tracks, make_tracker
 from radar_tracking.metrics import GospaMetric, ObjectSet, people
+from radar_tracking.people.make import AnyTracker
 
 _SCENES = ("two_crossing", "side_by_side", "five_people")
 _SECONDS = (4.0, 12.0)  # quick, full
@@ -113,7 +114,7 @@ def track(configs: dict[str, TrackerConfig], study: StudyConfig, every: int = 1)
         info, found = moments(scene, study)
         info = slower(info, every)
         interval = info.waveform.frame_interval
-        trackers = {name: PeopleTracker(config, info) for name, config in configs.items()}
+        trackers = {name: make_tracker(config, info) for name, config in configs.items()}
         for moment in found[::every]:
             spent.append(moment.baseband_ms)
             for name, tracker in trackers.items():
@@ -129,22 +130,24 @@ def slower(info: RadarInfo, every: int) -> RadarInfo:
 
 
 _REFERENCE = "the baseband's time of the same frames"
-TRACKER = Panel("tracker", "mean GOSPA", "m", "lower", "group_clustering", _REFERENCE)
+TRACKER = Panel("tracker", "mean GOSPA", "m", "lower", "poisson_bernoulli", _REFERENCE)
 ESTIMATOR = Panel("estimator", "mean GOSPA", "m", "lower", "linear", _REFERENCE)
 WITHIN = Panel("clustering within the tracker", "mean GOSPA", "m", "lower", "dbscan", _REFERENCE)
 
+_GROUPS = {"tracker": "group_clustering"}  # estimators and clusterings are of the thesis's trackers
 KNOBS: dict[Panel, dict[str, dict[str, str]]] = {
     TRACKER: {
-        "group_clustering": {},
+        "poisson_bernoulli": {},
+        "group_clustering": _GROUPS,
         "group": {"tracker": "group"},
         "cluster_first": {"tracker": "cluster_first"},
         "cluster_first, split=kmeans": {"tracker": "cluster_first", "association.split": "kmeans"},
     },
     ESTIMATOR: {
-        name: {"filter.estimator.name": name} for name in ("linear", "extended", "unscented", "imm", "mmae", "mm_vel_est")
+        name: {**_GROUPS, "filter.estimator.name": name} for name in ("linear", "extended", "unscented", "imm", "mmae", "mm_vel_est")
     },
     WITHIN: {
-        name: {"association.clustering.name": name} for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
+        name: {**_GROUPS, "association.clustering.name": name} for name in ("dbscan", "optics", "kmeans", "grid_dbscan", "polar_dbscan")
     },
 }  # fmt: skip
 
@@ -173,7 +176,7 @@ def _rates(study: StudyConfig) -> Found:
     return found
 
 
-def _whole(baseband: Baseband, tracker: PeopleTracker, frame: RadarFrame, info: RadarInfo) -> Tracks:
+def _whole(baseband: Baseband, tracker: AnyTracker, frame: RadarFrame, info: RadarInfo) -> Tracks:
     return tracker.process(baseband.process(frame).to_room(info.mount))
 
 
@@ -187,7 +190,7 @@ def _transmitters(study: StudyConfig) -> Found:
             found.leave_out(TRANSMITTERS.name, "2 transmitters", f"the radar of {scene} has one transmitter")
             return found
         infos = {f"{info.waveform.n_tx} transmitters": info, "1 transmitter": one_transmitter(info)}
-        chains = {name: (Baseband(BasebandConfig(), one), PeopleTracker(None, one)) for name, one in infos.items()}
+        chains = {name: (Baseband(BasebandConfig(), one), make_tracker(None, one)) for name, one in infos.items()}
         for made in simulated:
             seen = visible(made.truth, info)
             for name, (baseband, tracker) in chains.items():
@@ -210,14 +213,13 @@ PRESETS: Final[dict[str, tuple[int, dict[str, Any]]]] = {
     "fast": (2, {"baseband.doa.newton_steps": 1}),
     "default": (1, {}),
     "people": (1, {"baseband.doa.method": "dml2"}),
-    "thorough": (1, {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3, "tracking.filter.estimator.name": "mm_vel_est"}),
+    "thorough": (1, {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3}),
     "most thorough": (
         1,
         {
             "baseband.doa.method": "dml2",
             "baseband.doa.newton_steps": 3,
             "baseband.refine": "ml",
-            "tracking.filter.estimator.name": "mm_vel_est",
         },
     ),
 }
@@ -231,7 +233,7 @@ class Chain:
     def __init__(self, name: str, info: RadarInfo, judge: Judge, parts: dict[str, list[float]]) -> None:
         self._every, knobs = PRESETS[name]
         config, info = load(PipelineConfig, nest(knobs)), slower(info, self._every)
-        self._baseband, self._tracker = Baseband(config.baseband, info), PeopleTracker(config.tracking, info)
+        self._baseband, self._tracker = Baseband(config.baseband, info), make_tracker(config.tracking, info)
         self._gestures = GestureRecognizer(config.gestures, load_model(config.gestures.model), info.mount)
         self._info, self._rate, self._judge, self._parts = info, 1.0 / info.waveform.frame_interval, judge, parts
 

@@ -23,7 +23,7 @@ from radar_dsp import Baseband, BasebandConfig
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_sim import SimulatedFrame
-from radar_tracking import PeopleTracker, TrackerConfig, Tracks
+from radar_tracking import TrackerConfig, Tracks, make_tracker
 
 LEVELS: Final = "levels.json"
 FIGURE: Final = "mean GOSPA of the people"
@@ -36,16 +36,11 @@ _REFINED: Final[Mapping[str, Mapping[str, Any]]] = {  # ten times the time of th
     "one echo, refined on the samples": {"refine": "ml"},
     "two echoes, refined on the samples": {"doa.method": "dml2", "refine": "ml"},
 }
-_TRACKING: Final[Mapping[str, Mapping[str, Any]]] = {
-    "linear filter, group tracker": {"tracker": "group"},
-    "linear filter": {},
-    "velocity filter": {"filter.estimator.name": "mm_vel_est"},
-    "unscented filter": {"filter.estimator.name": "unscented"},
-}
+_TRACKING: Final[Mapping[str, Mapping[str, Any]]] = {"every frame": {}}  # tracks do not outlive a change of the tracker
 _EVERY: Final = (1, 2, 3, 5)  # below 10 Hz people are lost, and gestures long before
 _OTHERS: Final = np.zeros(1_000_000)
 """Walked through before each timed frame, so that caches are as cold as between two frames of a radar, when other processes run."""
-DEFAULTS: Final = {"baseband": "one echo in a cell", "tracking": "linear filter"}
+DEFAULTS: Final = {"baseband": "one echo in a cell", "tracking": "every frame"}
 _REFERENCE: Final = "the default at every frame"
 BASEBAND: Final = Panel("levels of the baseband", FIGURE, "m", "lower", DEFAULTS["baseband"], _REFERENCE)
 TRACKING: Final = Panel("levels of the tracking", FIGURE, "m", "lower", DEFAULTS["tracking"], _REFERENCE)
@@ -79,7 +74,7 @@ class _Follower:
     """A tracker behind one candidate's clouds; between them its last tracks stay, as for whoever reads them."""
 
     def __init__(self, candidate: Candidate, config: TrackerConfig, info: RadarInfo) -> None:
-        self.candidate, self._tracker = candidate, PeopleTracker(config, info)
+        self.candidate, self._tracker = candidate, make_tracker(config, info)
         self._last: Tracks | None = None
 
     def process(self, scene: str, made: SimulatedFrame, seen: NDArray[np.bool_], cloud: PointCloud, *, with_time: bool) -> None:

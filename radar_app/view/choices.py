@@ -94,6 +94,14 @@ def _one(parameter: str) -> Callable[..., Settings]:
     return lambda value: {parameter: value}
 
 
+_GROUPS: Final[Settings] = {"tracking.tracker": "group_clustering"}  # estimators and clusterings are of the thesis's trackers
+
+
+def _of_groups(parameter: str) -> Callable[..., Settings]:
+    """Make the same of a parameter of the thesis's trackers."""
+    return lambda value: {**_GROUPS, parameter: value}
+
+
 def _level(levels: Mapping[str, Settings]) -> Callable[..., Settings | None]:
     """Make what sets a level of a budget; one of which one frame in so many is used is set by no parameter, but chosen by the budget."""
     return lambda name, every: None if every else levels[name]
@@ -107,21 +115,21 @@ _BASEBAND_LEVELS: Final[Mapping[str, Settings]] = {
     "two echoes, refined on the samples": {"baseband.doa.method": "dml2", "baseband.refine": "ml"},
 }
 _TRACKING_LEVELS: Final[Mapping[str, Settings]] = {
+    "every frame": {},
     "linear filter, group tracker": {"tracking.tracker": "group"},
-    "linear filter": {},
-    "velocity filter": {"tracking.filter.estimator.name": "mm_vel_est"},
-    "unscented filter": {"tracking.filter.estimator.name": "unscented"},
+    "linear filter": _GROUPS,
+    "velocity filter": {**_GROUPS, "tracking.filter.estimator.name": "mm_vel_est"},
+    "unscented filter": {**_GROUPS, "tracking.filter.estimator.name": "unscented"},
 }
 _CHAINS: Final[Mapping[str, Settings]] = {
     "fast": {"baseband.doa.newton_steps": 1},
     "default": {},
     "people": {"baseband.doa.method": "dml2"},
-    "thorough": {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3, "tracking.filter.estimator.name": "mm_vel_est"},
+    "thorough": {"baseband.doa.method": "dml2", "baseband.doa.newton_steps": 3},
     "most thorough": {
         "baseband.doa.method": "dml2",
         "baseband.doa.newton_steps": 3,
         "baseband.refine": "ml",
-        "tracking.filter.estimator.name": "mm_vel_est",
     },
 }
 _EVERY: Final = r"(.+?)(?:, one frame in (\d+))?"
@@ -162,15 +170,15 @@ _RULES: Final[tuple[tuple[str, str, Callable[..., Settings | None]], ...]] = (
     ),
     ("DoA method, two echoes in one cell", r"method=(\w+)", _one("baseband.doa.method")),
     ("refinement of range, speed and direction", r"refine=(\w+)", _one("baseband.refine")),
-    ("clustering", r"(\w+)", _one("tracking.association.clustering.name")),
-    ("clustering within the tracker", r"(\w+)", _one("tracking.association.clustering.name")),
+    ("clustering", r"(\w+)", _of_groups("tracking.association.clustering.name")),
+    ("clustering within the tracker", r"(\w+)", _of_groups("tracking.association.clustering.name")),
     ("tracker", r"(\w+)", _one("tracking.tracker")),
     (
         "tracker",
         r"cluster_first, split=(\w+)",
         lambda split: {"tracking.tracker": "cluster_first", "tracking.association.split": split},
     ),
-    ("estimator", r"(\w+)", _one("tracking.filter.estimator.name")),
+    ("estimator", r"(\w+)", _of_groups("tracking.filter.estimator.name")),
     ("hand filter", r"(\w+)", _one("hand.estimator.name")),
     ("levels of the baseband", _EVERY, _level(_BASEBAND_LEVELS)),
     ("levels of the tracking", _EVERY, _level(_TRACKING_LEVELS)),

@@ -12,7 +12,7 @@ from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.stage import GestureConfig
 from radar_lab.datasets.own import Take, TakeRecorder
 from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SceneRadar, Simulator, Variation, load_stroke
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import PeopleTracker, TrackedCloud
 
 _REST: Final = 2.2  # s between two performances, so that each is a take of its own
 _SPARE: Final = 1.3  # performances for each sample that is wanted: some are refused
@@ -65,7 +65,7 @@ def simulate_takes(
     simulator = Simulator(scene)
     info = simulator.info
     recorder = TakeRecorder(folder, gesture, person, info, config(info))
-    baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(TrackerConfig(), info)
+    baseband, tracker = Baseband(BasebandConfig(), info), PeopleTracker(None, info)
     before = recorder.count
     for number in range(simulator.n_frames):
         if recorder.count >= samples:

@@ -27,7 +27,7 @@ from radar_lab.datasets.samples import BOTH, ONE, SampleSet, info_of, read_sampl
 from radar_lab.datasets.scenes import label_events
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
-from radar_tracking import PeopleTracker, Track, TrackedCloud, TrackerConfig
+from radar_tracking import PeopleTracker, Track, TrackedCloud
 
 Columns = Mapping[str, NDArray[Any]]
 Positions = NDArray[np.floating]
@@ -108,7 +108,7 @@ def read_stroke(
         lead, rest = _surroundings(room, stroke, config, info.waveform.frame_interval)
         room = [*lead, *room, *rest]
         places = [*places[:1] * len(lead), *places, *places[-1:] * len(rest)]
-    tracker, stage = PeopleTracker(TrackerConfig(), info), EventStage(config, info.mount)
+    tracker, stage = PeopleTracker(None, info), EventStage(config, info.mount)
     passed: list[TrackedCloud] = []
     found: list[TrackEvent] = []
     for cloud, place in zip(room, places, strict=True):

@@ -27,7 +27,7 @@ from radar_lab.datasets.training_scenes import training_scene
 from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator, Truth
 from radar_sim.motions.strokes import library_hash
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import PeopleTracker, TrackedCloud
 
 BASEBANDS: Final = (BasebandConfig(), dataclasses.replace(BasebandConfig(), doa=DoaConfig(method="dml2")))
 """Scenes are seen through these in turn, so that a model does for either (preset people)."""
@@ -120,7 +120,7 @@ def find_events(recording: Recording, config: GestureConfig, every: int = 1) -> 
 
     With ``every`` only every n-th cloud is taken, as a radar with a lower frame rate would give them.
     """
-    tracker, stage = PeopleTracker(TrackerConfig(), recording.info), EventStage(config, recording.info.mount)
+    tracker, stage = PeopleTracker(None, recording.info), EventStage(config, recording.info.mount)
     events = []
     for cloud, truth in zip(recording.clouds[::every], recording.truths[::every], strict=True):
         tracks = tracker.process(cloud)

@@ -226,7 +226,7 @@ def sample_hash(scene: Scene, config: GestureConfig, margin: float) -> str:
         "format": FORMAT,
         "scene": _described(scene),
         "baseband": dataclasses.asdict(BasebandConfig()),
-        "tracker": dataclasses.asdict(TrackerConfig()),
+        "tracker": dataclasses.asdict(TrackerConfig(tracker="group_clustering")),
         "settings": feature_settings(config),
         "margin": margin,
         "motions": library_hash(),

@@ -23,33 +23,39 @@ MERGED: Final = 0.25
 0.22 and less, two in one track 0.43 and more."""
 GHOSTS: Final = 0.2
 """Ghosts at a time, on average, that are a fault: one for 2 s of 10 s; shorter ones are not told from people."""
-_LOOSER: Final[Sequence[Settings]] = (
-    {},
-    {"life.birth_points": 2, "life.confirm_points": 1.0},
-    {"association.clustering.min_points": 1, "life.birth_points": 1, "life.confirm_points": 0.5},
-    {
-        "association.clustering.min_points": 1,
-        "life.birth_points": 1,
-        "life.confirm_points": 0.3,
-        "life.birth_snr": 6.0,
-        "life.tentative_after": 0.5,
-        "life.confirm_speed": 0.05,
-    },
-)
-_APART: Final[Sequence[Settings]] = (
-    {},
-    {"life.pair_distance": 0.4, "association.gate": 0.8, "life.birth_distance": 0.6},
-    {"life.pair_distance": 0.3, "association.gate": 0.6, "life.birth_distance": 0.5, "life.birth_together": 0.4},
-)
-_LASTING: Final[Sequence[Settings]] = ({}, *({"min_speed": 0.0, "life.delete_static_after": t} for t in (3.0, 6.0, 15.0, 60.0)))
-_SURER: Final[Sequence[Settings]] = ({}, {"life.confirm_activity": 0.4}, {"life.confirm_activity": 0.4, "life.confirm_points": 3.0})
-_SHOWN: Final[Mapping[str, tuple[str, ...]]] = {
-    "nobody found": ("life.birth_points", "life.birth_snr", "life.confirm_points", "life.confirm_speed", "min_speed", "max_distance"),
-    "merged people": ("association.gate", "life.pair_distance", "life.birth_distance", "life.birth_together"),
-    "lost when still": ("min_speed", "life.delete_after", "life.delete_static_after"),
-    "ghosts": ("life.confirm_activity", "life.confirm_points"),
+_SHOWN: Final = ("min_speed", "max_distance")
+"""Knobs of all trackers that a user may have changed."""
+_STILL_KEPT: Final[Sequence[Settings]] = ({}, *({"min_speed": 0.0, "life.delete_static_after": t} for t in (3.0, 6.0, 15.0, 60.0)))
+_CURES: Final[Mapping[str, Sequence[Settings]]] = {
+    "nobody found": ({}, {"poisson.moved": 0.1}, {"poisson.moved": 0.05, "poisson.leave_time": 2.0}),
+    "merged people": ({}, {"poisson.reach": 0.6}, {"poisson.reach": 0.4, "poisson.arm_time": 1.0, "poisson.body_width": 0.3}),
+    "lost when still": ({}, *({"poisson.stay_time": t} for t in (8.0, 20.0, 60.0))),
+    "ghosts": ({}, {"poisson.moved": 0.4}, {"poisson.moved": 0.8, "poisson.clutter_density": 0.2}),
 }
-"""Knobs that matter for a symptom: where the defaults cure it, these are the ones to set back."""
+"""Settings of the default tracker that are tried for a symptom, in this order."""
+_THESIS_CURES: Final[Mapping[str, Sequence[Settings]]] = {
+    "nobody found": (
+        {},
+        {"life.birth_points": 2, "life.confirm_points": 1.0},
+        {"association.clustering.min_points": 1, "life.birth_points": 1, "life.confirm_points": 0.5},
+        {
+            "association.clustering.min_points": 1,
+            "life.birth_points": 1,
+            "life.confirm_points": 0.3,
+            "life.birth_snr": 6.0,
+            "life.tentative_after": 0.5,
+            "life.confirm_speed": 0.05,
+        },
+    ),
+    "merged people": (
+        {},
+        {"life.pair_distance": 0.4, "association.gate": 0.8, "life.birth_distance": 0.6},
+        {"life.pair_distance": 0.3, "association.gate": 0.6, "life.birth_distance": 0.5, "life.birth_together": 0.4},
+    ),
+    "lost when still": _STILL_KEPT,
+    "ghosts": ({}, {"life.confirm_activity": 0.4}, {"life.confirm_activity": 0.4, "life.confirm_points": 3.0}),
+}
+"""The same of the thesis's trackers."""
 
 
 class Tuning:
@@ -57,6 +63,7 @@ class Tuning:
 
     def __init__(self, evidence: Evidence, given: Settings | None = None) -> None:
         self._evidence, self._given = evidence, dict(given or {})
+        self._thesis = self._given.get("tracker", TrackerConfig().tracker) != "poisson_bernoulli"
         self._clouds = ordered(evidence)
         self.followed = follow(evidence.paired(), evidence.info.mount)
 
@@ -70,7 +77,7 @@ class Tuning:
             return unknown("nobody found", "nothing walks towards the radar or away from it: let somebody walk while it is recorded")
         fault = share > UNFOLLOWED
         text = f"in {share:.0%} of the half seconds in which somebody walks nobody is followed there; a fault above {UNFOLLOWED:.0%}"
-        well = self._cure("nobody found", _LOOSER, lambda f: (f.unfollowed_share or 0.0) <= UNFOLLOWED / 2) if fault else ""
+        well = self._cure("nobody found", lambda f: (f.unfollowed_share or 0.0) <= UNFOLLOWED / 2) if fault else ""
         bounds = "look at zones.boundaries, zones.areas and the mount (x, y, yaw): tracks may lie outside"
         return Finding("nobody found", fault, share, UNFOLLOWED, "", text, (well or bounds) if fault else "")
 
@@ -84,8 +91,9 @@ class Tuning:
         if any(Quality.STATIC_REMOVED in cloud.quality for cloud in self._clouds):
             remedy = "keep what stands still: --param baseband.spectrum.static=keep"
         else:
-            longest = f"--param tracking.life.delete_static_after={max(2 * max(gaps), 3.0):.0f}"
-            remedy = self._cure("lost when still", _LASTING, lambda f: not f.lost) or f"believe longer in who stands still: {longest}"
+            knob = "life.delete_static_after" if self._thesis else "poisson.stay_time"
+            longest = f"--param tracking.{knob}={max(2 * max(gaps), 3.0):.0f}"
+            remedy = self._cure("lost when still", lambda f: not f.lost) or f"believe longer in who stands still: {longest}"
         return Finding("lost when still", True, float(len(lost)), 1.0, "", text, remedy)
 
     def _merged(self) -> Finding:
@@ -93,7 +101,7 @@ class Tuning:
         fault = share > MERGED
         where = "" if life is None else f" (track {life.number})"
         text = f"of the track that looks most like two people{where} {share:.0%} of the clouds hold two; a fault above {MERGED:.0%}"
-        well = self._cure("merged people", _APART, lambda f: f.merged[0] <= MERGED) if fault else ""
+        well = self._cure("merged people", lambda f: f.merged[0] <= MERGED) if fault else ""
         second = "look for a second direction in every cell: --config baseband=people"
         return Finding("merged people", fault, share, MERGED, "", text, (well or second) if fault else "")
 
@@ -105,12 +113,13 @@ class Tuning:
         text += "".join(f"; at x {one.last[0]:.1f} m, y {one.last[1]:.1f} m {kinds[one.ghost]}" for one in found if fault)
         if not fault:
             return Finding("ghosts", False, share, GHOSTS, "", text)
-        remedy = self._cure("ghosts", _SURER, lambda f: f.ghost_share <= GHOSTS / 2) or _exclude(found)
+        remedy = self._cure("ghosts", lambda f: f.ghost_share <= GHOSTS / 2) or _exclude(found)
         return Finding("ghosts", True, share, GHOSTS, "", text, remedy)
 
-    def _cure(self, symptom: str, candidates: Sequence[Settings], well: Callable[[Followed], bool]) -> str:
+    def _cure(self, symptom: str, well: Callable[[Followed], bool]) -> str:
         """Name the first settings with which the symptom is gone, and nobody is lost for it; empty: none of them helps."""
         before = self.followed.unfollowed_share or 0.0
+        candidates = (_THESIS_CURES if self._thesis else _CURES)[symptom]
         for settings in candidates:
             then = self._again(settings)
             if then is None or not well(then) or (then.unfollowed_share or 0.0) > before + 0.1:
@@ -118,7 +127,7 @@ class Tuning:
             if settings:
                 return f"on this recording this helps: {_params(settings)}"
             defaults = TrackerConfig()
-            back = {name: _value(defaults, name) for name in _SHOWN[symptom]}
+            back = {name: _value(defaults, name) for name in ("tracker", *_SHOWN, *dict.fromkeys(k for other in candidates for k in other))}
             return f"with the defaults it is well on this recording; set back what you have changed, of: {_params(back)}"
         return ""
 

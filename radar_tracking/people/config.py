@@ -106,10 +106,10 @@ class BackgroundConfig:
 
 @config
 class TrackerConfig:
-    """Knobs of `PeopleTracker`."""
+    """Knobs of the people tracker that `make_tracker` makes; `association`, `filter`, `life` and `background` are of the thesis's three."""
 
-    tracker: Literal["group_clustering", "group", "cluster_first", "poisson_bernoulli"] = knob(
-        "group_clustering", doc="points to tracks: the thesis's (6.2.2), or a Poisson multi-Bernoulli filter"
+    tracker: Literal["poisson_bernoulli", "group_clustering", "group", "cluster_first"] = knob(
+        "poisson_bernoulli", doc="points to tracks: a Poisson multi-Bernoulli filter, or one of the thesis's ways (6.2.2)"
     )
     association: AssociationConfig = AssociationConfig()
     filter: FilterConfig = FilterConfig()

@@ -50,14 +50,14 @@ class PeopleTracker:
 
     Parameters
     ----------
-    config : TrackerConfig
-        Knobs.
+    config : TrackerConfig or None
+        Knobs, with ``tracker`` one of the thesis's; None: ``group_clustering``.
     info : RadarInfo or None
         The radar: where it stands and how far it sees. None: at the room's origin, and it sees everything.
     """
 
     def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
-        self.config = config or TrackerConfig()
+        self.config = config or TrackerConfig(tracker="group_clustering")
         self._view = View(info)
         self._zones = Zones(self.config.zones)
         self._known: tuple[Belief, tuple[Float64Array, Float64Array]] | None = None

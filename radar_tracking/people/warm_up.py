@@ -18,7 +18,9 @@ _APART = 30  # before this one the two are 0.9 m apart
 
 def warm_up(config: TrackerConfig) -> None:
     """Compile what a tracker of that configuration needs, by following two made-up people, so that a node loses no cloud meanwhile."""
-    everywhere = TrackerConfig(tracker=config.tracker, association=config.association, filter=config.filter)  # no zones, no bounds
+    everywhere = replace(
+        TrackerConfig(), tracker=config.tracker, association=config.association, filter=config.filter
+    )  # no zones, no bounds
     tracker = make_tracker(everywhere)
     rng = np.random.default_rng(1)
     with contextlib.suppress(HandwaveError):  # what is wrong with the configuration is said when it is used

@@ -27,6 +27,7 @@ _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many agai
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
 _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
 _KNOWN_AFTER: Final = 2.0  # s in sight: before, nobody is believed to stand
+_SURELY: Final = 3.0  # log odds of being a person: who looks less like one is believed less
 _HELD: Final = 7.0  # and who has been in sight all the time
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
 _PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
@@ -66,6 +67,7 @@ def _patience(table: Table, supported: BoolArray, config: PoissonConfig, origin:
     """How long each track is believed without points [s]."""
     rows = table.rows
     known = np.minimum(rows["presence"] * _PRESENCE_TIME / _KNOWN_AFTER, 1.0)
+    known *= np.where(rows["confirmed"], np.clip(rows["person"] / _SURELY, 0.05, 1.0), 1.0)
     stay = config.stay_time * (1.0 + _HELD * np.minimum(2.0 * rows["presence"], 1.0)) * known
     patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
     away = table.mean[:, :2] - origin
@@ -142,24 +144,28 @@ class Decisions:
         rows, config, found = table.rows, self._config, []
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
-        ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 - rows["person"], 0.6, 1.5)
+        ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.2, 1.5)
         for row in np.flatnonzero(ready).tolist():
-            if self._is_arm(table, gaps, row, float(way[row]), now):
-                continue
+            near = self._near(table, gaps, way)[row]
+            young = now - rows["born"][row] < config.arm_time
+            if near.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][near]).any()):
+                continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)
             rows["confirmed"][row] = True
             found.append(row)
+        near = self._near(table, gaps, way)
+        rows["arm_of"] = np.where(near.any(axis=1), rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
         return found
 
-    def _is_arm(self, table: Table, gaps: Float64Array, row: int, way: float, now: float) -> bool:
-        """Whether a track that is near to a person has not yet stayed, or gone along, as somebody would."""
-        if way >= _ALONG:
-            return False
-        rows, away = table.rows, table.mean[row, :2] - self._view.origin[:2]
-        error = math.sqrt(max(table.covariance[row, 0, 0], table.covariance[row, 1, 1])) + 0.5 * self._config.angle_std * math.hypot(*away)
-        near = np.flatnonzero(rows["confirmed"] & (gaps[row] < self._config.reach + error))
-        young = now - rows["born"][row] < self._config.arm_time
-        return bool(len(near) and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][near]).any()))
+    def _near(self, table: Table, gaps: Float64Array, way: Float64Array) -> BoolArray:
+        """Which tentative tracks are, or began, within reach of which people and did not go along with them, shape (n_tracks, n_tracks)."""
+        rows, people, away = table.rows, table.rows["confirmed"], table.mean[:, :2] - self._view.origin[:2]
+        error = np.sqrt(np.maximum(table.covariance[:, 0, 0], table.covariance[:, 1, 1]))
+        error += 0.5 * self._config.angle_std * np.hypot(away[:, 0], away[:, 1])
+        limit = (self._config.reach + error)[:, None]
+        step = rows["birthplace"][:, None] - table.mean[None, :, :2]
+        began = (np.hypot(step[..., 0], step[..., 1]) < limit) & (gaps < 2.0 * self._config.reach)
+        return np.asarray(((gaps < limit) | began) & (people & ~people[:, None]) & (rows["stands"] | (way[:, None] < _ALONG)))
 
     @staticmethod
     def _recover(table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:

@@ -16,6 +16,8 @@ from radar_tracking.poisson.table import N_STATES, Table
 
 _LONGEST: Final = 1.5  # s: later clouds are predicted no farther
 _MANOEUVRE: Final = 0.5  # s: accelerations last so long
+_SLOW: Final = 0.12  # m/s: spread of range rates of a torso that stands
+_ARM_SHARE: Final = 0.2  # of the weight of its slow points: faster ones weigh no more together
 _CALM, _CALMEST = 0.3, 0.02  # share of the process noise of who stands, with points and without
 _STOP, _GO = 0.7, 2.0  # s: velocities of who stands or is unseen fade, and of who walks
 _REST: Final = 0.5  # s: and their variances, of who stands unseen
@@ -85,6 +87,15 @@ def separate(table: Table, width: float) -> None:
             table.mean[other, 2:4] += u * closing * (1 - part)
 
 
+def _settled(table: Table, measured: Measured, torso: Float64Array) -> Float64Array:
+    """Take weight from the faster torso points of who stands, if there are slow ones: an arm gives more points than the body behind it."""
+    slow = np.exp(-0.5 * (measured.rate / max(_SLOW, measured.still_speed)) ** 2) * np.isfinite(measured.speed)
+    calm = torso * slow[:, None]
+    body, arm = calm.sum(axis=0), (torso - calm).sum(axis=0)
+    share = np.where(table.rows["stands"] & (body > 1.0), np.minimum(1.0, _ARM_SHARE * body / np.maximum(arm, 1e-9)), 1.0)
+    return np.asarray(calm + (torso - calm) * share)
+
+
 class Update:
     """Torsos' centroids and mean range rates as measurements of the tracks that have any.
 
@@ -97,12 +108,13 @@ class Update:
     """
 
     def __init__(self, table: Table, measured: Measured, shares: Shares, config: PoissonConfig) -> None:
-        total = shares.torso.sum(axis=0)
+        torso = _settled(table, measured, shares.torso)
+        total = torso.sum(axis=0)
         self.rows: IndexArray = np.flatnonzero(total > _LEAST_SHARE)
         table.rows["nis"], table.rows["dof"] = np.nan, 0
-        weight = shares.torso[:, self.rows] / total[self.rows]
+        weight = torso[:, self.rows] / total[self.rows]
         known = np.isfinite(measured.speed)
-        told = shares.torso[np.ix_(np.flatnonzero(known), self.rows)]
+        told = torso[np.ix_(np.flatnonzero(known), self.rows)]
         amount = told.sum(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             self.speed: Float64Array = (told.T @ measured.speed[known]) / np.where(amount > 0, amount, np.nan)

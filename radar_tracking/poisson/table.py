@@ -18,6 +18,7 @@ RECORD = np.dtype(
         ("presence", np.float64),  # the same of the last half minute
         ("moved", np.float64),  # way of the last seconds, by range rates [m]
         ("confirmed", np.bool_),
+        ("arm_of", np.int64),  # whose arm it may be; 0: nobody's
         ("stands", np.bool_),  # has not gone anywhere within the last second
         ("born", np.float64),  # [s] since the first cloud, as all times
         ("seen", np.float64),  # last update

@@ -47,7 +47,7 @@ class PoissonTracker:
     """
 
     def __init__(self, config: TrackerConfig | None = None, info: RadarInfo | None = None) -> None:
-        self.config = config or TrackerConfig(tracker="poisson_bernoulli")
+        self.config = config or TrackerConfig()
         self._view, self._zones = View(info), Zones(self.config.zones)
         self._decisions = Decisions(self.config.poisson, self._view, self._zones)
         self.reset()
@@ -115,7 +115,7 @@ class PoissonTracker:
         motion.separate(table, knobs.body_width)
         clutter = self._clutter.density(measured)
         shares = self._follow(measured, clutter, dt, now) if len(table) else None
-        owners = table.rows["id"].copy()
+        owners = np.where(table.rows["arm_of"] != 0, table.rows["arm_of"], table.rows["id"])
         self._birth.process(table, measured, shares, clutter, now)
         deleted, confirmed = self._decisions.process(table, dt, now)
         for row in confirmed:
@@ -176,12 +176,13 @@ class PoissonTracker:
         """Make the frozen results."""
         point_track_id = np.full(len(cloud), -1, np.int32)
         if shares is not None and len(measured):
-            whole = shares.torso + shares.limb
+            numbers, column = np.unique(owners, return_inverse=True)
+            whole = (shares.torso + shares.limb) @ (column[:, None] == np.arange(len(numbers)))
             best = whole.argmax(axis=1)
             alive = self._table.numbers
-            there = np.array([number in alive for number in owners.tolist()])
+            there = np.array([number in alive for number in numbers.tolist()])
             sure = (whole[np.arange(len(best)), best] > _OWNED) & there[best]
-            point_track_id[measured.points.index[sure]] = owners[best[sure]]
+            point_track_id[measured.points.index[sure]] = numbers[best[sure]]
         tracks = tuple(self._track(row, now, point_track_id) for row in range(len(self._table)))
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)
 

@@ -182,7 +182,7 @@ def test_every_knob_exists_and_differs():
     assert len({(stage, label) for stage, label, _ in tried}) == len(tried)
     names = {config.filter.estimator.name for config in (default, *found.values())}
     assert names == {"linear", "extended", "unscented", "imm", "mmae", "mm_vel_est"}
-    assert {config.tracker for config in TRACKERS.values()} == {"group_clustering", "group", "cluster_first"}
+    assert {config.tracker for config in TRACKERS.values()} == {"poisson_bernoulli", "group_clustering", "group", "cluster_first"}
 
 
 def names_of(config: object, prefix: str = "") -> set[str]:
@@ -232,8 +232,8 @@ def test_plan_has_every_scene_once():
 @pytest.fixture(scope="module")
 def done():
     """A second of one scene, with one knob."""
-    product = {name: TRACKERS[name] for name in ("group_clustering", "cluster_first")}
-    several = {"default": TRACKERS["group_clustering"], "tracker: tracker=group": TRACKERS["group"]}
+    product = {name: TRACKERS[name] for name in ("poisson_bernoulli", "cluster_first")}
+    several = {"default": TRACKERS["poisson_bernoulli"], "tracker: tracker=group": TRACKERS["group"]}
     jobs = [
         Job("fast_walker", 0, product, several, seconds=1.0),
         Job("fast_walker", 1, product, seconds=0.5),
@@ -245,14 +245,14 @@ def done():
 @pytest.mark.long
 def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     """Kept jobs are taken instead of done again, also after some others were added; other sources make all anew."""
-    first = Job("fast_walker", 0, {"group_clustering": TRACKERS["group_clustering"]}, seconds=0.2)
+    first = Job("fast_walker", 0, {"poisson_bernoulli": TRACKERS["poisson_bernoulli"]}, seconds=0.2)
     other = replace(first, seed=1)
     made = run_all([first], processes=1, keep=tmp_path)
     calls = []
     monkeypatch.setattr(tracking_suite, "simulate", lambda job: calls.append(job.seed) or simulate(job))
     again = run_all([first, other], processes=1, keep=tmp_path)
     assert calls == [1]
-    np.testing.assert_array_equal(again[0].trackers["group_clustering"].times, made[0].trackers["group_clustering"].times)
+    np.testing.assert_array_equal(again[0].trackers["poisson_bernoulli"].times, made[0].trackers["poisson_bernoulli"].times)
     monkeypatch.setattr(tracking_suite, "sources", lambda packages: "changed")
     run_all([first], processes=1, keep=tmp_path)
     assert calls == [1, 0]
@@ -261,8 +261,8 @@ def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
 def test_jobs_pool_by_tracker_scene_and_mount(done):
     """Clouds add up over seeds and not over mounts; the results come in the order of the jobs."""
     assert [d.job.seed for d in done] == [0, 1, 0]
-    assert pooled(done, "group_clustering").clouds == 50 + 25
-    assert pooled(done, "group_clustering", mount=HIGH_MOUNT).clouds == 25
+    assert pooled(done, "poisson_bernoulli").clouds == 50 + 25
+    assert pooled(done, "poisson_bernoulli", mount=HIGH_MOUNT).clouds == 25
     assert pooled(done, "cluster_first", ("fast_walker",)).scenes == 2
     assert pooled(done, "cluster_first", ("approach",)).clouds == 0
     assert pooled(done, PEER).clouds == 0
@@ -280,7 +280,7 @@ def test_figures_are_the_ones_that_were_asked_for(done):
         }
     )
     json.dumps(found, allow_nan=False)
-    assert set(found["trackers"]) == {"group_clustering", "cluster_first"}
+    assert set(found["trackers"]) == {"poisson_bernoulli", "cluster_first"}
     for row in found["trackers"].values():
         assert set(row) == {"fast_walker", "all"}
         assert {"gospa", "id_switches", "mota", "frame_ms", "torso_error_m", "ghosts_per_minute", "misses", "false"} <= set(row["all"])
@@ -326,7 +326,7 @@ def test_a_tracker_in_turn_gives_what_it_gives_alone():
     """Trackers share nothing: together with another one each scores the same."""
     clouds = tracking_choices.crowd(30)
     made = [replace(moment(k, [(2.0, 0.0)]), cloud=cloud, owner=np.full(len(cloud), -1, np.int32)) for k, cloud in enumerate(clouds)]
-    names = ("group_clustering", "cluster_first")
+    names = ("poisson_bernoulli", "cluster_first")
     together = follow("crossing", made, {name: make("crossing", TRACKERS[name], INFO) for name in names}, INFO)
     for name in names:
         alone = follow("crossing", made, {name: make("crossing", TRACKERS[name], INFO)}, INFO)[name]

@@ -211,7 +211,7 @@ def test_lost_while_standing():
     assert (old.number, new.number) == (1, 2)
     finding = next(one for one in tuning.findings() if one.symptom == "lost when still")
     assert finding.fault
-    assert "tracking.life.delete_static_after=" in finding.remedy
+    assert "tracking.poisson.stay_time=" in finding.remedy
     removed = [dataclasses.replace(c, quality=Quality.STATIC_REMOVED) for c in (*moving, *rests, *later)]
     finding = next(one for one in Tuning(evidence(removed, arrays)).findings() if one.symptom == "lost when still")
     assert "--param baseband.spectrum.static=keep" in finding.remedy
@@ -234,11 +234,17 @@ def test_two_in_one_track():
 
 
 def test_nobody_found_names_settings_that_find_somebody():
-    """One point a cloud is too little for the defaults; the remedy was tried, and is loadable."""
+    """One point a cloud is too little for the thesis's trackers, not for the default; the remedy was tried, and is loadable."""
     thin = [cloud(c.sequence, c.x[:1], c.y[:1], c.radial_speed[:1]) for c in walk()]
-    finding = next(f for f in Tuning(evidence(thin, [tracks(c) for c in thin])).findings() if f.symptom == "nobody found")
-    assert finding.fault
-    assert "this helps: --param tracking.association.clustering.min_points=1 --param tracking.life.birth_points=1" in finding.remedy
+    seen = evidence(thin, [tracks(c) for c in thin])
+    thesis, usual = (
+        next(f for f in Tuning(seen, given).findings() if f.symptom == "nobody found") for given in ({"tracker": "group_clustering"}, {})
+    )
+    assert thesis.fault
+    assert usual.fault
+    assert "with the defaults it is well on this recording" in usual.remedy
+    assert "--param tracking.tracker=poisson_bernoulli" in usual.remedy
+    assert "with the defaults it is well on this recording" in thesis.remedy
 
 
 def test_saturation_of_samples_and_of_clouds():

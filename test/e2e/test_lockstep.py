@@ -19,7 +19,7 @@ from radar_tracking.fusion.clouds import fused_info
 from radar_tracking.tracks import Reason
 
 RESULTS = ("radar/points", "tracks", "gestures", "hand")
-SEEN, GONE = 120, 170
+SEEN, GONE = 180, 500
 """Clouds of the fused recording with and without points: longer without than a person who stood still is waited for."""
 
 

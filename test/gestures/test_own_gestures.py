@@ -24,7 +24,7 @@ from radar_lab.datasets.own import TakeConfig, TakeRecorder
 from radar_lab.training.curve_training import remember
 from radar_lab.training.own import Samples, enrol, judge, learn
 from radar_lab.training.tuning import TuningConfig, replayed, tune
-from radar_tracking import PeopleTracker, TrackedCloud, TrackerConfig
+from radar_tracking import PeopleTracker, TrackedCloud
 
 INFO = RadarInfo(mount=Pose(z=1.2))
 STEP = 20_000_000  # ns
@@ -45,7 +45,7 @@ def cloud(k: int, speed: float, place: tuple[float, float, float] = (2.2, 0.0, 1
 
 def takes(recorder: TakeRecorder, strokes: list[tuple[float, float, float]], seconds: float, walk: float = 0.0) -> list[str]:
     """Let somebody move as (start, end, speed) say, and walk forward during all of them; what became of every take."""
-    tracker, found = PeopleTracker(TrackerConfig(), INFO), []
+    tracker, found = PeopleTracker(None, INFO), []
     for k in range(round(seconds * 50)):
         t = k * 0.02
         speed = next((v for start, end, v in strokes if start <= t < end), 0.0)
@@ -67,7 +67,7 @@ def test_good_takes_become_samples_that_train(tmp_path: Path) -> None:
     model = learn([tmp_path / "own"], None)
     assert set(model.labels) == {"push", "zig"}
     recogniser = GestureRecognizer(config_for(model.settings, GestureConfig()), model, INFO.mount)
-    tracker, found = PeopleTracker(TrackerConfig(), INFO), []
+    tracker, found = PeopleTracker(None, INFO), []
     for k in range(400):
         seen = cloud(k, 2.0 if 3.0 <= k * 0.02 < 3.4 else 0.0)
         found += recogniser.process(TrackedCloud(seen, tracker.process(seen)))
@@ -260,7 +260,7 @@ def test_a_network_on_curves_learns_from_detected_events(tmp_path: Path) -> None
     assert config_for(model.settings, GestureConfig(walk_distance=0.9)).walk_distance == 0.9
     recogniser, tracker = (
         GestureRecognizer(config_for(model.settings, GestureConfig()), model, INFO.mount),
-        PeopleTracker(TrackerConfig(), INFO),
+        PeopleTracker(None, INFO),
     )
     found = []
     for k in range(250):

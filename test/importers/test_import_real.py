@@ -142,7 +142,7 @@ def test_dca1000_capture_is_read(tmp_path):
 def shares_with_event(kind, settings, limit):
     """Shares of segments during which at least one event was going on, through people tracking, one for each of the settings."""
     recording = open_original(kind, recordings(kind, "segments.npz"), limit=limit)
-    tracker, stages = PeopleTracker(TrackerConfig()), [EventStage(one, recording.info.mount) for one in settings]
+    tracker, stages = PeopleTracker(), [EventStage(one, recording.info.mount) for one in settings]
     events = [[] for _ in stages]
     for item in recording.items:
         if isinstance(item, PointCloud):

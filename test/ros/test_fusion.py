@@ -29,7 +29,7 @@ from radar_ros.bags import TYPES, BagWriter, typestore
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, info_from_msg, info_to_msg, to_time
 from radar_ros.messages.tracks import tracks_to_msg
 from radar_ros.offline import process_recording
-from radar_tracking import PeopleTracker
+from radar_tracking import make_tracker
 from radar_tracking.fusion.clouds import fused_info
 
 MS = 1_000_000
@@ -41,13 +41,14 @@ def info(name, **changes):
     return RadarInfo(**{"frame_id": f"{name}/radar", "mount": MOUNTS[name], **changes})
 
 
-def cloud(name, ms, sequence=0, body=(2.5, 0.2, 1.1), n=6):
-    """What a radar measures of a few points about a body, ``ms`` after the start."""
+def cloud(name, ms, sequence=0, body=(2.5, 0.2, 1.1), n=6, velocity=None):
+    """What a radar measures of a few points about a body, ``ms`` after the start; ``velocity`` [m/s] in the room gives range rates."""
     local = MOUNTS[name].from_room(np.asarray(body) + np.random.default_rng(sequence).normal(0, 0.1, (n, 3)))
     distance, azimuth, elevation = cartesian_to_spherical(local)
     xyz = spherical_to_cartesian(distance, azimuth, elevation)
     values = {"x": xyz[:, 0], "y": xyz[:, 1], "z": xyz[:, 2], "range": distance, "azimuth": azimuth, "elevation": elevation}
-    values |= {"radial_speed": np.full(n, 0.4), "snr": np.full(n, 20.0)}
+    rate = np.full(n, 0.4) if velocity is None else local @ (MOUNTS[name].rotation.T @ np.asarray(velocity)) / distance
+    values |= {"radial_speed": rate, "snr": np.full(n, 20.0)}
     arrays = {key: value.astype(np.float32) for key, value in values.items()}
     return PointCloud(START + round(ms * MS), sequence, f"{name}/radar", **arrays)
 
@@ -340,8 +341,8 @@ def test_tracking_follows_a_fused_person(ros, fusion):
     assert ros.spin_until(lambda: tracking._info.info is not None and f.node._points.get_subscription_count() == 2)
     for k in range(40):
         body = (2.5 - 0.016 * k, 0.2, 1.1)
-        f.send("left", 20 * k, k, body=body)
-        f.send("right", 20 * k + 3, k, body=body)
+        for name, late in (("left", 0), ("right", 3)):
+            f.send(name, 20 * k + late, k, body=body, velocity=(-0.8, 0.0, 0.0))
         assert ros.spin_until(lambda k=k: len(tracks) > k)
     (person,) = tracks[-1].tracks
     # twelve points of 0.1 m: 0.03 m per centroid, and a lag of the filter below 0.1 m at 0.8 m/s
@@ -424,7 +425,7 @@ def test_a_fused_recording_is_processed_like_the_live_clouds(tmp_path):
         writer.write("/radar/info", TYPES["radar/info"], START, serialize_message(info_to_msg(fused, START)))
         for c in clouds:
             writer.write("/radar/points", TYPES["radar/points"], c.stamp_ns, serialize_message(cloud_to_msg(c)))
-    tracker = PeopleTracker(None, fused)
+    tracker = make_tracker(None, fused)
     for (_, result), c in zip(process_recording(tmp_path / "fused"), clouds, strict=True):
         assert isinstance(result.cloud, CloudComposite)
         expected, got = (canonical(tracks_to_msg(tracks)) for tracks in (tracker.process(c), result.tracks))

@@ -33,9 +33,10 @@ BASEBAND = (
     Level("one echo", {"doa.method": "dml"}, 1, 4.0, 0.3),
     Level("one echo, one frame in 3", {"doa.method": "dml"}, 3, 4.0, 0.4),
 )
+GROUPS = {"tracker": "group_clustering"}  # poisson_bernoulli has levels of its frame rate only
 TRACKING = (
-    Level("velocity", {"filter.estimator.name": "mm_vel_est"}, 1, 8.0, 0.2),
-    Level("linear, one frame in 2", {"filter.estimator.name": "linear"}, 2, 4.0, 0.3),
+    Level("velocity", GROUPS | {"filter.estimator.name": "mm_vel_est"}, 1, 8.0, 0.2),
+    Level("linear, one frame in 2", GROUPS | {"filter.estimator.name": "linear"}, 2, 4.0, 0.3),
 )
 
 
@@ -176,7 +177,7 @@ def test_a_budget_can_be_set_and_taken_away_while_the_node_runs(ros, levels):
 def test_tracks_go_on_from_level_to_level(ros, levels):
     """One person, the level changes twice: the identity stays, and the tracks are those of a library tracker that is changed likewise."""
     bench = Bench(ros, radar_ros.nodes.tracking, levels, 10.0)
-    velocity, linear = override(TrackerConfig(), TRACKING[0].knobs), TrackerConfig()
+    velocity, linear = (override(TrackerConfig(), level.knobs) for level in TRACKING)
     library = PeopleTracker(velocity, INFO)
     expected = []
     for k in range(60):

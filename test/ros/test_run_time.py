@@ -47,7 +47,8 @@ def cloud(number, n_points=12):
 def test_gates_and_thresholds_change_and_the_person_keeps_the_id(ros, setter):
     """Before, between and after: the node works with the new value from the next cloud on, and nobody is lost."""
     tracks = ros.collect(TrackArrayMsg, "tracks", qos.RESULT)
-    node = ros.add(radar_ros.nodes.tracking.make_node(parameter_overrides=[Parameter("reliable", value=True)]))
+    overrides = [Parameter("reliable", value=True), Parameter("tracker", value="group_clustering")]
+    node = ros.add(radar_ros.nodes.tracking.make_node(parameter_overrides=overrides))
     clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
     infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
     infos.publish(info_to_msg(RadarInfo(frame_id="room"), 0))

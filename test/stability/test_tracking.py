@@ -70,7 +70,7 @@ def test_collinear_points_and_points_at_the_origin():
     line = np.column_stack([np.linspace(2.8, 3.2, 9), np.zeros(9), np.ones(9)])
     assert run(line)[-1].people_count == 1
     assert not run(np.zeros((8, 3)))[-1].tracks
-    assert run(np.zeros((8, 3)), config=TrackerConfig(min_distance=0.0))[-1].people_count == 1
+    assert run(np.zeros((8, 3)), config=TrackerConfig(tracker="group_clustering", min_distance=0.0))[-1].people_count == 1
 
 
 @pytest.mark.parametrize("spread", [0.3, 3.0, 60.0])

@@ -254,7 +254,8 @@ def small_cloud(k: int, step_ns: int, start_ns: int = 0) -> PointCloud:
 )
 def test_endurance(estimator, n):
     """A thousand clouds and more in which somebody comes and goes: healthy to the end, nothing grows, ids rise."""
-    config = load(TrackerConfig, {"filter": {"estimator": {"name": estimator}}, "life": {"static_speed": 0.0}})
+    given = {"tracker": "group_clustering", "filter": {"estimator": {"name": estimator}}, "life": {"static_speed": 0.0}}
+    config = load(TrackerConfig, given)
     tracker, ids, size = PeopleTracker(config), [], 0
     for k in range(n):
         cloud = small_cloud(k, 20_000_000)

@@ -139,7 +139,7 @@ def test_the_compiled_means_equal_their_reference(seed, n, n_sensors, missing):
 
 def errors(shell: Shell, mounts: list[Pose], estimator: str, n: int) -> np.ndarray:
     """Position errors of the one confirmed track on the floor plane, shape (clouds, 2) [m]."""
-    tracker = PeopleTracker(load(TrackerConfig, {"filter": {"estimator": {"name": estimator}}}))
+    tracker = PeopleTracker(load(TrackerConfig, {"tracker": "group_clustering", "filter": {"estimator": {"name": estimator}}}))
     found = []
     for k in range(n):
         cloud = shell.composite(k, mounts)

@@ -234,7 +234,7 @@ def test_births_keep_their_distance():
 
 def test_no_more_tracks_than_allowed():
     """Nine clusters, four tracks."""
-    tracker = PeopleTracker(TrackerConfig(life=LifeConfig(max_tracks=4)))
+    tracker = PeopleTracker(TrackerConfig(tracker="group_clustering", life=LifeConfig(max_tracks=4)))
     for k in range(20):
         tracks = tracker.process(together(*(blob(x, y, k) for x in (2, 4, 6) for y in (-2, 0, 2))))
         assert len(tracks.tracks) == 4

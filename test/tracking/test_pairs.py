@@ -65,7 +65,7 @@ def test_two_who_were_always_together_become_two(axis):
 def test_never_when_switched_off():
     """pair_distance 0: they stay one."""
     blobs = Blobs([Person(walk(-0.25, 1)), Person(walk(0.25, 1))], seed=3, clutter=0.0, miss=0.0)
-    tracker = PeopleTracker(load(TrackerConfig, {"life": {"pair_distance": 0.0}}))
+    tracker = PeopleTracker(load(TrackerConfig, {"tracker": "group_clustering", "life": {"pair_distance": 0.0}}))
     assert [tracker.process(blobs.cloud(k)).people_count for k in range(200)][-1] == 1
 
 

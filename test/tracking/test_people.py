@@ -58,7 +58,7 @@ CASES += [("cross", {"filter": {"estimator": {"name": name, "filter": "extended"
 def test_everybody_keeps_one_identity(scene, knobs):
     """Six seconds, 5 % of the looks missed, clutter: tracked all the time, no switch, nobody else, within 0.25 m rms on the floor plane
     (0.15 m when the filter takes the range rate)."""
-    score = follow(Blobs(SCENES[scene]), 6 * SECOND, PeopleTracker(load(TrackerConfig, knobs)))
+    score = follow(Blobs(SCENES[scene]), 6 * SECOND, PeopleTracker(load(TrackerConfig, {"tracker": "group_clustering", **knobs})))
     assert score.tracked == 1.0
     assert score.switches == 0
     assert not score.false_ids
@@ -88,7 +88,7 @@ def test_arm_points_stay_with_the_person():
 @pytest.mark.parametrize("frame_ns", [10_000_000, 20_000_000, 50_000_000, 100_000_000])
 def test_life_is_counted_in_seconds(frame_ns):
     """Confirmation after 0.2 s and deletion after 1.0 s of a walker, whatever the frame rate; one frame of tolerance."""
-    tracker = PeopleTracker(TrackerConfig(life=LifeConfig(static_speed=0.0)))
+    tracker = PeopleTracker(TrackerConfig(tracker="group_clustering", life=LifeConfig(static_speed=0.0)))
     first = last = None
     k = 0
     while first is None:
@@ -120,7 +120,7 @@ def test_a_tentative_track_dies_early():
 def test_who_stands_still_is_kept_longer():
     """A static person may be unseen for 3 s; an own setting changes that."""
     for allowed in (3.0, 6.0):
-        tracker = PeopleTracker(TrackerConfig(life=LifeConfig(delete_static_after=allowed)))
+        tracker = PeopleTracker(TrackerConfig(tracker="group_clustering", life=LifeConfig(delete_static_after=allowed)))
         for k in range(SECOND):
             tracker.process(blob(3, 0, k))
         alive = [bool(tracker.process(empty(k)).tracks) for k in range(SECOND, 8 * SECOND)]
@@ -129,7 +129,7 @@ def test_who_stands_still_is_kept_longer():
 
 def test_ids_are_never_reused():
     """Ten people come and go: ten ids, in ascending order."""
-    tracker, ids = PeopleTracker(TrackerConfig(life=LifeConfig(static_speed=0.0))), []
+    tracker, ids = PeopleTracker(TrackerConfig(tracker="group_clustering", life=LifeConfig(static_speed=0.0))), []
     for visit in range(10):
         for k in range(visit * 100, visit * 100 + 20):
             tracks = tracker.process(blob(2 + 0.3 * visit, 0, k))

@@ -303,9 +303,11 @@ def test_what_is_refused():
 
 
 def test_each_name_makes_its_tracker():
-    """`make_tracker` knows both kinds, the older class refuses the new name, and each can be compiled beforehand."""
-    assert isinstance(make_tracker(), PeopleTracker)
+    """`make_tracker` knows both kinds, each class refuses the other's names, and each can be compiled beforehand."""
+    assert isinstance(make_tracker(), PoissonTracker)
     assert isinstance(make_tracker(CONFIG), PoissonTracker)
+    assert isinstance(make_tracker(TrackerConfig(tracker="group")), PeopleTracker)
+    assert PeopleTracker().config.tracker == "group_clustering"
     with pytest.raises(ConfigError, match="make_tracker"):
         PeopleTracker(CONFIG)
     with pytest.raises(ConfigError, match="make_tracker"):

@@ -16,6 +16,7 @@ from radar_sim.things import Point, Wall
 from radar_tracking import PeopleTracker, TrackerConfig, TrackStatus
 from radar_tracking.people.reflections import detours
 
+GROUPS = {"tracker": "group_clustering"}
 WALL = np.array([[0.0, 2.0, 6.0, 2.0]])
 
 
@@ -78,7 +79,7 @@ def test_a_reflection_is_nobody(told):
     blobs = Blobs([Person(walking((2.0, -0.5), (3.0, 0.6), 0.7))], seed=2, clutter=0.0, miss=0.0)
     zones = {"walls": WALL.ravel().tolist()} if told else {}
     tracker = PeopleTracker(
-        load(TrackerConfig, {"zones": zones, "life": {"reflection_after": 60.0, "reflection_time": 1.0}} if told else {})
+        load(TrackerConfig, GROUPS | ({"zones": zones, "life": {"reflection_after": 60.0, "reflection_time": 1.0}} if told else {}))
     )
     count = [tracker.process(mirrored(blobs, k)).people_count for k in range(500)]
     assert max(count[50:]) == (1 if told else 2)
@@ -88,7 +89,8 @@ def test_a_second_person_counts():
     """Somebody who walks elsewhere in the same room, equally strong, is confirmed within a second, whatever the first cloud looks like."""
     people = [Person(walking((2.0, -0.5), (3.0, 0.6), 0.7)), Person(walking((3.5, -1.8), (4.5, -1.0), 0.6))]
     blobs = Blobs(people, seed=5, clutter=0.0, miss=0.0)
-    config = load(TrackerConfig, {"zones": {"walls": WALL.ravel().tolist()}, "life": {"reflection_after": 60.0, "reflection_time": 1.0}})
+    known = {"zones": {"walls": WALL.ravel().tolist()}, "life": {"reflection_after": 60.0, "reflection_time": 1.0}}
+    config = load(TrackerConfig, GROUPS | known)
     tracker = PeopleTracker(config, RadarInfo(mount=MOUNT))
     for k in range(50):
         tracks = tracker.process(blobs.cloud(k))

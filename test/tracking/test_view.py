@@ -95,7 +95,7 @@ def test_who_stands_at_the_edge_of_the_view_is_kept_while_seen():
 
 def zoned(**zones: object) -> PeopleTracker:
     """A tracker with zones."""
-    return PeopleTracker(load(TrackerConfig, {"zones": zones}))
+    return PeopleTracker(load(TrackerConfig, {"tracker": "group_clustering", "zones": zones}))
 
 
 def test_beyond_the_boundaries_is_nobody():
