@@ -144,7 +144,7 @@ class Decisions:
         rows, config, found = table.rows, self._config, []
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
-        ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.2, 1.5)
+        ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
         for row in np.flatnonzero(ready).tolist():
             near = self._near(table, gaps, way)[row]
             young = now - rows["born"][row] < config.arm_time
