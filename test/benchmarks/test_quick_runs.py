@@ -84,7 +84,7 @@ def zones(found):
     assert 0.5 < found["zone_count_accuracy"] <= 1.0
     assert 0 < found["latency_added_median_ms"] <= found["latency_added_ms"]
     assert found["hours"] > 0
-    assert found["default_hours_without_exclusion"] > 0
+    assert found["group_clustering_hours_without_exclusion"] > 0
     assert {"baseband", "tracking", "gestures", "hand", "zones", "topic zones"} == found["stale_detected_by_stage_s"].keys()
 
 
