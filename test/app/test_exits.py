@@ -94,6 +94,7 @@ def test_a_full_disk_leaves_a_bag_that_is_repaired_as_it_was(raw, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cut"]
 
 
+@pytest.mark.long
 def test_whoever_reads_the_output_may_go(tmp_path):
     """``| head -1``: status 141, not a word; with rich tables and with plain lines, before a command and in one."""
     for words in ("scenes", "--help", "devices --boards"):
@@ -183,6 +184,7 @@ def test_a_file_is_there_as_a_whole_or_not_at_all(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mount.yaml"]
 
 
+@pytest.mark.long
 def test_a_path_that_cannot_be_written_is_one_line(raw, tmp_path):
     """A folder that is not there: no traceback, status 2, the path is named."""
     done = run("calibrate-coupling", raw, "-o", tmp_path / "nowhere" / "c.yaml")

@@ -52,6 +52,7 @@ def test_ros_finds_the_keys_and_insists_on_them(keys):
     assert "enclaves/handwave/elsewhere' does not exist" in done.stderr
 
 
+@pytest.mark.long
 def test_refused_in_one_line(keys):
     """No graph starts without the security that was asked for: the middleware has none, or the keys are none."""
     done = up("--keystore", str(keys))

@@ -52,6 +52,7 @@ def test_every_stage_and_every_part_is_a_benchmark():
     assert {part for parts in command.PARTS.values() for part in parts} | command.PARTS.keys() <= set(names)
 
 
+@pytest.mark.long
 def test_what_is_not_there_is_named(tmp_path):
     """A benchmark of recordings without them: a status of its own and a message that says what to do."""
     done = subprocess.run(

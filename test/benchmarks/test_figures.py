@@ -33,6 +33,7 @@ def test_comments_change_nothing(tmp_path):
     assert len(set(said)) == 4
 
 
+@pytest.mark.long
 def test_what_a_study_imports_is_its_code():
     """Modules that a process holds after the import are of the code; so are those imported later, and nodes that a graph names."""
     command = [sys.executable, "-c", LISTED, "benchmarks.probe"]
@@ -43,11 +44,13 @@ def test_what_a_study_imports_is_its_code():
     assert "radar_ros.nodes.baseband" not in figures.closure("benchmarks.living")
 
 
+@pytest.mark.long
 def test_configurations_that_modules_name_are_code():
     assert {"config/scenes/two_radars.yaml", "config/tracking/thesis.yaml"} <= figures.code(STUDIES["tracking"]).keys()
     assert "config/models/gestures.npz" in figures.code(STUDIES["gesture_streams"])
 
 
+@pytest.mark.long
 def test_what_is_done_is_not_done_again(tmp_path, capsys):
     """A real study with little data, through all states of its stored result."""
     assert figures.outdated("probe", tmp_path).startswith("not stored")

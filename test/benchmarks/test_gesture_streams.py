@@ -394,6 +394,7 @@ def test_intervals_of_rates(events):
     assert rate_interval(events, 0.0) == (0.0, math.inf)
 
 
+@pytest.mark.long
 def test_whose_a_gesture_is_can_be_asked_by_the_first_definition(filled):
     """One person alone is both on whom the track was and who is nearest; in an empty room nobody is."""
     store, scene = filled
@@ -405,6 +406,7 @@ def test_whose_a_gesture_is_can_be_asked_by_the_first_definition(filled):
 # Whole benchmarks, on next to nothing
 
 
+@pytest.mark.long
 def test_streams_without_a_gesture_have_no_recall(tmp_path):
     """Half a second of each kind: whatever has nothing to divide by is None, and all the rest is there."""
     result = gesture_streams.measure(Plan(seeds=1, idle=("standing",), idle_seeds=1, duration=0.5), tmp_path, load_model(), progress=False)

@@ -81,6 +81,7 @@ def test_frames_are_timed_with_two_transmitters_and_with_one():
         assert min(times) > 0
 
 
+@pytest.mark.long
 def test_training_twice_gives_the_same_file():
     """Bit for bit on one machine."""
     assert gesture_tables.repeats(samples(0.3))

@@ -20,6 +20,7 @@ def drawn(rng, n=6):
     return Residuals(value, empty.variance, empty.weakness, empty.same, empty.turn, sensor, speed, 2.0 * speed)
 
 
+@pytest.mark.long
 def test_the_fit_finds_the_noise():
     """Five hundred hands: each knob to a quarter; over twice the speed the noise that grows is half of it."""
     rng = np.random.default_rng(4)

@@ -29,6 +29,7 @@ def test_the_area_under_the_curve():
     assert math.isnan(auc([], [1.0]))
 
 
+@pytest.mark.long
 def test_figures_count_each_track_once_and_pets_apart():
     """People above fans, below pets: the area is that against things; a track at an age has the odds of its last look."""
     tracks = [Judged(number, "person", np.array([0.5, 2.0]), np.array([-1.0, 3.0])) for number in range(5)]

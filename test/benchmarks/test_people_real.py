@@ -170,6 +170,7 @@ def test_crossing_counts_clouds_in_which_both_show():
     assert not both.counts[people_sources.BOTH[1] + 1 :].any()
 
 
+@pytest.mark.long
 def test_says_what_is_absent(tmp_path, monkeypatch):
     """A status of its own, and a message that names the folder; the same where only some recordings are there."""
     done = subprocess.run(

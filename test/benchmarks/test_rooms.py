@@ -103,6 +103,7 @@ def test_people_are_where_the_generator_says(seeds):
             assert least >= (CLOSE - 0.03 if (i, j) in one.close else 0.54)
 
 
+@pytest.mark.long
 def test_the_simulator_keeps_the_plan():
     """Bodies are where the plan has them, but for sitting down and rising; no two come nearer than planned, by more than bodies sway."""
     times = np.arange(0.0, DURATION, 1.0)

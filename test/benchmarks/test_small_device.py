@@ -14,6 +14,7 @@ from benchmarks.small import level_shares, ratio_interval, scene_file
 from radar_sim import load_scene
 
 
+@pytest.mark.long
 def test_a_process_gets_its_share_of_a_core_and_goes_on_afterwards():
     """A busy loop; on a busy machine it gets less, never more."""
     with subprocess.Popen([sys.executable, "-c", "import sys\nprint(flush=True)\nwhile True: pass"], stdout=subprocess.PIPE) as busy:

@@ -78,6 +78,7 @@ def test_frames_of_another_radar(tmp_path):
     assert "40 messages could not be used" in found["findings"][0]["text"]
 
 
+@pytest.mark.long
 def test_what_cannot_be_read_is_status_two(tmp_path):
     """No bag, nothing of a radar in it, words and parameters that make no sense; by the command itself, in one line."""
     with BagWriter(tmp_path / "empty") as writer:

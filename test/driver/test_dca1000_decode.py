@@ -132,6 +132,7 @@ def test_the_cfg_says_what_the_driver_needs(tmp_path):
         read_ti_config(path)
 
 
+@pytest.mark.long
 def test_a_real_boards_samples_have_quadrature_first():
     """The public capture: one transmitter and receiver, 16 chirps. Its echoes lie at positive ranges with q_first alone.
 

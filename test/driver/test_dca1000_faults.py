@@ -299,6 +299,7 @@ def test_what_the_capture_board_tells(bench, event, message):
         assert running.source.report()[f"capture board.{event.name.lower()}"] == 1
 
 
+@pytest.mark.long
 def test_a_sensor_that_somebody_else_starts(bench):
     """Without serial_port the driver records, waits, and says so."""
     one = bench(FRAMES)

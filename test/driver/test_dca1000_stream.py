@@ -55,6 +55,7 @@ def test_250_frames_without_a_loss(bench):
     assert steps.min() > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("flush", [True, False], ids=["short ends", "full packets"])
 def test_every_loss_is_marked(bench, flush):
     """One per cent lost, and some sent twice, swapped and garbled: what is not marked is right, and what is marked was touched."""

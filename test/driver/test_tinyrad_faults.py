@@ -87,6 +87,7 @@ def test_a_command_that_went_half(rig):
     one.start().read(1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("packets", [0, 1, 2, 3])
 def test_what_a_crash_leaves_behind(rig, packets):
     """Packets that nobody read, an answer, a frame still asked for, some packets of a command: the next start is clean."""

@@ -56,6 +56,7 @@ def child():
         one.close()
 
 
+@pytest.mark.long
 def test_frames_arrive_whole_and_in_order(machine, child):
     """Two frames in turn, 40 of them at 50 Hz: every sample is right, none is lost, nothing is left open."""
     rng = np.random.default_rng(2)
@@ -86,6 +87,7 @@ def test_frames_arrive_whole_and_in_order(machine, child):
     assert np.median(late) < 20.0
 
 
+@pytest.mark.long
 def test_unplugged_and_plugged_in_again(machine, child):
     """The real libusb's errno 19: told with the remedy; frames come again by themselves within 3 s of the plug."""
     board = machine()
@@ -126,6 +128,7 @@ def test_a_fault_that_passes(machine, child, fault, value, said):
     assert len(one.hear("sequence")) >= 1
 
 
+@pytest.mark.long
 def test_kill_9_and_start_again(machine, child):
     """A program that dies in the middle of everything leaves a board that the next one brings into step."""
     board = machine()
@@ -140,6 +143,7 @@ def test_kill_9_and_start_again(machine, child):
             time.sleep(0.01)
 
 
+@pytest.mark.long
 def test_a_board_that_hangs(machine, child):
     """No answer within the time: told with the remedy; reading goes on when it answers again."""
     board = machine()

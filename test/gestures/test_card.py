@@ -126,6 +126,7 @@ def test_the_command_evaluates_people_left_out_as_training_did(folder, trained, 
     assert {file.name for file in tmp_path.iterdir()} == {"confusion.png", "calibration.png", "card.md"}
 
 
+@pytest.mark.long
 def test_the_command_evaluates_at_random_and_as_it_is(folder, trained):
     path, _ = trained
     assert json.loads(invoke(evaluate, str(path), str(folder), "--split", "random", "--json"))["folds"] == 5

@@ -246,6 +246,7 @@ def test_an_identity_after_an_absence_is_compared_with_the_one_before():
     assert judge.report()["people"]["1"]["identity_switches"] == 1
 
 
+@pytest.mark.long
 def test_nees_of_the_position_on_the_ground():
     """Errors drawn from the covariance the tracks claim: 1 per degree of freedom; claims that are too good show, none are left out."""
     rng, root = np.random.default_rng(2), np.array([[0.2, 0.0], [0.1, 0.05]])

@@ -71,6 +71,7 @@ def test_mistakes_in_labels_are_named(tmp_path, text, words):
         read_labels(tmp_path / "none.csv", 0)
 
 
+@pytest.mark.long
 def test_a_recording_becomes_samples(tmp_path):
     """Each stroke in a file with a second before and after; the event is found, and reading again gives the same."""
     report = import_labelled(tmp_path, RadarInfo(), long_recording(), LABELS, source="room")
@@ -90,6 +91,7 @@ def test_a_recording_becomes_samples(tmp_path):
     assert read.person.tolist() == [4, 4, 4]
 
 
+@pytest.mark.long
 def test_importing_again_adds_nothing_and_another_recording_goes_on(tmp_path):
     import_labelled(tmp_path, RadarInfo(), long_recording(), LABELS[:2], source="room")
     before = contents(tmp_path)
@@ -112,6 +114,7 @@ def test_labels_outside_of_the_recording_are_counted(tmp_path):
     assert (report.n_written, report.n_outside) == (1, 3)
 
 
+@pytest.mark.long
 def test_the_truth_of_a_recording_says_where_people_are(tmp_path):
     """The person is at the track: found; 1.5 m beside it: somebody else's event."""
     for name, y, found in (("here", 0.0, 3), ("beside", 1.5, 0)):

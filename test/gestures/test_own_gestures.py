@@ -56,6 +56,7 @@ def takes(recorder: TakeRecorder, strokes: list[tuple[float, float, float]], sec
     return found
 
 
+@pytest.mark.long
 def test_good_takes_become_samples_that_train(tmp_path: Path) -> None:
     """Pushes and pulls recorded apart into one folder; a perceptron that knows nothing else learns them."""
     for name, speed in (("push", -2.0), ("zig", 2.0)):
@@ -91,6 +92,7 @@ def test_a_take_that_is_no_good_is_refused_with_the_reason(
     assert not list(tmp_path.glob("sample_*"))
 
 
+@pytest.mark.long
 def test_a_take_unlike_the_others_is_refused(tmp_path: Path) -> None:
     recorder = TakeRecorder(tmp_path, "zig", 0, INFO, GestureConfig(), TakeConfig(least=2))
     reasons = takes(recorder, [(3.0, 3.3, -2.0), (6.5, 6.8, -2.0), (10.0, 11.1, -2.0)], 14.0)

@@ -53,6 +53,7 @@ def test_a_sample_s_picture_shows_maps_and_signals(sample, monkeypatch):
     assert "push, subject 1, found" in figure.get_suptitle()
 
 
+@pytest.mark.long
 def test_a_missed_gesture_is_drawn_too(sample, tmp_path):
     missed = sample | {"stroke_ns": sample["stroke_ns"] + 10**10}
     pictures.draw_sample_maps(missed, tmp_path / "missed.png")

@@ -109,6 +109,7 @@ def test_an_event_of_somebody_else_is_not_the_gesture():
     assert elsewhere.clouds == elsewhere.samples == ()
 
 
+@pytest.mark.long
 def test_settings_frame_rate_and_transmitters_without_simulating_again(folder):
     """A threshold that no hand reaches misses all; half the frames and one transmitter find about as much, with other features."""
     none = readings.collect(folder, GestureConfig(events=EventConfig(threshold=15.0)))

@@ -117,6 +117,7 @@ def test_a_segment_in_which_nobody_is_there_is_marked(tmp_path: Path) -> None:
     np.testing.assert_array_equal(nobody_there(tmp_path / "segments.npz"), [False, True, True, True])
 
 
+@pytest.mark.long
 def test_the_ceiling_is_what_segments_without_a_gesture_leave() -> None:
     """A fifth of the segments are noise, half of them the last ones: the ceiling is 0.8 and what guessing one in four adds."""
     rng = np.random.default_rng(4)
@@ -130,6 +131,7 @@ def test_the_ceiling_is_what_segments_without_a_gesture_leave() -> None:
     assert found["ceiling"] == pytest.approx(0.8 + 0.2 * found["without_alone"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["mhomeges", "mtranssee"])
 def test_recordings_end_with_a_walk_to_the_radar(kind: str) -> None:
     """From the first to the last third of its points a closing segment comes nearer by decimetres in the median, all others stay."""
@@ -152,6 +154,7 @@ def test_recordings_end_with_a_walk_to_the_radar(kind: str) -> None:
     assert abs(np.nanmedian(moved[~last])) < 0.05
 
 
+@pytest.mark.long
 def test_the_shipped_model_before_real_people_is_counted(some: real.RealSet) -> None:
     """Every gesture that we know is right, another, or missed; a minute of each stream gives rates that are finite."""
     found = gestures_shipped.segments("mhomeges", 12)

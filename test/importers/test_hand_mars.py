@@ -60,12 +60,14 @@ def test_a_stranger_is_still_better_than_the_mean_pose(train, test):
         assert found["ratio"] < 0.90
 
 
+@pytest.mark.long
 def test_the_hand_tracker_for_dense_clouds_cannot_do_it():
     """Why there is something learned at all: the arms are too sparse for `HandTracker`, which is twice as far off as the mean pose."""
     own = split(*KNOWN)
     assert geometric_figures(own, "subject3_test")["ratio"] > 1.0
 
 
+@pytest.mark.long
 def test_the_kinect_stood_a_hand_beside_the_radar():
     """Places fitted to every file alone agree to 0.1 m: one rig, two people of different size."""
     for name in (*KNOWN[0], *KNOWN[1]):

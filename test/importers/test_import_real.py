@@ -67,6 +67,7 @@ def test_one_walker_is_one_track(tmp_path):
     assert not ghosts
 
 
+@pytest.mark.long
 def test_two_walkers_live_for_four_fifths_of_the_run(tmp_path):
     """Exactly two tracks exist, from first detection to deletion, in 80 % of the 319 clouds."""
     import_recording("crossing", recordings("crossing", "two_people.npz"), tmp_path / "bag")
@@ -74,6 +75,7 @@ def test_two_walkers_live_for_four_fifths_of_the_run(tmp_path):
     assert [len(life) >= 0.8 * 319 for life in lives[:3]] == [True, True, False]
 
 
+@pytest.mark.long
 def test_two_walkers_keep_their_tracks(tmp_path):
     """Each of the two lives for 95 % of the clouds in which the radar sees that walker at all.
 
@@ -115,6 +117,7 @@ def test_openradar_mover_is_found(tmp_path):
     assert cloud.snr[mover].max() > 20
 
 
+@pytest.mark.long
 def test_dca1000_capture_is_read(tmp_path):
     """16 chirps of 256 samples of one receiver (the phases of all 16 rows agree within a degree: nothing else fits).
 
@@ -166,6 +169,7 @@ def test_gesture_segments_give_events(kind):
     assert preset > default
 
 
+@pytest.mark.long
 def test_mars_joints_stand_beside_the_points(tmp_path):
     """2350 clouds; the feet are at the floor (0 to 0.15 m), and the body's truth lies amid the points that move."""
     source = recordings("mars", "subject1_test.npz")

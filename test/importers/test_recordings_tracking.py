@@ -94,6 +94,7 @@ def test_exercises_are_one_person_on_the_spine(name):
     assert found["rms_m"] < found["still_m"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", TRACKERS[1:])
 def test_the_other_trackers_follow_the_spine_too(name):
     """One file each, the same goal."""

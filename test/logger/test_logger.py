@@ -95,6 +95,7 @@ def test_every_event_is_kept_with_what_was_around_it(tmp_path):
     np.testing.assert_allclose(np.nanmedian(event.position, axis=0)[:2], [2.0, 0.0], atol=0.75)
 
 
+@pytest.mark.long
 def test_what_is_not_kept_is_told(tmp_path):
     """Too many wait; the time goes back and the clouds are gone; there are two radars. Detection goes on meanwhile."""
     player = Player()
@@ -114,6 +115,7 @@ def test_what_is_not_kept_is_told(tmp_path):
     assert [one.gesture for one in read_session(tmp_path).labels] == ["push", "pull"]
 
 
+@pytest.mark.long
 def test_an_event_at_the_end_of_a_source_is_kept_all_the_same(tmp_path):
     """Nothing comes after it: after a moment it counts as complete, and at the end of the logger at once."""
     player = Player()

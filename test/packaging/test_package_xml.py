@@ -70,6 +70,7 @@ def requirements():
     return dict(re.fullmatch(r"([\w-]+)(\S*)", line).groups() for line in lines if line and not line.startswith("#"))
 
 
+@pytest.mark.long
 def test_every_import_is_declared(manifest, requirements):
     """By its rosdep key, in requirements-ros.txt, or as an extra; messages by their package."""
     declared = {dependency.name for dependency in (*manifest.exec_depends, *manifest.build_depends)}
@@ -81,6 +82,7 @@ def test_every_import_is_declared(manifest, requirements):
         assert key in declared or distribution in requirements, f"{name}: {key or distribution} is declared nowhere"
 
 
+@pytest.mark.long
 def test_nothing_is_declared_in_vain(manifest):
     """Every library in the manifest is imported somewhere."""
     used = imported(*(ROOT / room for room in ROOMS), ROOT / "benchmarks")
@@ -130,6 +132,7 @@ from radar_app.launching import launch_description
 """
 
 
+@pytest.mark.long
 def test_nodes_start_without_what_they_can_do_without():
     """Of the libraries without a rosdep key only pydantic and threadpoolctl are needed by all; recordings need rosbags and mcap."""
     from radar_app.graph import NODES

@@ -115,6 +115,7 @@ def cuts(size, count=24):
     return sorted({rng.randrange(size) for _ in range(count)} | {1, 8, 9, 100, size - 1, size - 8, size - 9, size - 40})
 
 
+@pytest.mark.long
 def test_cut_off_at_any_byte_it_comes_back_up_to_the_last_whole_chunk(chunked, tmp_path):
     """At least every message of the chunks that were whole, to the byte and in order, and never anything that was not recorded."""
     data, messages, ends = chunked

@@ -174,6 +174,7 @@ def test_one_bit_of_a_recording(raw_bag, tmp_path, at):
     assert all(good[item.topic, item.stamp_ns] == item.data for item in bags.read(bag))
 
 
+@pytest.mark.long
 def test_recorder_survives_sigint_with_a_complete_bag(tmp_path):
     """The recorder node, told to stop, finishes its bag: metadata is there."""
     from radar_app.graph import graph

@@ -114,6 +114,7 @@ def test_a_recording_gives_mount_file_table_and_picture(bag, tmp_path):
     assert load_mount(out) == found
 
 
+@pytest.mark.long
 def test_radars_may_change_roles(bag):
     """The left radar beside the right one: with the right one's true mount, the left one's comes out as it is."""
     first, second = from_bag(bag, ["right", "left"], PairConfig())

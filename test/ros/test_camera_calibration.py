@@ -109,6 +109,7 @@ def record(path, radar, camera):
             writer.write(f"/{topic}", TYPES[topic], stamp, serialize_message(msg))
 
 
+@pytest.mark.long
 def test_the_command_writes_the_nodes_settings(tmp_path):
     """From a rosbag2 MCAP and the settings that the node had to better ones, which keep the rest."""
     record(tmp_path / "walk", *seen())

@@ -66,6 +66,7 @@ def mistakes(tmp_path):
 REAL = (0, 7, 8)  # of the mistakes: simulate, demo and up as processes of their own; the others take the same way in this one
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(12))
 def test_mistakes_end_in_one_message_and_status_2(monkeypatch, capfd, tmp_path, number):
     """No traceback, nothing written."""

@@ -81,6 +81,7 @@ def test_every_command_teaches(name):
     assert f"handwave dataset {name}" in run(name, "--help")
 
 
+@pytest.mark.long
 def test_generate_makes_subjects_and_goes_on(tmp_path):
     """Two people, two gestures, one repetition; then a second one: what was there stays."""
     options = ["--body", "ellipsoids", "--subjects", "2", "--gestures", "push, pull", "-j", "1", "--one-tx", "--repetitions", "2"]
@@ -129,6 +130,7 @@ def test_a_recording_s_own_truth_names_its_gestures(bag, imported):
     assert "2 were there already" in text
 
 
+@pytest.mark.long
 def test_labels_in_a_file_do_as_well(bag, cloud_bag, imported, tmp_path):
     """Seconds of the recording; of clouds that were ready, too. What lies outside is counted."""
     (tmp_path / "labels.csv").write_text(LABELS)
@@ -143,6 +145,7 @@ def test_labels_in_a_file_do_as_well(bag, cloud_bag, imported, tmp_path):
         assert mine.person.tolist() == [6, 6]
 
 
+@pytest.mark.long
 def test_inspect_shows_and_draws(imported, tmp_path):
     text = run("inspect", imported)
     assert "push" in text
@@ -155,6 +158,7 @@ def test_inspect_shows_and_draws(imported, tmp_path):
     assert "there is no sample_00007.npz; it has samples 0 to 1" in run("inspect", imported, "7", wrong=DataError)
 
 
+@pytest.mark.long
 def test_compare_writes_text_and_pictures(imported, tmp_path):
     """Simulated strokes against the imported recording, of which there are too few for tests: that is said, and the rest is done."""
     make(tmp_path / "simulated", 8)

@@ -120,6 +120,7 @@ def test_all_boards_with_their_knobs(theirs):
     assert {"port", "cli_port", "config", "mount.z"} <= set(knobs)
 
 
+@pytest.mark.long
 def test_probe_of_the_simulator(tmp_path):
     """A table for people, JSON for programs, the same verdict in the exit status."""
     scene = tmp_path / "brief.yaml"

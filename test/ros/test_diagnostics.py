@@ -38,6 +38,7 @@ def test_the_aggregator_takes_each_node_in_one_group(name):
     assert len([group for group, texts in analyzers().items() if any(text in status for text in texts)]) == 1
 
 
+@pytest.mark.long
 def test_a_node_in_a_namespace_reports_to_everybody(ros):
     """On /diagnostics, named with its namespace, for the radar whose data it works on; stale until it has had any."""
     reports = ros.collect(DiagnosticArray, "/diagnostics", 10)

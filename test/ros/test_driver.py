@@ -81,6 +81,7 @@ def test_processes_make_clouds_of_a_scene(ros, start, scene):
         assert all(from_time(m.header.stamp) == middles[m.sequence] for m in both)
 
 
+@pytest.mark.long
 def test_the_driver_ends_with_its_scene(start, scene):
     """at_end exit: the process ends by itself, with status 0."""
     driver = start("radar_ros.nodes.driver", f"scene:={scene}", "at_end:=exit")
@@ -102,6 +103,7 @@ def test_a_node_stops_though_simulated_time_stands_still(ros, start, number):
     assert "Traceback" not in output
 
 
+@pytest.mark.long
 def test_many_signals_are_one(ros, start, scene):
     """`ros2 launch` and an impatient user send SIGINT more than once; the driver at work still ends with status 0."""
     process = start("radar_ros.nodes.driver", f"scene:={scene}", "at_end:=loop", name="pestered")
@@ -116,6 +118,7 @@ def test_many_signals_are_one(ros, start, scene):
     assert "Traceback" not in output
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

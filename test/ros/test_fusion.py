@@ -310,6 +310,7 @@ def test_a_clock_that_is_a_frame_ahead_is_told(fusion):
     assert told in f.problems  # logged as well
 
 
+@pytest.mark.long
 def test_the_limit_of_clocks_is_a_parameter(fusion):
     """Who lives with 20 ms may say so; a clock that is behind is told as such."""
     f = fusion(**QUICK_CLOCKS, max_clock_offset=0.1)

@@ -170,6 +170,7 @@ def curve_model(config):
     return CurveNet(mean, scale, (kernel,), (offset,), weights, (bias,), CURVE_NAMES, ("pull", "push"), steps, settings=settings)
 
 
+@pytest.mark.long
 def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
     """The node loads what the file says, at ten clouds a second; its gestures are the library's, these the network's own predictions."""
     config = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))
@@ -190,6 +191,7 @@ def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
     assert bench.gestures == [gesture_to_msg(gesture) for gesture in wanted]
 
 
+@pytest.mark.long
 def test_curve_code_is_loaded_for_a_model_that_needs_it_only():
     """A node with the shipped perceptron holds nothing of the curves."""
     code = (

@@ -124,6 +124,7 @@ print(hands[-1] is not None, [name for name in set(sys.modules) - before if not 
 """
 
 
+@pytest.mark.long
 def test_the_first_hand_waits_for_nothing_to_be_loaded(own_domain):
     """What compiled loops need takes half a second to load, in which hands would be lost: the node has it before clouds come."""
     clouds = [measured("left", 10 * k, [NEAR]) for k in range(6)]

@@ -139,6 +139,7 @@ def test_a_gesture_triggers_once(room, house):
     assert "position" not in house.events[2]
 
 
+@pytest.mark.long
 def test_the_hand_is_a_number_that_comes_not_too_often(room, house):
     """At most hand_rate values a second, the last one always, and active only while there is one."""
     room.people = 1
@@ -167,6 +168,7 @@ def test_a_hand_that_is_lost_without_a_word_is_not_active(room, house):
     assert house.state("sensor", "people") == "1"
 
 
+@pytest.mark.long
 def test_a_broker_that_dies_and_comes_back_empty(room, broker, tmp_path):
     """Everything is there again within 5 s; a gesture of meanwhile never comes late."""
     room.people = 1
@@ -250,6 +252,7 @@ def test_zones_are_entities_of_their_own(room, house):
     assert room.until(lambda: house.state("sensor", "zone_sofa_people") == "unavailable")
 
 
+@pytest.mark.long
 def test_zones_that_fall_silent_are_unavailable_and_the_room_goes_on(room, house):
     """The zones node died: the room's people are those that are tracked."""
     room.people = 3
@@ -394,6 +397,7 @@ def process(port, *more):
     return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_node_that_is_killed_is_offline_within_five_seconds(ros, broker, house, number):
     """By its last will, or by its own last word; it ends with status 0 where it can."""

@@ -95,6 +95,7 @@ class Bench:
         return future.result().result
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("budget", "number", "gave_up"), [(10.0, 0, []), (5.0, 1, ["doa.method: dml instead of dml2"])])
 def test_the_most_accurate_level_that_fits_works(ros, levels, budget, number, gave_up):
     """Clouds are the library's at that level, bit for bit, and the topic says what was given up."""
@@ -124,6 +125,7 @@ def test_frames_are_left_out_on_purpose_and_not_counted(ros, levels):
     assert list(bench.budgets[-1].gave_up) == ["doa.method: dml instead of dml2", "one frame in 3 is processed instead of one in 1"]
 
 
+@pytest.mark.long
 def test_overload_steps_down_and_ease_steps_up(ros, levels):
     """Slowed so that every frame takes far too long, the node goes down, warns, and comes back by itself when it is quick again."""
     bench = Bench(ros, radar_ros.nodes.baseband, levels, 10.0, **{"budget.window": 0.05, "budget.recover": 0.3})
@@ -153,6 +155,7 @@ def test_overload_steps_down_and_ease_steps_up(ros, levels):
     assert bench.node._budget.report()[1] == []
 
 
+@pytest.mark.long
 def test_a_budget_can_be_set_and_taken_away_while_the_node_runs(ros, levels):
     """Without a budget the node works as configured again."""
     bench = Bench(ros, radar_ros.nodes.baseband, levels, 10.0, **{"doa.newton_steps": 3})

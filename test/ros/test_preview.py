@@ -63,6 +63,7 @@ def shown(picture, colour) -> int:
     return int(np.count_nonzero(away < 0.12))
 
 
+@pytest.mark.long
 def test_a_picture_shows_people_and_spectra(tmp_path):
     """It decodes; both people are there in their colours, and the maps hold dark noise and bright echoes."""
     draw(simulator(), tmp_path / "scene.png")
@@ -83,6 +84,7 @@ def test_the_same_scene_gives_the_same_picture(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.long
 def test_a_film_runs_at_true_speed_and_moves(tmp_path):
     """25 pictures a second of 50 frames a second, as long as the scene, no two alike."""
     draw(simulator(1.0), tmp_path / "scene.mp4")
@@ -142,6 +144,7 @@ def test_a_film_of_one_picture(tmp_path):
     assert len(decode(tmp_path / "scene.mp4")[0]) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["mp4", "png"])
 def test_an_interruption_leaves_what_was_there(tmp_path, ending):
     """A file that was there stays whole, and nothing half done is left."""
@@ -295,6 +298,7 @@ WAVEFORMS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", WAVEFORMS)
 def test_every_kind_of_radar_can_be_drawn(tmp_path, kind):
     """Also one that measures no range, or no speed."""
@@ -315,6 +319,7 @@ def test_an_empty_room_can_be_drawn(tmp_path, ending):
     assert out.stat().st_size > 5000
 
 
+@pytest.mark.long
 def test_the_command_draws_beside_its_recording(tmp_path):
     """`handwave simulate SCENE -o BAG --preview FILE`."""
     scene = tmp_path / "scene.yaml"

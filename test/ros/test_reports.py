@@ -107,6 +107,7 @@ def test_lists_of_unequal_length_are_read_as_far_as_they_go():
     assert [report.sequence for report in reports_from_msg(msg)] == [4]
 
 
+@pytest.mark.long
 def test_nothing_is_lost_at_the_end(tmp_path, own_domain):
     """A driver whose source ends, recorded: a report of each frame, in a fifth of the messages."""
     scene = tmp_path / "scene.yaml"

@@ -259,6 +259,7 @@ print(sorted(compiled() - before))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", [{}, {"tracker": "cluster_first", "association": {"method": "mahalanobis"}}], ids=str)
 def test_nothing_is_compiled_once_the_node_listens(tmp_path, settings):
     """After the warm-up, people who come one after the other, meet and leave need no machine code that is not there already."""

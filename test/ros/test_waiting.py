@@ -51,6 +51,7 @@ def test_patience_begins_anew(clock):
     assert patience.over()
 
 
+@pytest.mark.long
 def test_a_process_says_that_it_compiles(tmp_path):
     """Once at the beginning, with the stage and the remedy, and how many loops it was; a second run finds them and says nothing."""
     (tmp_path / "loops.py").write_text("import numba\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")

@@ -56,6 +56,7 @@ def test_places_up_to_the_last_of_48_bits():
     assert bytes(frames[1].data) == content[start : start + size]
 
 
+@pytest.mark.long
 def test_a_long_run_keeps_nothing():
     """Three hundred thousand packets with losses everywhere: what waits stays within the window."""
     rng = np.random.default_rng(1)

@@ -191,6 +191,7 @@ def test_thresholds_over_many_orders(false_alarm, n_channel):
         assert found == pytest.approx(thresholds.ca_factor(false_alarm, np.array([1.0]), n_channel)[0], rel=0.05)
 
 
+@pytest.mark.long
 def test_large_frame():
     """512 x 256 cells and sixteen channels: same code, finite result, bounded number of points."""
     info = RadarInfo(

@@ -117,6 +117,7 @@ def constant(value=1.0, n=5, labels=(1, 2)):
     return dataclasses.replace(base, features=np.full_like(base.features, value))
 
 
+@pytest.mark.long
 def test_constant_features_are_said_not_crashed_on(tmp_path):
     """No distribution to speak of: notes for every feature, no NaN in the text, pictures all the same."""
     a = constant()

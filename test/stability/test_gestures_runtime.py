@@ -165,6 +165,7 @@ def test_clouds_once_a_second_give_no_event():
     assert run(EventStage(GestureConfig(), MOUNT), 60, 10**9, lambda t: 2.0) == []
 
 
+@pytest.mark.long
 def test_stamps_that_jump_and_tracks_that_come_and_go():
     """Random stamps, speeds and tracks: nothing fails, ended tracks are forgotten, events keep to their limits."""
     rng, stage, stamp = np.random.default_rng(3), EventStage(GestureConfig(maps=MapConfig(length=1.0)), MOUNT), 0

@@ -55,6 +55,7 @@ def shuffled(cloud: PointCloud, rng: np.random.Generator) -> tuple[PointCloud, n
     return cloud.select(order), order
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tracker", ["group_clustering", "group", "cluster_first"])
 def test_the_order_of_points_does_not_matter_to_people_hands_and_events(tracker):
     """Sums in another order differ in the last bit: after 120 clouds tracks agree to 1e-9 m, owners, ids and events to the bit."""

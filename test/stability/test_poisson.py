@@ -86,6 +86,7 @@ def with_somebody() -> PoissonTracker:
     return tracker
 
 
+@pytest.mark.long
 def test_an_hour_of_nothing_and_then_somebody():
     """Empty clouds from the first one on, and again after a person: nobody, no warning, and the next one is found."""
     tracker, now = tracker_of(), 0
@@ -97,6 +98,7 @@ def test_an_hour_of_nothing_and_then_somebody():
         now = finds_somebody(tracker, now)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("speed", [0.0, 0.5, np.nan], ids=["still", "moving", "no speed"])
 @pytest.mark.parametrize("spread", [0.0, 0.1], ids=["no extent", "a heap"])
 def test_ten_thousand_points_at_one_place(speed, spread):
@@ -108,6 +110,7 @@ def test_ten_thousand_points_at_one_place(speed, spread):
     finds_somebody(tracker, 600 * SECOND)
 
 
+@pytest.mark.long
 def test_a_thousand_clouds_at_once():
     """Stamps that stand still: no division by the time between, and what is learned waits for time to go on."""
     tracker, now = with_somebody(), 3 * SECOND
@@ -120,6 +123,7 @@ def test_a_thousand_clouds_at_once():
     assert tracks.tracks[0].age == before.tracks[0].age
 
 
+@pytest.mark.long
 def test_clouds_in_pairs():
     """Drivers hand over two clouds at a time: 2 and 58 ms apart; one person for twenty seconds."""
     tracker, now, found = tracker_of(), 0, set()
@@ -273,6 +277,7 @@ KINDS = st.sampled_from(("walker", "empty", "uniform", "same", "sensor", "far", 
 walks = st.lists(st.tuples(KINDS, st.integers(1, 8), st.sampled_from((0, 1, 2_000_000, STEP_NS, 3 * SECOND, 86_400 * SECOND))), max_size=12)
 
 
+@pytest.mark.long
 @settings(
     max_examples=25, deadline=None, derandomize=True, phases=(Phase.explicit, Phase.generate), suppress_health_check=list(HealthCheck)
 )

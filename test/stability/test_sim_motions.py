@@ -149,6 +149,7 @@ def test_any_knobs_of_a_gesture(name, size, tilt, duration, arm, spread, pace, s
     assert 0.2 - 1e-9 <= stroke.end - stroke.start <= 2.0 * duration + 1e-9
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-math.pi, math.pi), distance=st.floats(0.0, 6.0), speed=st.floats(0.3, 1.2), heading=st.floats(-6.0, 6.0))
 def test_any_walk_is_continuous(angle, distance, speed, heading):

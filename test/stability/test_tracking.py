@@ -73,6 +73,7 @@ def test_collinear_points_and_points_at_the_origin():
     assert run(np.zeros((8, 3)), config=TrackerConfig(tracker="group_clustering", min_distance=0.0))[-1].people_count == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spread", [0.3, 3.0, 60.0])
 def test_a_hundred_thousand_points(spread):
     """Dense or everywhere: results for every point, in bounded memory (no 1e5 x 1e5 matrix: that were 80 GB)."""

@@ -91,6 +91,7 @@ def test_stamps_of_today_keep_their_nanoseconds(start):
     assert found.offset == pytest.approx(0.005, abs=2e-5)
 
 
+@pytest.mark.long
 def test_a_long_run():
     """Half an hour at 50 Hz, 90,000 samples: as accurate as a short one, and with finite memory."""
     rng = np.random.default_rng(1)

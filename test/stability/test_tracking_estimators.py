@@ -190,6 +190,7 @@ def test_a_million_steps():
     assert 0 < nis < 2  # uniform noise of +-0.1 m is less than the 0.1 m standard deviation believed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["imm", "mmae"])
 def test_a_mode_that_has_lost_for_long_comes_back(name):
     """5,000 steps of a target at rest: the agile mode is down, not dead, and leads within 0.3 s when the target starts to move."""
@@ -207,6 +208,7 @@ def test_a_mode_that_has_lost_for_long_comes_back(name):
     assert max(led) > 0.5
 
 
+@pytest.mark.long
 def test_weights_over_a_hundred_thousand_updates():
     """Likelihoods that favour one mode by up to 1000 units, for ever: still probabilities, still at the floor and not below."""
     weight, rng = np.full((2, 3), 1 / 3), np.random.default_rng(4)

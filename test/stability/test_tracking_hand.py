@@ -150,6 +150,7 @@ def test_points_all_around_their_sensor():
     assert np.isfinite(found.state.covariance).all()
 
 
+@pytest.mark.long
 def test_a_value_of_a_million_steps_does_not_drift():
     """A random walk in a room of 0.8 m: after a million steps the value is still within the hysteresis of what the place says."""
     rng, config = np.random.default_rng(7), ValueConfig()

@@ -231,6 +231,7 @@ configs = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.long
 @settings(calm, max_examples=40)
 @given(configs, walks)
 def test_any_clouds_for_any_settings(knobs, walk):
@@ -249,6 +250,7 @@ def small_cloud(k: int, step_ns: int, start_ns: int = 0) -> PointCloud:
     return PointCloud(start_ns + k * step_ns, k, "room", x, y, z, radial_speed=speed, snr=snr)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("estimator", "n"), [("linear", 1500), ("imm", 1000), ("mm_vel_est", 1000), pytest.param("linear", 200_000, marks=pytest.mark.slow)]
 )
@@ -286,6 +288,7 @@ def test_stamps_up_to_the_last(start_ns):
     assert a.people_count == 1
 
 
+@pytest.mark.long
 def test_ten_thousand_births_have_ten_thousand_ids():
     """Fifty new people with every fourth cloud, half a second of nothing between: no id comes twice, and the list stays bounded."""
     rng = np.random.default_rng(1)

@@ -61,6 +61,7 @@ def test_without_errors_pose_and_offset_are_exact(d):
     assert found.rank == len(found.names) == d + 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("time", [0.0, 0.1, 0.5])
 def test_uncertainty_is_honest_while_errors_last(time):
     """NEES over 12 runs of a minute, errors independent, or alike for 0.1 and 0.5 s; correlation times are measured to a third."""

@@ -91,6 +91,7 @@ def test_what_stirs_is_forgotten():
     assert not background.process(points_of(lamp(0))).any()
 
 
+@pytest.mark.long
 def test_what_is_gone_is_forgotten_and_learned_at_the_new_place():
     """A share of at most one falls below a quarter in 5 s x ln(4) = 6.9 s; the moved lamp is background there after 1.44 s."""
     background = Background(KNOBS)
@@ -151,6 +152,7 @@ def test_furniture_from_the_start_is_nobody(tracker):
         assert people.process(together(lamp(k), lamp(k, 2.0, -1.0, 12, 25.0), *wall)).people_count == 0
 
 
+@pytest.mark.long
 def test_who_walks_up_to_furniture_and_stands_before_it_is_kept():
     """A cupboard is learned; somebody walks there, stands 0.5 m before it for 20 s with mostly still points: one person, where it is."""
     people, learned = PeopleTracker(), 5 * RATE

@@ -18,6 +18,7 @@ NAMES, HUES, RADII = ("right_hand", "left_wrist", "right_shoulder", "right_elbow
 SHAPES = (("circle", 2.1, 0.1), ("line_up", 2.4, -0.3), ("line_side", 2.2, 0.3), ("eight", 3.0, 0.0))
 
 
+@pytest.mark.long
 def test_known_joints_come_back():
     """Acceptance: joints of 40 pictures of four people within one pixel and 1 cm where their ball is seen whole.
 
@@ -117,6 +118,7 @@ def test_each_error_is_in_the_budget(part, dof):
     assert low < np.mean(square) / said[PARTS.index(part)] < high
 
 
+@pytest.mark.long
 def test_budget_is_consistent():
     """Acceptance: all errors together, drawn for 60 cameras: NEES within the 99.9 % chi-square band; without the latency it leaves it."""
     rng = np.random.default_rng(7)

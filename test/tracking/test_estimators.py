@@ -285,6 +285,7 @@ def follow(config: EstimatorConfig, path: np.ndarray, dt: float, seed: int) -> t
     return np.array(weights), np.array(errors)
 
 
+@pytest.mark.long
 def test_an_imm_finds_the_turn():
     """Straight, a circle at 2 rad/s, straight: the turning mode leads in the second half of the turn only.
 

@@ -69,6 +69,7 @@ def test_never_when_switched_off():
     assert [tracker.process(blobs.cloud(k)).people_count for k in range(200)][-1] == 1
 
 
+@pytest.mark.long
 def test_one_person_is_one():
     """Ten seconds of one body that is as wide as bodies are: one identity only."""
     for seed in range(5):
@@ -97,6 +98,7 @@ def test_two_who_stand_beside_each_other_from_the_start_are_two(apart, seed):
     assert len(ids) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reach", [(-0.6, 0.0, 0.1), (-0.5, 0.5, 0.2), (-0.7, -0.6, 0.0)])
 def test_a_hand_held_before_the_body_is_nobody(reach):
     """For ten seconds, straight ahead and to either side, up to 0.92 m from the body: one identity (a hand echoes less than a body)."""

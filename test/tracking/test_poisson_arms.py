@@ -41,6 +41,7 @@ def followed(width: float) -> tuple[Blobs, list[Tracks]]:
     return blobs, [tracker.process(blobs.cloud(k)) for k in range(20 * 50)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "most"), [(0.8, 0.3), (1.2, 0.45)])
 def test_an_arm_draws_nobody_away_and_is_nobody(width, most):
     """Who stands and swipes is one person all the time, within 0.4 of a stroke's width; nine in ten points of the strokes are theirs."""

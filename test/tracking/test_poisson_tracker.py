@@ -73,6 +73,7 @@ def follow(blobs: Blobs, n: int, skip: int = 2 * SECOND, tracker: PoissonTracker
     return score
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frame_ns", [20_000_000, 50_000_000, 100_000_000])
 def test_a_walker_is_one_person(frame_ns):
     """Twenty seconds, clutter, 5 % of the looks missed: one person all the time, with one identity, within 0.25 m rms."""
@@ -133,6 +134,7 @@ def come_and_stand(t: float) -> np.ndarray:
     return np.array([3.0, 2.0 - 0.5 * min(t, 4.0) + 0.02 * np.sin(2 * t), 1.0])
 
 
+@pytest.mark.long
 def test_who_stands_unseen_is_still_there_and_not_for_ever():
     """Two seconds after the last point the person counts, at the same place; a quarter of an hour later nobody is left."""
     seen = 8 * SECOND

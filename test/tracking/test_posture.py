@@ -35,6 +35,7 @@ def rms(wrong: np.ndarray) -> float:
     return float(np.sqrt((wrong**2).sum(axis=-1).mean()))
 
 
+@pytest.mark.long
 def test_hands_that_have_points_are_found():
     """Another minute, other rates and phases: three times better than the mean place, and not better than the points allow.
 

@@ -298,6 +298,7 @@ def test_errors_stay_near_the_bound_and_are_as_large_as_told(place, baseline, to
     assert (found["told"][1] > 0.9) if told else (found["told"][1] < 0.1)
 
 
+@pytest.mark.long
 def test_weights_pay_where_points_are_forearm_and_cost_nothing_elsewhere():
     """One point of ten lies on the forearm: errors fall by a tenth or more, NEES by a quarter; without any, errors grow by less than 3 %.
 

@@ -173,6 +173,7 @@ def test_a_beaten_default_needs_a_reason(monkeypatch):
     assert found.text == "on the front"
 
 
+@pytest.mark.long
 def test_the_command_fails_where_a_reason_is_missing_in_a_full_run(tmp_path, monkeypatch):
     """A full run ends with status 1 and names the panel; a quick one only says so."""
     beaten = Found(rows(("usual", 0.3, 2.0, 0.0), ("better", 0.1, 1.0, 0.0)))
@@ -249,6 +250,7 @@ def test_known_truths_come_out(finished):
     assert found["dbscan"] > 0.98
 
 
+@pytest.mark.long
 def test_what_is_there_is_not_measured_again(finished, monkeypatch):
     """The second run reads; --again measures; another amount measures; a damaged file is measured."""
     out, first = finished
@@ -270,6 +272,7 @@ def test_what_is_there_is_not_measured_again(finished, monkeypatch):
     assert asked == ["clustering"] * 3
 
 
+@pytest.mark.long
 def test_another_factor_scales_what_is_there(finished):
     """Nothing is measured for another device; going back gives the times of before, to rounding."""
     out, _ = finished
