@@ -42,7 +42,7 @@ def main():
     cube = np.load(sys.argv[1]) if len(sys.argv) > 1 else simulated()
     for number, (cloud, tracks) in enumerate(process(cube)):
         if number % 10 == 0:
-            people = ", ".join(f"person {t.id} at x {t.position[0]:.2f} m, y {t.position[1]:.2f} m" for t in tracks.tracks)
+            people = ", ".join(f"person {t.id} at x {t.position[0]:.2f} m, y {t.position[1]:.2f} m" for t in tracks.people)
             print(f"frame {number}: {len(cloud.x)} points; {people or 'nobody'}")
 
 

@@ -136,9 +136,14 @@ class Tracks:
         require_every("Tracks.every", self.every)
 
     @property
+    def people(self) -> tuple[Track, ...]:
+        """Confirmed and coasting tracks; tentative ones may be chance, or an arm."""
+        return tuple(track for track in self.tracks if track.status is not TrackStatus.TENTATIVE)
+
+    @property
     def people_count(self) -> int:
-        """Number of people: confirmed and coasting tracks."""
-        return sum(track.status is not TrackStatus.TENTATIVE for track in self.tracks)
+        """Number of `people`."""
+        return len(self.people)
 
     def find(self, track_id: int) -> Track | None:
         """Return the track with this id, or None."""
