@@ -36,6 +36,7 @@ _NO_PERSON: Final = -1.0  # log odds below which a confirmed track is no person 
 _LEAST_HITS: Final = 0.2
 _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
+_STANDING: Final = 3.0  # who joins somebody who stands has to stay so many times longer
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
@@ -147,7 +148,7 @@ class Decisions:
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
         for row in np.flatnonzero(ready).tolist():
             near = self._near(table, gaps, way)[row]
-            young = now - rows["born"][row] < config.arm_time
+            young = now - rows["born"][row] < config.arm_time * (_STANDING if rows["stands"][near].any() else 1.0)
             if near.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][near]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)
