@@ -25,7 +25,6 @@ GHOSTS: Final = 0.2
 """Ghosts at a time, on average, that are a fault: one for 2 s of 10 s; shorter ones are not told from people."""
 _SHOWN: Final = ("min_speed", "max_distance")
 """Knobs of all trackers that a user may have changed."""
-_STILL_KEPT: Final[Sequence[Settings]] = ({}, *({"min_speed": 0.0, "life.delete_static_after": t} for t in (3.0, 6.0, 15.0, 60.0)))
 _CURES: Final[Mapping[str, Sequence[Settings]]] = {
     "nobody found": ({}, {"poisson.moved": 0.1}, {"poisson.moved": 0.05, "poisson.leave_time": 2.0}),
     "merged people": ({}, {"poisson.reach": 0.6}, {"poisson.reach": 0.4, "poisson.arm_time": 1.0, "poisson.body_width": 0.3}),
@@ -52,7 +51,7 @@ _THESIS_CURES: Final[Mapping[str, Sequence[Settings]]] = {
         {"life.pair_distance": 0.4, "association.gate": 0.8, "life.birth_distance": 0.6},
         {"life.pair_distance": 0.3, "association.gate": 0.6, "life.birth_distance": 0.5, "life.birth_together": 0.4},
     ),
-    "lost when still": _STILL_KEPT,
+    "lost when still": ({}, *({"min_speed": 0.0, "life.delete_static_after": t} for t in (3.0, 6.0, 15.0, 60.0))),
     "ghosts": ({}, {"life.confirm_activity": 0.4}, {"life.confirm_activity": 0.4, "life.confirm_points": 3.0}),
 }
 """The same of the thesis's trackers."""

@@ -146,15 +146,16 @@ class Decisions:
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
+        near = self._near(table, gaps, way)
         for row in np.flatnonzero(ready).tolist():
-            near = self._near(table, gaps, way)[row]
-            young = now - rows["born"][row] < config.arm_time * (_STANDING if rows["stands"][near].any() else 1.0)
-            if near.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][near]).any()):
+            own = near[row]
+            young = now - rows["born"][row] < config.arm_time * (_STANDING if rows["stands"][own].any() else 1.0)
+            if own.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][own]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)
             rows["confirmed"][row] = True
             found.append(row)
-        near = self._near(table, gaps, way)
+            near = self._near(table, gaps, way)
         rows["arm_of"] = np.where(near.any(axis=1), rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
         return found
 
