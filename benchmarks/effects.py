@@ -41,7 +41,6 @@ from radar_sim.audit import called_for, everything, ours, real
 from radar_sim.auto import choose_effects
 from radar_sim.effects.chain import NAMES
 from radar_sim.probe import Probe
-from radar_tracking import TrackStatus
 
 STAGE = "effects of scenes"
 _GATE = 0.8  # distance beyond which a track is not that of a person [m], as gestures are matched
@@ -71,7 +70,7 @@ class Seen:
         nothing = np.full(3, np.nan)
         self.strongest.append(nothing if best < 0 else np.array([cloud.x[best], cloud.y[best], cloud.z[best]], np.float64))
         self.points.append(len(cloud))
-        found = [track.position[:2] for track in result.tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+        found = [track.position[:2] for track in result.tracks.people]
         self.people.append(len(found))
         apart = np.linalg.norm(truth.position[:, None, :2] - np.reshape(found, (1, -1, 2)), axis=-1)
         place, error = np.full((len(truth.person_id), 2), np.nan), np.full(len(truth.person_id), np.nan)

@@ -28,7 +28,7 @@ from benchmarks.stores import digest, once
 from benchmarks.stores import sources as code
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
-from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
+from radar_tracking import TrackerConfig, Tracks, make_tracker
 
 PRESETS: Final = ("default", "group_clustering", "dense", "sparse", "furnished", "thesis")
 RECOMMENDED: Final = {
@@ -90,7 +90,7 @@ def follow(tracker: Any, loaded: Loaded) -> Outcome:
         tracks, spent = timed(tracker.process, cloud)
         results.append(tracks)
         times.append(spent)
-    people = [[track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE] for tracks in results]
+    people = [list(tracks.people) for tracks in results]
     updates = [track for live in people for track in live if track.dof and np.isfinite(track.nis)]
     stamps = np.array([cloud.stamp_ns for cloud in loaded.clouds], np.int64)
     seconds, own = (stamps - stamps[0]) * 1e-9, loaded.counts

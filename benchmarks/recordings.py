@@ -67,7 +67,7 @@ class Run:
 
     def people(self) -> Counter[int]:
         """Identities that were ever confirmed, and in how many clouds."""
-        return Counter(t.id for tracks in self.results for t in tracks.tracks if t.status is not TrackStatus.TENTATIVE)
+        return Counter(t.id for tracks in self.results for t in tracks.people)
 
     def path(self, identity: int) -> Float64Array:
         """Places (x, y) of a confirmed track, shape (n_clouds, 2) [m]; NaN where there is none."""

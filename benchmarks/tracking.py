@@ -17,7 +17,7 @@ from benchmarks.tracking_score import Score
 from benchmarks.tracking_suite import PEER, PROCESSES, THESIS, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator, load_scene
-from radar_tracking import HandTracker, TrackedCloud, Tracks, TrackStatus, make_tracker
+from radar_tracking import HandTracker, TrackedCloud, Tracks, make_tracker
 
 
 def hand(quick: bool) -> dict[str, float]:
@@ -49,7 +49,7 @@ def hand(quick: bool) -> dict[str, float]:
 
 def _nearest(tracks: Tracks, position: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> int:
     """Id of the person nearest to a place."""
-    live = [t for t in tracks.tracks if t.status is not TrackStatus.TENTATIVE]
+    live = list(tracks.people)
     return min(live, key=lambda t: float(np.hypot(*(t.position - position)[:2]))).id
 
 

@@ -135,6 +135,6 @@ def watch_night(clouds: Iterable[PointCloud], info: RadarInfo, layout: LayoutCon
         first = cloud.stamp_ns if number == 0 else first
         occupied += (cloud.stamp_ns - last) * 1e-9 if before is Presence.OCCUPIED else 0.0
         alarms += presence is Presence.OCCUPIED and before is not Presence.OCCUPIED
-        ids |= {track.id for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE}
+        ids |= {track.id for track in tracks.people}
         last, before = cloud.stamp_ns, presence
     return Night((last - first) / 3.6e12, alarms, occupied, len(ids))

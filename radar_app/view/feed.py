@@ -20,7 +20,7 @@ from radar_app.watching.latency import Latency, latencies
 from radar_app.watching.reports import StageReport
 from radar_core import PointCloud, RadarFrame, RadarInfo
 from radar_gestures.recognizer import Gesture
-from radar_tracking.tracks import HandTrack, Tracks, TrackStatus
+from radar_tracking.tracks import HandTrack, Tracks
 from radar_tracking.zones import ZoneStates
 
 T = TypeVar("T")
@@ -176,7 +176,7 @@ class Snapshot:
         """`tracks` without tentative ones."""
         if self.tracks is None:
             return None
-        kept = tuple(track for track in self.tracks.tracks if track.status is not TrackStatus.TENTATIVE)
+        kept = self.tracks.people
         return Tracks(
             self.tracks.stamp_ns, self.tracks.sequence, self.tracks.frame_id, kept, self.tracks.point_track_id, every=self.tracks.every
         )

@@ -20,7 +20,6 @@ from radar_lab.alignment.trajectory_fit import align_trajectories
 from radar_lab.figures import new_figure, save_figure
 from radar_tracking.people.config import TrackerConfig
 from radar_tracking.people.make import make_tracker
-from radar_tracking.tracks import TrackStatus
 
 GOOD_POSITION, GOOD_YAW = 0.02, math.radians(0.5)
 """What a calibration is expected to be as sure as (standard deviations) [m, rad]."""
@@ -83,7 +82,7 @@ class Walker:
         self.clouds += 1
         level = cloud.to_room(self._level)
         tracks = self._tracker.process(level)
-        people = [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+        people = list(tracks.people)
         self.company += len(people) > 1
         if len(people) != 1 or (self._stamps and cloud.stamp_ns <= self._stamps[-1]):
             return

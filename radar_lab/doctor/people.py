@@ -12,7 +12,7 @@ from radar_core import PointCloud, Pose
 from radar_core.types import BoolArray, Float64Array
 from radar_lab.doctor.echoes import WALKS
 from radar_lab.doctor.heaps import MOVES, windows
-from radar_tracking import Tracks, TrackStatus
+from radar_tracking import Tracks
 from radar_tracking.people.config import AssociationConfig, LifeConfig
 from radar_tracking.people.pairs import two_heaps
 from radar_tracking.tracks import Reason, Track
@@ -150,7 +150,7 @@ def follow(pairs: Sequence[tuple[PointCloud, Tracks]], mount: Pose) -> Followed:
 
 
 def _people(tracks: Tracks) -> list[Track]:
-    return [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+    return list(tracks.people)
 
 
 def _lives(pairs: Sequence[tuple[PointCloud, Tracks]], mount: Pose) -> tuple[Life, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from radar_core import ConfigError, DataError
 from radar_core.config import config, knob
 from radar_core.types import Float64Array, IndexArray
-from radar_tracking.tracks import Track, TrackedCloud, TrackStatus
+from radar_tracking.tracks import Track, TrackedCloud
 
 _QUANTILES: Final = (0.0, 0.1, 0.5, 0.9, 1.0)  # symmetric, so that mirroring turns their order round
 _CHANNELS: Final = 4  # number of points, sums of their range rates, of the magnitudes, of how far they are behind the body
@@ -118,7 +118,7 @@ class PostureFeatures:
                 raise DataError(f"PointCloud.{name} of cloud {cloud.sequence} is infinite; give NaN for what was not measured")
         dt = 0.0 if self._stamp_ns is None else (cloud.stamp_ns - self._stamp_ns) * 1e-9
         self._stamp_ns = cloud.stamp_ns
-        people = [track for track in tracked.tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+        people = list(tracked.tracks.people)
         found = [seen for track in people if (seen := self._look(tracked, track, origin, dt)) is not None]
         self._past = {seen.track.id: self._past[seen.track.id] for seen in found}
         return tuple(found)

@@ -10,7 +10,7 @@ import numpy as np
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from tf2_msgs.msg import TFMessage
 
-from radar_tracking.tracks import Track, Tracks, TrackStatus
+from radar_tracking.tracks import Track, Tracks
 
 _HEIGHT: Final = 1.7  # m: of a person's box; the few points of a body do not tell how tall it is
 _WIDTH: Final = 0.5  # m: of one whose extent is not known
@@ -27,7 +27,7 @@ def messages_of(package: str) -> Any:
 
 def people_of(tracks: Tracks) -> list[Track]:
     """Those tracks that are people: confirmed, seen by this cloud or not."""
-    return [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+    return list(tracks.people)
 
 
 def body_id(track: Track) -> str:

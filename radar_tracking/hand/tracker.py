@@ -14,7 +14,7 @@ from radar_tracking.estimators.make import make_estimator
 from radar_tracking.hand.candidates import Candidates, candidates, gate, split
 from radar_tracking.hand.config import HandConfig, ValueConfig
 from radar_tracking.hand.measure import HandMeasurement, HandMeter
-from radar_tracking.tracks import HandTrack, Track, TrackedCloud, TrackStatus
+from radar_tracking.tracks import HandTrack, Track, TrackedCloud
 
 _NANOSECOND = 1e-9
 _STANDING = (2.0, 2.0, 30.0)  # s: time in which the body follows 63 % of the way to the track; its height does not change
@@ -170,7 +170,7 @@ class HandTracker:
 
     def _begin(self, track_id: int | None, tracked: TrackedCloud) -> None:
         """Choose the person; the hand itself is found by `_follow`."""
-        people = [t for t in tracked.tracks.tracks if t.status is not TrackStatus.TENTATIVE]
+        people = list(tracked.tracks.people)
         if track_id is None and people:
             track_id = min(people, key=lambda t: _distance(t, tracked)).id
         parent = None if track_id is None else tracked.tracks.find(track_id)

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from radar_core import DataError
 from radar_core.checks import require_finite, require_shape
 from radar_core.types import BoolArray, Float64Array, IndexArray
-from radar_tracking.tracks import Tracks, TrackStatus
+from radar_tracking.tracks import Tracks
 
 _FAR = 1e150  # m: the largest length whose square is a number
 
@@ -67,7 +67,7 @@ class ObjectSet:
 
 def people(tracks: Tracks, dimensions: int = 2) -> ObjectSet:
     """People of a tracker's result: confirmed and coasting tracks, on the floor plane unless ``dimensions`` is 3."""
-    live = [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+    live = list(tracks.people)
     place = np.array([track.position[:dimensions] for track in live], np.float64).reshape(-1, dimensions)
     return ObjectSet.of(place, [track.id for track in live])
 

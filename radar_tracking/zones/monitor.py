@@ -10,7 +10,7 @@ import numpy as np
 
 from radar_core import DataError
 from radar_core.types import BoolArray, Float64Array
-from radar_tracking.tracks import Tracks, TrackStatus
+from radar_tracking.tracks import Tracks
 from radar_tracking.zones.area import Area
 from radar_tracking.zones.config import LayoutConfig
 from radar_tracking.zones.result import Occupant, Presence, ZoneState, ZoneStates
@@ -67,7 +67,7 @@ class ZoneMonitor:
             late = (self._last[0] - tracks.stamp_ns) * 1e-9
             raise DataError(f"tracks {tracks.sequence} are {late:g} s older than those before; reset() the zones before another recording")
         self._last = tracks.stamp_ns, tracks.sequence
-        people = [track for track in tracks.tracks if track.status is not TrackStatus.TENTATIVE]
+        people = list(tracks.people)
         ids = [track.id for track in people]
         position = np.array([track.position for track in people]).reshape(-1, 3)
         border = np.array([self._border(track.covariance) for track in people])
