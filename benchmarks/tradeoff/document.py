@@ -43,7 +43,7 @@ REASONS: Final[dict[str, str]] = {
     "clustering": "On clouds of the size of a frame's DBSCAN is the simplest that has no number of clusters to guess.",
     "tracker": (
         "In these scenes, without walls and furniture, the thesis's trackers find people sooner, who stand still at first, and are nearer "
-        "to the truth. In random rooms they count furniture, fans and reflections: MOTA 0.15 against 0.70 (docs/research/tracking.md)."
+        "to the truth. In random rooms they count furniture, fans and reflections (docs/research/tracking.md)."
     ),
     "estimator": (
         "Of the thesis's trackers. The linear filter costs least and needs no range rate; what the others gain is one or two centimetres."
