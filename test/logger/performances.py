@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from small_sets import stroke_clouds
 
 from radar_app.view.feed import Feed
@@ -15,6 +16,8 @@ S = 10**9
 STEP = 0.02  # s
 LONG = 3.2  # s, of one performance with the rest around it
 SPEEDS = {"push": -1.5, "pull": 1.5}
+BODY = 12  # of the points
+SWAY = 0.25  # m/s: nobody stands as still as the body of these clouds, and who never moves is furniture
 
 
 def clouds_of(gestures, start=0.0):
@@ -23,7 +26,9 @@ def clouds_of(gestures, start=0.0):
     for k, name in enumerate(gestures):
         for cloud in stroke_clouds(speed=SPEEDS[name], start=1.3, end=LONG):
             stamp = cloud.stamp_ns + round((start + LONG * k) * S)
-            clouds.append(replace(cloud, stamp_ns=stamp, sequence=round(stamp / (STEP * S))))
+            rate = cloud.radial_speed.copy()
+            rate[:BODY] += np.float32(SWAY * np.sin(2.5e-9 * stamp))
+            clouds.append(replace(cloud, stamp_ns=stamp, sequence=round(stamp / (STEP * S)), radial_speed=rate))
     return clouds
 
 

@@ -91,8 +91,7 @@ def test_every_event_is_kept_with_what_was_around_it(tmp_path):
     np.testing.assert_allclose(event.clouds[70].position, inside[70].position, atol=1e-5)
     assert [frame.sequence for frame in event.frames] == [cloud.sequence for cloud in inside]
     assert all((frame.cube == frame.sequence).all() for frame in event.frames)
-    # this body never moves, so that nobody is known before the arm does: within an arm's length of it
-    np.testing.assert_allclose(np.nanmedian(event.position, axis=0)[:2], [2.0, 0.0], atol=0.75)
+    np.testing.assert_allclose(np.nanmedian(event.position, axis=0)[:2], [2.0, 0.0], atol=0.2)
 
 
 @pytest.mark.long

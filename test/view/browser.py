@@ -109,16 +109,17 @@ class Page:
         self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
         button.click()
 
-    def corner(self, number, x, y):
+    def corner(self, x, y):
         """Click a place of the plan [m] until it is a corner of the zone: a busy browser takes a slow click for a long press."""
         for _ in range(8):
             self.click_plan(x, y)
             end = time.monotonic() + PATIENCE / 8
             while time.monotonic() < end:
-                if self.model("draft", "data.x.length") >= number:
+                drawn = zip(self.data("draft", "x"), self.data("draft", "y"), strict=False)  # the browser may get one before the other
+                if any(abs(a - x) < 0.1 and abs(b - y) < 0.1 for a, b in drawn):
                     return
                 time.sleep(0.05)
-        raise AssertionError(f"no click became corner {number}: {self.driver.get_log('browser')}")
+        raise AssertionError(f"no click became a corner at {x}, {y}: {self.driver.get_log('browser')}")
 
     def click_plan(self, x, y):
         """Click the plan at a place in the room [m]."""

@@ -41,8 +41,8 @@ def test_a_graph_is_shown_and_a_zone_drawn_on_the_plan_counts(driver, graph, tmp
 
         page.press("zone_draw")
         page.until(lambda: page.model("zone_draw", "label") == "Cancel")
-        for n, corner in enumerate([(1.0, 2.0), (1.0, -1.6), (4.0, -1.6), (4.0, 2.0)], 1):
-            page.corner(n, *corner)
+        for corner in [(1.0, 2.0), (1.0, -1.6), (4.0, -1.6), (4.0, 2.0)]:
+            page.corner(*corner)
         page.set("zone_name", "value", "front")
         page.until(lambda: not page.model("zone_save", "disabled"))
         page.press("zone_save")
