@@ -108,7 +108,13 @@ def test_the_recorder_writes_what_publishers_offer(ros, tmp_path):
     topics = ["camera/color/camera_info", "radar/info", "tf_static"]
     overrides = [Parameter("bag", value=str(tmp_path / "live")), Parameter("topics", value=topics)]
     recorder = ros.add(radar_ros.nodes.recorder.make_node(parameter_overrides=overrides))
-    assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (camera, info)) and tf.get_subscription_count() == 2)
+
+    def heard():
+        """How many readers of the recorder know each publisher: a reader that suits it, and of what is latched the other one too."""
+        readers = {p: [r for r in recorder.subscriptions if r.topic_name == p.topic_name] for p in (camera, info, tf)}
+        return [min(p.get_subscription_count(), sum(r.get_publisher_count() for r in known)) for p, known in readers.items()]
+
+    assert ros.spin_until(lambda: heard() == [1, 1, 2]), heard()
     for count, frame in enumerate(frames, 1):
         info.publish(frame)
         camera.publish(CameraInfo())
