@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import sys
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -253,7 +254,8 @@ def process(
     total, done, gestures = len(open_recording(bag)), 0, 0
     with stopping(lambda: f"stopped: {done} of {total} frames; their results are in {out}"), BagWriter(out) as writer:
         copy_info(bag, writer, mount)
-        for stamp_ns, result in track(process_recording(bag, chosen), total=total, description="processing"):
+        results = process_recording(bag, chosen, warn=partial(print, file=sys.stderr))
+        for stamp_ns, result in track(results, total=total, description="processing"):
             write_results(writer, stamp_ns, result)
             done += 1
             gestures += len(result.gestures)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from radar_driver.sources import Source
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
+_FITS = "the radar gives what the gesture model that comes with Handwave needs"
 _STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
 
 
@@ -169,6 +170,8 @@ def probe(
     from radar_core.config import load, nest
     from radar_driver.health import HealthConfig
     from radar_driver.health import probe as listen
+    from radar_gestures.classifiers.model import load_model
+    from radar_gestures.needs import lacks, needs
 
     board = board or own
     if not board:
@@ -187,12 +190,15 @@ def probe(
     source: Source = chosen.source(load(chosen.config, nest(given), "--set"))
     with progress_bar(f"listening to {board}", quiet=as_json, transient=True) as progress:
         found = listen(source, duration, config=limits, progress=progress)
+    lacking = lacks(needs(load_model()), source.info)
     if as_json:
         told = ("value", "unit", "text", "advice")
         checks = [{"check": c.name, "verdict": c.verdict.value, **{key: getattr(c, key) for key in told}} for c in found.checks]
-        print(json.dumps({"board": board, "verdict": found.verdict.value, "checks": checks, "report": found.report}, default=str))
+        said = {"board": board, "verdict": found.verdict.value, "checks": checks, "report": found.report, "gestures": lacking}
+        print(json.dumps(said, default=str))
     else:
         _show(board, found)
+        print("\n  ".join(["the gesture model that comes with Handwave was made for another radar:", *lacking]) if lacking else _FITS)
     raise typer.Exit(_STATUS[found.verdict.value])
 
 

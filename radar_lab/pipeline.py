@@ -9,6 +9,7 @@ from radar_core.config import config, knob
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
 from radar_gestures.classifiers.model import model_of
+from radar_gestures.needs import lacks, needs, warning
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
@@ -70,6 +71,11 @@ class Pipeline:
     ------
     ConfigError
         When a calibration or the gesture model cannot be read or does not fit, or calibrations come as context and as file.
+
+    Attributes
+    ----------
+    warning : str
+        What the radar does not give of what the gesture model needs; empty: it gives all.
     """
 
     def __init__(self, radar: RadarInfo | RadarContext, config: PipelineConfig | None = None) -> None:
@@ -82,6 +88,7 @@ class Pipeline:
         model = model_of(config.gestures.model, config.gestures.person)
         self._recognizer = GestureRecognizer(config_for(model.settings, config.gestures), model, known.mount)
         self._hand = HandTracker(config.hand, known)
+        self.warning = warning(lacks(needs(model), known), config.gestures.model)
 
     @property
     def hand(self) -> HandTracker:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -129,10 +129,14 @@ def baseband_config(parameters: Mapping[str, Mapping[str, Any]], namespace: str 
     return load(CalibratedBasebandConfig, nest(own), "--param")
 
 
-def process_recording(path: Path, config: PipelineConfig | None = None) -> Iterator[tuple[int, PipelineResult]]:
-    """Run the library over a bag; recording time [ns] and results of every frame (or cloud)."""
+def process_recording(
+    path: Path, config: PipelineConfig | None = None, warn: Callable[[str], object] = lambda text: None
+) -> Iterator[tuple[int, PipelineResult]]:
+    """Run the library over a bag; recording time [ns] and results of every frame (or cloud); ``warn`` is told what the radar lacks."""
     recording = open_recording(path)
     pipeline = Pipeline(recording.info, config)
+    if pipeline.warning:
+        warn(pipeline.warning)
     for stamp_ns, item in recording.messages():
         yield stamp_ns, pipeline.process(item) if isinstance(item, RadarFrame) else pipeline.process_cloud(item)
 

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, HandwaveError, RadarInfo
 from radar_core.config import flat
 from radar_gestures.classifiers.model import Classifier, model_of
+from radar_gestures.needs import lacks, needs, warning
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
 from radar_ros import qos
@@ -46,6 +47,7 @@ class GesturesNode(StageNode):
         self._chosen = {"model": model, "person": person}
         self._pending: tuple[dict[str, str], Classifier, GestureConfig, GestureRecognizer | None] | None = None
         self._adopting = False
+        self._lacks = ""  # what the radar does not give of what the model needs
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._put_in_place)
         self._gestures = self.create_publisher(handwave.msg.Gesture, "gestures", qos.RESULT)
@@ -64,6 +66,13 @@ class GesturesNode(StageNode):
 
     def _configure(self, info: RadarInfo) -> None:
         self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
+        self._compare(info)
+
+    def _compare(self, info: RadarInfo) -> None:
+        """Say once what the radar does not give of what the model needs."""
+        said, self._lacks = self._lacks, warning(lacks(needs(self._model), info), self._chosen["model"])
+        if self._lacks and self._lacks != said:
+            self.get_logger().warning(self._lacks)
 
     def _check(self, parameters: Sequence[Any]) -> SetParametersResult:
         """Refuse a model that cannot be used, and prepare to work with one that can; its features come with it and cannot be set."""
@@ -97,6 +106,7 @@ class GesturesNode(StageNode):
         (self._chosen, self._model, self._config, recognizer), self._pending = self._pending, None
         if self._info.info is not None and recognizer is not None:
             self._recognizer = recognizer
+            self._compare(self._info.info)
         values = {name: value for name, value in flat(self._config).items() if _comes_with_model(name)}
         self._adopting = True
         try:
@@ -131,12 +141,12 @@ class GesturesNode(StageNode):
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
         """Say which gesture was the last, for whoever looks at the graph now and then."""
-        last = self._last
+        last, lacking = self._last, {"radar_lacks": self._lacks} if self._lacks else {}
         if last is None:
-            return {}, []
+            return lacking, []
         ago = (self.get_clock().now().nanoseconds - last.stamp_ns) * 1e-9
         about = {"": last.name, "_person": last.track_id, "_confidence": f"{last.confidence:.3f}", "_ago_s": f"{ago:.1f}"}
-        return {f"last_gesture{key}": value for key, value in about.items()}, []
+        return {f"last_gesture{key}": value for key, value in about.items()} | lacking, []
 
 
 def _ready(model: str, person: str) -> Classifier:

@@ -313,3 +313,15 @@ def test_another_model_while_it_runs(ros, tmp_path):
     assert bench.gestures[1] == gesture_to_msg(*[g for tracked in later for g in recognizer.process(tracked)])
     assert list(bench.gestures[1].labels) == [*GESTURES, "zig"]
     assert bench.gestures[1].name == "zig"
+
+
+def test_a_radar_that_lacks_what_the_model_needs_is_named(ros, tmp_path):
+    """Once in the log, and in the diagnostics as long as it is so."""
+    bench = Bench(ros, tmp_path)
+    row = dataclasses.replace(INFO.array, tx=((0.0, 0.0), (0.0038, 0.0)), rx=((0.0, 0.0), (0.0019, 0.0)))
+    bench.node._configure(dataclasses.replace(INFO, array=row))
+    values, warnings = bench.node.extra_diagnostics()
+    assert "the radar tells no elevation" in values["radar_lacks"]
+    assert not warnings  # the graph runs as it should
+    bench.node._configure(INFO)
+    assert "radar_lacks" not in bench.node.extra_diagnostics()[0]
