@@ -110,7 +110,7 @@ def sits(number: int, seconds: float) -> dict[str, Any]:
         tracks = tracker.process(baseband.process(made.frame).to_room(simulator.info.mount))
         if made.truth.stamp_ns > 5e9:
             body = made.truth.position[0]
-            near = min(((float(np.hypot(*(one.position - body)[:2])), one.id) for one in tracks.tracks), default=(math.inf, -1))
+            near = min(((float(np.hypot(*(one.position - body)[:2])), one.id) for one in tracks.people), default=(math.inf, -1))
             there.append(near[1] if near[0] < _NEAR else -1)
     ids = np.array(there)
     return {"kept": bool((ids == ids[0]).all() and ids[0] >= 0), "covered": float((ids >= 0).mean()), "seconds": seconds}
