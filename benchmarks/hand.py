@@ -117,12 +117,17 @@ KNOBS: Final[Mapping[str, Sequence[Any]]] = {
 
 
 def rows(stage: str, configs: Mapping[str, HandConfig], tracked: Sequence[Tracked]) -> list[dict[str, Any]]:
-    """Error over all scenes beside the time of one cloud; the first configuration is the reference."""
-    made = {}
+    """Error over all scenes at the clouds at which the hand is followed beside the time of one cloud, and the share of the others.
+
+    The first configuration is the reference.
+    """
+    made, away = {}, []
     for name, config in configs.items():
         found = runs(tracked, config)
-        made[name] = rms(errors(found, [counts(t) for t, _ in found])), [value for _, f in found for value in f.times_ms]
-    return against_first(stage, "rms error", made, "m")
+        followed = [counts(t) & hand_gain.follows(t, f) for t, f in found]
+        made[name] = rms(errors(found, followed)), [value for _, f in found for value in f.times_ms]
+        away.append(hand_gain.lost(found)["lost"])
+    return [{**row, "lost": share} for row, share in zip(against_first(stage, "rms error where followed", made, "m"), away, strict=True)]
 
 
 def slider(found: Runs) -> dict[str, float]:
