@@ -41,6 +41,7 @@ class Study:
 
 
 STUDIES: Final[Mapping[str, Study]] = {
+    "approaches": Study("approaches", keep="approaches"),
     "boards": Study("boards"),
     "budget": Study("budget"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),

@@ -123,24 +123,25 @@ def test_not_followed_before():
 
 
 def test_one_track_for_both():
-    """A stray point is no merging; half of each one's points is."""
-    made = moment(0, ((3, 0), (3, 1)), (0, 0, 0, 1, 1, -1))
+    """One track with points of both is merging, with or without points of nobody's track; a stray point is none."""
+    made = moment(0, ((3, 0), (3, 1)), (0, 0, 0, 1, 1, 1))
     assert one_track(made, tracks(0, {}, (7, 7, 7, 8, 8, 8))) == (False, False)
     assert one_track(made, tracks(0, {}, (7, 7, 8, 8, 8, 8))) == (False, False)
-    assert one_track(made, tracks(0, {}, (7, 7, -1, 7, 8, 8))) == (True, False)
+    assert one_track(made, tracks(0, {}, (7, 7, -1, 7, 7, -1))) == (True, False)
+    assert one_track(made, tracks(0, {}, (7, 7, 7, -1, -1, -1))) == (False, False)
     assert one_track(made, tracks(0, {}, (-1,) * 6)) == (False, False)
     assert one_track(moment(0, ((3, 0), (3, 1)), (0, 0)), tracks(0, {}, (7, 7))) == (False, True)
 
 
 def test_owner_has_most_power():
-    """A point is of who is stronger in its cell; two points of one cell are nobody's."""
+    """A point is of who is stronger in its cell, and of who is nearer to its direction where a cell has two."""
     maps = np.zeros((2, 64, 64))
     maps[0, 0, 20], maps[1, 0, 25], maps[1, 0, 30] = 1.0, 1.0, 1.0
-    bins = np.array([20, 25, 30, 30])
-    none = np.zeros(4, np.float32)
-    at = (bins * INFO.waveform.range_resolution).astype(np.float32)
-    cloud = PointCloud(0, 0, "sensor", range=at, radial_speed=none, x=none, y=none, z=none)
-    assert owners(cloud, maps, INFO).tolist() == [0, 1, -1, -1]
+    bins, none = np.array([20, 25, 30, 30]), np.zeros(4, np.float32)
+    at, azimuth = (bins * INFO.waveform.range_resolution).astype(np.float32), np.array([0.3, -0.3, 0.3, -0.3], np.float32)
+    cloud = PointCloud(0, 0, "sensor", range=at, radial_speed=none, azimuth=azimuth, x=none, y=none, z=none)
+    truth = moment(0, ((3.0, -1.0), (3.0, 1.0)), ()).truth
+    assert owners(cloud, maps, truth, INFO).tolist() == [0, 1, 1, 0]
 
 
 def test_longest():
@@ -178,9 +179,9 @@ def test_summary():
 
 
 def test_cases_have_the_thesis_trackers():
-    """Every case but that of the preset for people has all three; the wider ones differ in the distance of neighbours and in patience only."""
+    """Every case but that of the preset for people has all three; the wider ones have other neighbours and less patience."""
     for name, case in CASES.items():
-        assert name == "two directions" or OWN.keys() <= case.trackers.keys()
+        assert name in ("two directions", "every cell, gate 0.5 m") or OWN.keys() <= case.trackers.keys()
         assert case.baseband in approaches.BASEBANDS
     assert all(config.association.clustering.eps == 0.6 for config in wide(0.6).values())
     assert all(config.life.delete_static_after == config.life.delete_after for config in wide(0.6).values())
