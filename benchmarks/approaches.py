@@ -137,8 +137,7 @@ def owners(cloud: PointCloud, maps: Float64Array, truth: Truth, info: RadarInfo)
     _, cell, count = np.unique(np.stack([cloud.radial_speed, cloud.range]), axis=1, return_inverse=True, return_counts=True)
     azimuth = cartesian_to_spherical(info.mount.from_room(truth.position))[1]
     aside = np.abs(np.asarray(azimuth)[:, None] - cloud.azimuth)
-    row = np.where(count[cell] > 1, aside.argmin(axis=0), power.argmax(axis=0))
-    return row.astype(np.int32)
+    return np.asarray(np.where(count[cell] > 1, aside.argmin(axis=0), power.argmax(axis=0)), np.int32)
 
 
 def simulate(drawn: Scene, basebands: Mapping[str, BasebandConfig]) -> dict[str, list[Moment]]:
