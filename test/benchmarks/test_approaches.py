@@ -181,7 +181,7 @@ def test_summary():
 def test_cases_have_the_thesis_trackers():
     """Every case but that of the preset for people has all three; the wider ones have other neighbours and less patience."""
     for name, case in CASES.items():
-        assert name in ("two directions", "every cell, gate 0.5 m") or OWN.keys() <= case.trackers.keys()
+        assert name == "two directions" or OWN.keys() <= case.trackers.keys()
         assert case.baseband in approaches.BASEBANDS
     assert all(config.association.clustering.eps == 0.6 for config in wide(0.6).values())
     assert all(config.life.delete_static_after == config.life.delete_after for config in wide(0.6).values())
