@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks import approaches
 from benchmarks.approaches import CASES, KINDS, OWN, Pair, judge, longest, meet, one_track, owners, scene, summary, wide
+from benchmarks.plot import tables
 from benchmarks.scenarios import MOUNT, Moment, closest
 from radar_core import PointCloud, RadarInfo
 from radar_sim import Truth
@@ -176,6 +177,9 @@ def test_summary():
     assert found["merged"] == 0.5
     assert found["merged_interval"][0] < 0.5 < found["merged_interval"][1]
     assert summary(every[-1:])["kept_share"] is None
+    (header, row), *rest = tables({"cases": {"a case": {"group": found}}})
+    assert not rest
+    assert dict(zip(header[2:], row[2:], strict=True))["merged_interval"] == "0.15 to 0.85"
 
 
 def test_cases_have_the_thesis_trackers():
