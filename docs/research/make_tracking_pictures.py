@@ -137,7 +137,7 @@ def draw_merging(out: Path, seed: int = MERGING) -> None:
         for axes, (name, run) in zip(panels, followed.items(), strict=True):
             draw_tracks(axes, made[k], run, int(k))
             axes.set_title(f"{name}, {phase}", fontsize=9)
-        panels[0].set_ylabel("x, away from the radar [m]")
+        panels[0].set_ylabel("x, away [m]")
     for axes in rows[-1]:
         axes.set_xlabel("y, left [m]")
     save(fig, out / "tracking_merging.png")
