@@ -67,10 +67,10 @@ def tables(result: dict[str, Any]) -> Iterator[list[list[str]]]:
             yield [[key, "", *columns], *body]
 
 
-def _cell(value: Any) -> str:
-    """Write a figure, or an interval, of a table; nothing where there is none."""
-    if isinstance(value, list):
-        return " to ".join(_cell(part) for part in value)
+def _cell(value: float | Sequence[float] | None) -> str:
+    """Write a figure, or both ends of an interval; nothing where there is none."""
+    if isinstance(value, Sequence):
+        return " to ".join(_cell(one) for one in value)
     return "" if value is None else f"{value:.4g}"
 
 

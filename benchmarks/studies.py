@@ -41,6 +41,8 @@ class Study:
 
 
 STUDIES: Final[Mapping[str, Study]] = {
+    "approaches": Study("approaches --parts cases", keep="approaches"),
+    "approaches_ways": Study("approaches --parts ways", keep="approaches"),
     "boards": Study("boards"),
     "budget": Study("budget"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
