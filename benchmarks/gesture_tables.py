@@ -1,4 +1,4 @@
-"""Figures of gesture accuracy as the thesis has them: ten classes (4.10), frame rates and transmitters (table 4.1), a network (4.2)."""
+"""Figures of gesture accuracy as the thesis has them: ten classes (4.10), frame rates and transmitters (table 4.1), networks (4.2)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import functools
 import json
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from radar_core import GESTURES, ConfigError, RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.stage import EventStage, GestureConfig
-from radar_lab.datasets.readings import Cubes, collect, cubes
+from radar_lab.datasets.readings import Cubes, collect, cubes, network_maps
 from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import Plan, named_plan
@@ -33,9 +33,11 @@ from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.motions.strokes import library_hash
 from radar_tracking import TrackedCloud, make_tracker
 
-_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
+_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets", "radar_lab/training/encoder.py")
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
 CONFIG: Final = TrainingConfig()
+INPUTS: Final[dict[str, tuple[str, Callable[..., Cubes]]]] = {"cnn": ("feature cube", cubes), "map_cnn": ("feature maps", network_maps)}
+"""Convolutional networks by the names of their figures: what they take, and what reads it."""
 
 
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
@@ -61,7 +63,7 @@ class Readings:
 
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
-        self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
+        self._collect, self._inputs = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_inputs, ignore=["n_jobs"])
         self._judge_cnn = memory.cache(_judge_cnn)
         self._place, self._n_jobs = place, n_jobs
         self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
@@ -70,13 +72,13 @@ class Readings:
         """Features and labels."""
         return self._collect(self._key, self._place, every, one_tx, n_jobs=self._n_jobs)
 
-    def cubes(self) -> Cubes:
-        """Input of the convolutional network."""
-        return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
+    def inputs(self, name: str) -> Cubes:
+        """Input of a convolutional network, one of `INPUTS`."""
+        return self._inputs(self._key, self._place, name, n_jobs=self._n_jobs)
 
-    def validate_cnn(self, config: CnnConfig) -> Validation:
-        """Judge the convolutional network on people left out: the better part of an hour, kept fold by fold."""
-        given, code = self.cubes(), sources(("radar_gestures/classifiers", "radar_lab/training"))
+    def validate_cnn(self, name: str, config: CnnConfig) -> Validation:
+        """Judge a convolutional network, one of `INPUTS`, on people left out: it takes long, and is kept fold by fold."""
+        given, code = self.inputs(name), sources(("radar_gestures/classifiers", "radar_lab/training"))
 
         def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
             return self._judge_cnn(code, given, config, known, test)
@@ -91,8 +93,8 @@ def _collect(key: _Key, place: Path, every: int, one_tx: bool, n_jobs: int) -> S
     return collect(place, GestureConfig(), every=every, one_tx=one_tx, n_jobs=n_jobs)
 
 
-def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
-    return cubes(place, GestureConfig(), n_jobs=n_jobs)
+def _inputs(key: _Key, place: Path, name: str, n_jobs: int) -> Cubes:
+    return INPUTS[name][1](place, GestureConfig(), n_jobs=n_jobs)
 
 
 def _judge_cnn(code: str, given: Cubes, config: CnnConfig, known: Mask, test: Mask) -> NDArray[np.float64]:
@@ -187,24 +189,26 @@ def repeats(samples: SampleSet) -> bool:
 
 
 def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
-    """Perceptron and convolutional network on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
+    """Perceptron and convolutional networks on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
     folds = leave_subjects_out(samples.person)
     mlp = fit(samples, np.ones(len(samples.label), np.bool_), CONFIG)
     accuracy = validate(samples, folds, CONFIG).accuracy
     figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": len(model_file(mlp)), "mlp_flop": mlp.flop}
     config = CnnConfig(epochs=3) if quick else CnnConfig()
     try:
-        found, given = readings.validate_cnn(config), readings.cubes()
+        found = {name: readings.validate_cnn(name, config) for name in INPUTS}
     except ConfigError as error:
-        return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
-    cnn = network(given)
-    one, cube = samples.features[0], given.cube[:1]
-    calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
+        return {**figures, "cnn_accuracy": None, "map_cnn_accuracy": None, "cnn_why": str(error)}, [], {}
+    given = {name: readings.inputs(name) for name in INPUTS}
+    nets = {name: network(one) for name, one in given.items()}
+    calls = {"mlp": functools.partial(mlp.probabilities, samples.features[0])}
+    calls |= {name: functools.partial(net.probabilities, given[name].cube[:1]) for name, net in nets.items()}
     times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
-    figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": cnn.n_bytes, "cnn_flop": cnn.flop}
-    names = (f"perceptron 13-32-10, {mlp.flop} FLOP", f"feature cube and CNN, {cnn.flop / 1e6:.1f} MFLOP")
-    rows = {names[0]: (accuracy, times["mlp"]), names[1]: (found.accuracy, times["cnn"])}
-    return figures, against_first("classifier", "held-out accuracy", rows), {"CNN": found}
+    rows = {f"perceptron 13-32-10, {mlp.flop} FLOP": (accuracy, times["mlp"])}
+    for name, net in nets.items():
+        figures |= {f"{name}_accuracy": found[name].accuracy, f"{name}_bytes": net.n_bytes, f"{name}_flop": net.flop}
+        rows[f"{INPUTS[name][0]} and CNN, {net.flop / 1e6:.1f} MFLOP"] = found[name].accuracy, times[name]
+    return figures, against_first("classifier", "held-out accuracy", rows), {"CNN": found["cnn"], "CNN on maps": found["map_cnn"]}
 
 
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:

@@ -105,7 +105,12 @@ def main() -> None:
     options = parser.parse_args()
     if options.figures:
         found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
-        titles = {"subjects": "perceptron, two people held out", "random": "perceptron, random split", "CNN": "CNN, two people held out"}
+        titles = {
+            "subjects": "perceptron, two people held out",
+            "random": "perceptron, random split",
+            "CNN": "CNN on cubes, two people held out",
+            "CNN on maps": "CNN on maps, two people held out",
+        }
         save("gestures_confusion", lambda: matrices(found["confusion"], titles))
         save("gestures_rates", lambda: rates(found["table_4_1"]))
     if options.real:
