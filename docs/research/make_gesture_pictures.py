@@ -108,10 +108,10 @@ def main() -> None:
         titles = {
             "subjects": "perceptron, two people held out",
             "random": "perceptron, random split",
-            "CNN": "CNN on cubes, two people held out",
-            "CNN on maps": "CNN on maps, two people held out",
+            "cubes": "CNN on cubes, two people held out",
+            "maps": "CNN on maps, two people held out",
         }
-        save("gestures_confusion", lambda: matrices(found["confusion"], titles))
+        save("gestures_confusion", lambda: matrices(found["confusion"] | found["confusion_networks"], titles))
         save("gestures_rates", lambda: rates(found["table_4_1"]))
     if options.real:
         real = json.loads(options.real.read_text(encoding="utf-8").splitlines()[-1])

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks import gesture_knobs, gesture_model, gesture_tables
-from radar_core import GESTURES, ConfigError
+from radar_core import GESTURES
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import GestureConfig, feature_settings
-from radar_lab.datasets.readings import Cubes
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import named_plan
@@ -38,27 +37,6 @@ class Readings:
     def samples(self, every=1, one_tx=False):
         """Return the samples."""
         return samples(1.0 if one_tx else 0.05)
-
-    def inputs(self, name):
-        """Cubes or maps of two detections, of the same samples."""
-        given = samples(0.05)
-        cube = np.zeros((len(given.label), *{"cnn": (5, 50, 50), "map_cnn": (3, 65, 50)}[name]), np.float32)
-        cube[:, :, :2, 0] = 1.0
-        return Cubes(cube, given.label, given.person, given.missed)
-
-    def validate_cnn(self, name, config):
-        """Nine of ten right on cubes, all on maps, without training."""
-        given = samples(0.05)
-        said = np.where((given.label == 3) & (name == "cnn"), 4, given.label)
-        return Validation("subjects", GESTURES, np.eye(10)[said], given.label, given.person, 5)
-
-
-class WithoutTorch(Readings):
-    """Nothing trains."""
-
-    def validate_cnn(self, name, config):
-        """Say so."""
-        raise ConfigError("needs PyTorch")
 
 
 def test_missed_gestures_count_as_wrong_and_random_ones_as_right():
@@ -93,28 +71,6 @@ def test_table_4_1_has_every_rate_with_both_transmitters_and_with_one(monkeypatc
     assert table["50 Hz"]["2 Tx"]["accuracy"] > table["50 Hz"]["1 Tx"]["accuracy"]
     assert [row["time_ms"]["median"] for row in rows] == pytest.approx([5 * 50, 5 * 25, 5 * 17, 2.5 * 50, 2.5 * 25, 2.5 * 17])
     assert rows[0]["ratio"] == 1.0
-
-
-@pytest.mark.long
-def test_table_4_2_has_the_networks_on_cubes_and_on_maps():
-    """Accuracy, bytes and FLOP of each, its confusion, and a row with its time."""
-    pytest.importorskip("torch", reason="needs PyTorch (pip install 'handwave[train]')")
-    figures, rows, found = gesture_tables.table_4_2(samples(0.05), Readings(), quick=True)
-    assert (figures["cnn_accuracy"], figures["map_cnn_accuracy"]) == (pytest.approx(0.9), 1.0)
-    assert (figures["cnn_flop"], figures["map_cnn_flop"]) == (15_408_428, 18_226_542)  # counted by hand in test_cnn
-    assert 1e6 < figures["cnn_bytes"] < figures["map_cnn_bytes"] < 2e6
-    assert [row["choice"].split(",")[0] for row in rows] == ["perceptron 13-32-10", "feature cube and CNN", "feature maps and CNN"]
-    assert all(row["time_ms"]["median"] > 0 for row in rows)
-    assert {name: one.accuracy for name, one in found.items()} == {"CNN": pytest.approx(0.9), "CNN on maps": 1.0}
-
-
-@pytest.mark.long
-def test_table_4_2_without_pytorch_has_the_perceptron_alone():
-    """And says why."""
-    figures, rows, found = gesture_tables.table_4_2(samples(0.05), WithoutTorch(), quick=True)
-    assert figures["mlp_accuracy"] == 1.0
-    assert (figures["cnn_accuracy"], figures["map_cnn_accuracy"], figures["cnn_why"]) == (None, None, "needs PyTorch")
-    assert (rows, found) == ([], {})
 
 
 def test_frames_are_timed_with_two_transmitters_and_with_one():
