@@ -23,7 +23,9 @@ from benchmarks.tradeoff.stages import STAGES
 _RUN = re.compile(r"^(def run\(|run = )", re.MULTILINE)
 PARTS: Final = {
     "simulator": ("propagation",),
-    "gestures": ("gesture_crowds", "gesture_knobs", "gesture_streams", "gesture_tables", "gesture_worlds", "gestures_speed"),
+    "gestures": (
+        *("gesture_crowds", "gesture_knobs", "gesture_networks", "gesture_streams", "gesture_tables", "gesture_worlds", "gestures_speed"),
+    ),
     "tracking": ("stone_soup",),
 }
 """Benchmarks that others contain: ``--all`` does not run them a second time."""
