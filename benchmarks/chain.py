@@ -1,9 +1,9 @@
 """The default library chain on a small computer (thesis, 4.5.4): operations, memory and time of each stage, free and slowed.
 
 One process on one core takes the raw frames of a scene one behind the other, first with all of the core and then with a share of it: a
-cgroup's quota, or SIGSTOP and SIGCONT by turns where no cgroup can be made (`benchmarks.slowed`). Frames with an event are told apart, as in
-the thesis, and everything that is compiled with its first call was called before. The classifier's times are of frames with
-an event, the hand's of frames with a hand.
+cgroup's quota, or SIGSTOP and SIGCONT by turns where no cgroup can be made (`benchmarks.slowed`). A turn is longer than most stages take,
+so that medians of single stages do not see it: compare the means. Frames with an event are told apart, as in the thesis; everything that is
+compiled with its first call was called before. The classifier's times are of frames with an event, the hand's of frames with a hand.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def spread(values: Sequence[float] | NDArray[np.float64]) -> dict[str, float | i
 
 
 def figures(found: dict[str, Any], interval_ms: float) -> dict[str, Any]:
-    """Times of stages and frames of one run; ``late``: share of frames that took longer than one may."""
+    """Tell the times of stages and frames of one run; ``late``: share of frames that took longer than one may."""
     ms, event, hand = np.array(found["ms"]), np.array(found["event"]), np.array(found["hand"])
     rows = {"classifier": event, "hand": hand}
     every = np.ones(len(ms), np.bool_)

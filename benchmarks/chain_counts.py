@@ -73,7 +73,7 @@ def training_cells(config: CfarConfig) -> int:
 
 
 def cfar_flop(info: RadarInfo, config: CfarConfig, located: float) -> float:
-    """Rank test of every cell (a comparison and an addition for each training cell, its threshold, its rank), at most so many of detections.
+    """Rank test of every cell: a comparison and an addition for each training cell, its threshold, its rank; and what detections take.
 
     A detection's noise level is the order statistic of its training cells, by bisection: at most `_ROUNDS` times a comparison and an
     addition for each.

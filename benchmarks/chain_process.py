@@ -21,9 +21,8 @@ import psutil
 import scipy.fft
 from numpy.typing import NDArray
 
-from benchmarks.chain_counts import (
-    STAGES, Load, cfar_flop, directions_flop, features_flop, gestures_flop, hand_flop, tracking_flop, transform_flop,
-)  # fmt: skip
+from benchmarks import chain_counts as counts
+from benchmarks.chain_counts import STAGES, Load
 from benchmarks.report import measure
 from radar_core import RadarFrame, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
@@ -198,12 +197,16 @@ def flop(chain: Chain, info: RadarInfo, load: Load) -> dict[str, float]:
     steering, config = chain.baseband._finder.steering, chain.baseband.config
     n_grid = 0 if steering is None else steering.grid.shape[1]
     channels = info.waveform.n_tx * info.array.n_rx
-    counts = (
-        transform_flop(info), cfar_flop(info, config.cfar, load.located),
-        directions_flop(channels, n_grid, chain.baseband._finder.steps, load.located),
-        tracking_flop(load), gestures_flop(load), float(chain.model.flop + chain.model.rejector.flop), hand_flop(load),
-    )  # fmt: skip
-    return dict(zip(STAGES, counts, strict=True)) | {"features_of_an_event": features_flop(load)}
+    found = (
+        counts.transform_flop(info),
+        counts.cfar_flop(info, config.cfar, load.located),
+        counts.directions_flop(channels, n_grid, chain.baseband._finder.steps, load.located),
+        counts.tracking_flop(load),
+        counts.gestures_flop(load),
+        float(chain.model.flop + chain.model.rejector.flop),
+        counts.hand_flop(load),
+    )
+    return dict(zip(STAGES, found, strict=True)) | {"features_of_an_event": counts.features_flop(load)}
 
 
 def memory(frames: Sequence[RadarFrame], info: RadarInfo) -> dict[str, Any]:
@@ -246,9 +249,15 @@ def main(scene: str, seed: int) -> None:
     simulator = Simulator(made)
     before = psutil.Process().memory_info().rss
     frames = [simulator.process(number).frame for number in range(simulator.n_frames)]
-    print(json.dumps(memory(frames, simulator.info) | {"process_bytes": before}), flush=True)
+    say(memory(frames, simulator.info) | {"process_bytes": before})
     for _ in sys.stdin:
-        print(json.dumps(times(frames, simulator.info)), flush=True)
+        say(times(frames, simulator.info))
+
+
+def say(found: dict[str, Any]) -> None:
+    """Print one line, whole: where Python's own output is not buffered, a pipe that is full cuts long lines off."""
+    with open(sys.stdout.fileno(), "w", encoding="utf-8", closefd=False) as out:
+        out.write(json.dumps(found) + "\n")
 
 
 if __name__ == "__main__":

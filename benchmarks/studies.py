@@ -44,6 +44,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "boards": Study("boards"),
     "budget": Study("budget"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
+    "chain": Study("chain"),
     "doctor": Study("doctor", LONG),
     "dsp": Study("dsp", LONG),
     "effects": Study("effects"),

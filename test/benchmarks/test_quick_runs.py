@@ -14,8 +14,8 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living", "load_steps",
-    "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living",
+    "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
 }  # fmt: skip
 
 # A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -125,6 +125,16 @@ def gesture_comparison(found):
     assert len(found["pairs"]) + len(found["absent"]) == 3
 
 
+def chain(found):
+    """Both gestures of the scene are events, every stage has operations and times, and the process was slowed as much as it says."""
+    assert found["free"]["event"]["n"] == found["slow"]["event"]["n"] == 2
+    assert found["free"]["no_event"]["n"] == found["n_frames"] - 2
+    assert found["stages"]["transform"]["flop"] == 2_166_784
+    assert all(one["flop"] > 0 and one["free"]["median"] > 0 for name, one in found["stages"].items() if name != "hand")
+    assert all(one["resident_bytes"] > 0 for one in found["stages"].values())
+    assert 0.3 < found["slowed"]["on"] < 0.37
+
+
 def one_channel(found):
     """Nobody is nobody, who sits is there, and of three gestures most are named."""
     assert found["empty_rooms_with_presence"] == 0
@@ -211,6 +221,7 @@ def test_quick_run(name, tmp_path):
         "gesture_comparison": gesture_comparison,
         "house": house,
         "boards": boards,
+        "chain": chain,
         "doctor": doctor,
         "faults": faults,
         "fuzz": fuzz,
