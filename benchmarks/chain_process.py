@@ -233,13 +233,16 @@ def times(frames: Sequence[RadarFrame], info: RadarInfo) -> dict[str, Any]:
     """Time every stage of every frame, one frame behind the other without waiting; which frames had an event, and which a hand."""
     chain = Chain(info, Stopwatch())
     cube = frames[0].cube
+    before = time.perf_counter(), time.process_time()
     steps = [chain.process(frame) for frame in frames]
+    wall, busy = time.perf_counter() - before[0], time.process_time() - before[1]
     bare = measure(lambda: scipy.fft.fft2(cube, axes=(1, 3), workers=1), repeat=200, warmup=20)
     return {
         "ms": [step.used for step in steps],
         "event": [step.events > 0 for step in steps],
         "hand": [step.result.hand is not None for step in steps],
         "bare_fft_ms": float(np.median(bare)),
+        "share_used": busy / wall,
     }
 
 

@@ -91,7 +91,7 @@ def test_bytes_count_once():
 
 def test_frames_with_an_event_are_apart():
     ms = [[1.0] * 7] * 8 + [[4.0] * 7, [1.0] * 7]
-    found = figures({"ms": ms, "event": [False] * 8 + [True, False], "hand": [False] * 10, "bare_fft_ms": 0.1}, 20.0)
+    found = figures({"ms": ms, "event": [False] * 8 + [True, False], "hand": [False] * 10, "bare_fft_ms": 0.1, "share_used": 1.0}, 20.0)
     assert found["no_event"]["median"] == 7.0
     assert found["event"] == {"n": 1, "median": 28.0, "p95": 28.0, "mean": 28.0}
     assert found["late"] == 0.1
