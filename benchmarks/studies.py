@@ -87,6 +87,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "view": Study("view", GRAPH),
     "vital_sitters": Study("vital --parts sitters", LONG),
     "vital_sitting": Study("vital --parts sitting", LONG),
+    "waveforms": Study("waveforms"),
     "zones": Study("zones --parts rooms,nights", LONG, keep="rooms"),
     "zones_latency": Study("zones --parts latency", keep="rooms"),
     "zones_stale": Study("zones --parts stale", GRAPH),

@@ -1,9 +1,9 @@
 """What bandwidth gives and costs (thesis, 8.2): a tone without range, and 0.25 to 4 GHz, by the same array in the same time.
 
 A person who gestures: direction and range rate of what moves, as gestures are made of them. A hand that draws in front of a person: its
-track, which needs ranges. Two people who come side by side, one of them 0.4 m behind the other: whether each has a track. Chirps, pauses and
-frames are those of table 3.1. A sweep has 64 samples for each GHz, so that all see 9.6 m far; the tone has 64, which are added. All else is
-default: the CFAR's window has as many cells whatever a cell is wide. One radar; people are of ellipsoids.
+track, which needs ranges. Two people who come side by side, one of them 0.4 m behind the other: whether each has a track. Chirps, pauses
+and frames are those of table 3.1. A sweep has 64 samples for each GHz, so that all see 9.6 m far; the tone has 64, which are added. All
+else is default: the CFAR's window has as many cells whatever a cell is wide. One radar; people are of ellipsoids.
 """
 
 from __future__ import annotations

@@ -135,6 +135,14 @@ def chain(found):
     assert 0.3 < found["slowed"]["on"] < 0.37
 
 
+def waveforms(found):
+    """A tone measures no range, and of sweeps the finest follows a hand better than the coarsest."""
+    rows = found["waveforms"]
+    assert rows["CW"]["range_cell_m"] is rows["CW"]["hand_median_m"] is rows["CW"]["two_people_share"] is None
+    assert rows["4 GHz"]["hand_median_m"] < rows["0.25 GHz"]["hand_median_m"]
+    assert all(row["motion_found"] > 0.8 and row["baseband_ms"] > 0 for row in rows.values())
+
+
 def one_channel(found):
     """Nobody is nobody, who sits is there, and of three gestures most are named."""
     assert found["empty_rooms_with_presence"] == 0
@@ -232,6 +240,7 @@ def test_quick_run(name, tmp_path):
         "ptp": ptp,
         "small": small,
         "soak": soak,
+        "waveforms": waveforms,
         "zones": zones,
     }.get(name)
     if check is not None:
