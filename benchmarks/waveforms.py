@@ -31,10 +31,9 @@ from radar_tracking import TrackedCloud, Tracks, make_tracker
 
 Float64Array = NDArray[np.float64]
 
-_FAST: Final = {"frame_interval": 5e-3, "n_chirp": 20}  # 200 frames a second of 4.6 ms
 WAVEFORMS: Final[Mapping[str, Waveform]] = {
     "CW": Waveform(modulation="cw"),
-    "CW, 200 Hz": Waveform(modulation="cw", **_FAST),
+    "CW, 200 Hz": Waveform(modulation="cw", frame_interval=5e-3, n_chirp=20),  # frames of 4.6 ms
     **{f"{bandwidth:g} GHz": Waveform(bandwidth=bandwidth * 1e9, n_sample=round(64 * bandwidth)) for bandwidth in (0.25, 1, 2, 4)},
 }
 _FIRST: Final = 1  # seed of the figure's first scene; it was developed on scenes from 101 on
