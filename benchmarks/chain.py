@@ -16,7 +16,7 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -99,7 +99,8 @@ def spread(values: Sequence[float] | NDArray[np.float64]) -> dict[str, float | i
 def figures(found: dict[str, Any], interval_ms: float) -> dict[str, Any]:
     """Tell the times of stages and frames of one run; ``late``: share of frames that took longer than one may.
 
-    ``share_used``: what the process had of its core; ``bare_fft_ms``: a bare transform of a frame, to compare computers.
+    ``share_used``: what the process had of its core, ``processor_ms``: what a frame took of that; ``bare_fft_ms``: a bare transform of a
+    frame, to compare computers.
     """
     ms, event, hand = np.array(found["ms"]), np.array(found["event"]), np.array(found["hand"])
     rows = {"classifier": event, "hand": hand}
@@ -113,6 +114,17 @@ def figures(found: dict[str, Any], interval_ms: float) -> dict[str, Any]:
         "late": float(np.mean(whole > interval_ms)),
         "bare_fft_ms": found["bare_fft_ms"],
         "share_used": found["share_used"],
+        "processor_ms": float(whole.mean()) * found["share_used"],
+    }
+
+
+def stage_shares(flop: Mapping[str, float], stages: Mapping[str, Any], n_frames: int) -> dict[str, dict[str, float]]:
+    """Tell the shares of all operations and of all time that each stage has, over the frames that it works on."""
+    used = {name: (flop[name] * stages[name]["n"], (stages[name]["mean"] or 0.0) * stages[name]["n"]) for name in STAGES}
+    operations, time_ms = (sum(parts) for parts in zip(*used.values(), strict=True))
+    return {
+        name: {"flop_share": one / operations, "time_share": other / time_ms, "worked": stages[name]["n"] / n_frames}
+        for name, (one, other) in used.items()
     }
 
 
@@ -138,9 +150,10 @@ def measure(scene: str, seed: int) -> dict[str, Any]:
         free = figures(process.again(), interval_ms)
         with slowed(process.pid, TIMES, core) as slowing:
             slow = figures(process.again(), interval_ms)
+    shares = stage_shares(told["flop"], free["stages"], told["n_frames"])
     stages = {
         name: {kind: told[kind][name] for kind in ("flop", "peak_bytes", "resident_bytes")}
-        | {"free": free["stages"][name], "slowed": slow["stages"][name]}
+        | {"free": free["stages"][name], "slowed": slow["stages"][name], **shares[name]}
         for name in STAGES
     }
     return {
@@ -160,7 +173,7 @@ def measure(scene: str, seed: int) -> dict[str, Any]:
 def run(quick: bool) -> dict[str, Any]:
     """Measure the chain on the demo; quick: on six seconds with two gestures.
 
-    Returns ``stages`` (by name: ``flop`` and bytes; times ``free`` and ``slowed`` [ms]), ``free`` and ``slow`` (whole frames with and
+    Returns ``stages`` (by name: ``flop``, bytes, shares; times ``free`` and ``slowed`` [ms]), ``free`` and ``slow`` (whole frames with and
     without an event [ms], share that is late), ``load`` (what frames hold), ``slower`` (mean time of a frame, slowed over free),
     ``row`` (of this computer, for the table in docs/research/real-time.md).
     """

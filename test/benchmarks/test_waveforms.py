@@ -8,6 +8,7 @@ import pytest
 from benchmarks import waveforms
 from benchmarks.waveforms import WAVEFORMS, Seen, both_tracked, figures, gestures, motion, two
 from radar_core import Quality
+from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator
 from radar_sim.motions.script import Timeline
 
@@ -21,6 +22,7 @@ def test_range_cells_and_how_far_one_sees():
     assert len({one.max_speed for one in WAVEFORMS.values()}) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [101, 102])
 def test_two_people_stand_as_far_apart_as_is_said(number):
     scene = two(number, WAVEFORMS["1 GHz"])
@@ -51,14 +53,13 @@ def test_one_track_is_not_two_people(monkeypatch):
     assert both_tracked([], truths, None) == 0.5
 
 
+@pytest.mark.long
 def test_a_tone_says_how_fast_and_where_but_not_how_far():
-    """One scene cut short: clouds without ranges, errors of what moves."""
+    """Some frames of a scene: clouds without ranges, errors of what moves."""
     scene = gestures(101, WAVEFORMS["CW"])
     simulator, seen = Simulator(scene), Seen()
-    from radar_dsp import Baseband, BasebandConfig
-
     baseband = Baseband(BasebandConfig(), simulator.info)
-    made = [simulator.process(number) for number in range(40, 90, 2)]
+    made = [simulator.process(number) for number in range(60, 200, 4)]
     clouds = [baseband.process(one.frame) for one in made]
     assert all(np.isnan(cloud.range).all() and cloud.quality == Quality.GOOD for cloud in clouds)
     motion(clouds, [one.truth for one in made], scene.radars[0], seen)
