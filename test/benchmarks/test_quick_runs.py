@@ -14,7 +14,7 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "approaches", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living",
+    "approaches", "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
     "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
 }  # fmt: skip
 
@@ -134,6 +134,24 @@ def gesture_comparison(found):
     assert len(found["pairs"]) + len(found["absent"]) == 3
 
 
+def chain(found):
+    """Both gestures of the scene are events, every stage has operations and times, and the process was slowed as much as it says."""
+    assert found["free"]["event"]["n"] == found["slow"]["event"]["n"] == 2
+    assert found["free"]["no_event"]["n"] == found["n_frames"] - 2
+    assert found["stages"]["transform"]["flop"] == 2_166_784
+    assert all(one["flop"] > 0 and one["free"]["median"] > 0 for name, one in found["stages"].items() if name != "hand")
+    assert all(one["resident_bytes"] > 0 for one in found["stages"].values())
+    assert 0.3 < found["slowed"]["on"] < 0.37
+
+
+def waveforms(found):
+    """A tone measures no range, and of sweeps the finest follows a hand better than the coarsest."""
+    rows = found["waveforms"]
+    assert rows["CW"]["range_cell_m"] is rows["CW"]["hand_median_m"] is rows["CW"]["two_people_share"] is None
+    assert rows["4 GHz"]["hand_median_m"] < rows["0.25 GHz"]["hand_median_m"]
+    assert all(row["motion_found"] > 0.8 and row["baseband_ms"] > 0 for row in rows.values())
+
+
 def one_channel(found):
     """Nobody is nobody, who sits is there, and of three gestures most are named."""
     assert found["empty_rooms_with_presence"] == 0
@@ -221,6 +239,7 @@ def test_quick_run(name, tmp_path):
         "gesture_comparison": gesture_comparison,
         "house": house,
         "boards": boards,
+        "chain": chain,
         "doctor": doctor,
         "faults": faults,
         "fuzz": fuzz,
@@ -231,6 +250,7 @@ def test_quick_run(name, tmp_path):
         "ptp": ptp,
         "small": small,
         "soak": soak,
+        "waveforms": waveforms,
         "zones": zones,
     }.get(name)
     if check is not None:
