@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
-    "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
+    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
 }  # fmt: skip
 
 # A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
