@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from radar_app import (
+    blender_commands,
     calibration_commands,
     camera_commands,
     dataset_commands,
@@ -364,6 +365,7 @@ app.add_typer(lab, name="lab", rich_help_panel=_MORE)
 
 _ENTRIES = {entry.name: entry for entry in importlib.metadata.entry_points(group="handwave.commands")}  # one of each name
 _STUDIES = {
+    "blender": blender_commands.blender,
     "calibrate": calibration_commands.calibrate,
     "calibrate-camera": camera_commands.calibrate_camera,
     "evaluate": training_commands.evaluate,

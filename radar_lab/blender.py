@@ -60,8 +60,8 @@ class BlenderBody(MeshBody):
     def __init__(self, subject: Subject, reflectivity: float) -> None:
         super().__init__(subject, reflectivity)
         self._skeleton = Skeleton(subject)
-        bpy, self._tree = _blender()
-        self._rig = _Rig(bpy, subject, self._swell)
+        bpy, self._tree = blender()
+        self._rig = Rig(bpy, subject, self._swell)
         self._close = weakref.finalize(self, self._rig.remove)
         self._close.atexit = False  # Blender has then gone already
 
@@ -125,21 +125,23 @@ class BlenderBody(MeshBody):
             moved[t] = rig.skin() + origin
         return moved
 
-    def _open(self) -> _Rig:
+    def _open(self) -> Rig:
         if not self._close.alive:
             raise DataError("BlenderBody: it is closed; make a new one")
         return self._rig
 
 
-def _blender() -> tuple[Any, Any]:
-    """Import `bpy` and `BVHTree` only where they are wanted: Blender is large, and its licence is not ours."""
+def blender(what: str = "BlenderBody", without: str = "the body 'mesh' is the same without it") -> tuple[Any, Any]:
+    """Import `bpy` and `BVHTree` only where they are wanted: Blender is large, and its licence is not ours.
+
+    Raises `ConfigError`, which says ``what`` needs Blender and what does ``without``, when it is not installed.
+    """
     try:
         import bpy
         from mathutils.bvhtree import BVHTree  # there once bpy is imported
     except ImportError as error:
         raise ConfigError(
-            f"BlenderBody needs Blender as a Python module ({error}): pip install 'handwave[blender]', with Python 3.11 or 3.13; the body "
-            "'mesh' is the same without it"
+            f"{what} needs Blender as a Python module ({error}): pip install 'handwave[blender]', with Python 3.11 or 3.13; {without}"
         ) from None
     return bpy, BVHTree
 
@@ -166,21 +168,21 @@ def _length(vectors: Float64Array) -> Float64Array:
     return length
 
 
-class _Rig:
-    """Blender's scene of one body: mesh, armature, targets and poles of the arms."""
+class Rig:
+    """One body in Blender: mesh, armature, targets and poles of the arms; in a ``scene`` of its own, or in one that is given."""
 
-    def __init__(self, bpy: Any, subject: Subject, swell: Float64Array) -> None:
+    def __init__(self, bpy: Any, subject: Subject, swell: Float64Array, scene: Any = None) -> None:
         self._bpy = bpy
-        self._scene = bpy.data.scenes.new("body")
+        self._scene = bpy.data.scenes.new("body") if scene is None else scene
         self._layer = self._scene.view_layers[0]
-        self._armature = self._arm(subject)
-        self._mesh = self._cover(subject, swell)
+        self.armature = self._arm(subject)
+        self.mesh = self._cover(subject, swell)
         names = ("hand_l", "hand_r", "elbow_l", "elbow_r")
         self._aims = [self._add(bpy.data.objects.new(name, None)) for name in names]
         self._constraints = [self._constrain(i) for i in range(2)]
         self._layer.update()
         self._flat = np.empty(subject.vertices.size, np.float32)
-        self._rest = np.array([bone.matrix_local for bone in self._armature.data.bones], np.float64)
+        self._rest = np.array([bone.matrix_local for bone in self.armature.data.bones], np.float64)
         above = self._rest[list(PARENTS)]
         above[_PELVIS] = np.eye(4)
         self._from_parent = np.linalg.inv(self._rest) @ above
@@ -221,12 +223,12 @@ class _Rig:
         breath.slider_min, breath.slider_max = -1.0, 1.0
         breath.data.foreach_set("co", (subject.vertices + swell).ravel().astype(np.float32))
         modifier = skin.modifiers.new("armature", "ARMATURE")
-        modifier.object = self._armature
+        modifier.object = self.armature
         modifier.use_vertex_groups, modifier.use_bone_envelopes, modifier.use_deform_preserve_volume = True, False, False
         return skin
 
     def _constrain(self, side: int) -> Any:
-        forearm = self._armature.pose.bones[_LOWER[side]]
+        forearm = self.armature.pose.bones[_LOWER[side]]
         forearm.lock_ik_x = forearm.lock_ik_y = True  # an elbow is a hinge
         constraint = forearm.constraints.new("IK")
         constraint.target, constraint.pole_target = self._aims[side], self._aims[2 + side]
@@ -237,15 +239,19 @@ class _Rig:
 
     def pose(self, rotation: Float64Array, joint: Float64Array, breath: float) -> None:
         """Place every bone: rotations from rest (22, 3, 3), heads (22, 3) [m]."""
+        self._place(range(len(BONES)), self.basis(rotation, joint))
+        self.mesh.data.shape_keys.key_blocks["breath"].value = breath
+        self._mute(True)
+
+    def basis(self, rotation: Float64Array, joint: Float64Array) -> Float64Array:
+        """Give transforms of the bones from where they are at rest on their parents, (22, 4, 4); arguments are those of `pose`."""
         moved = np.tile(np.eye(4), (len(BONES), 1, 1))
         moved[:, :3, :3] = rotation
         moved[:, :3, 3] = joint - (rotation @ self._joint[:, :, None])[..., 0]
         placed = moved @ self._rest
         above = placed[list(PARENTS)]
         above[_PELVIS] = np.eye(4)
-        self._place(range(len(BONES)), self._from_parent @ np.linalg.inv(above) @ placed)
-        self._mesh.data.shape_keys.key_blocks["breath"].value = breath
-        self._mute(True)
+        return np.asarray(self._from_parent @ np.linalg.inv(above) @ placed)
 
     def aim(self, target: Float64Array, pole: Float64Array) -> None:
         """Leave the arms to inverse kinematics: wanted hands and poles, both (2, 3) [m]."""
@@ -261,7 +267,7 @@ class _Rig:
 
     def _place(self, bones: Iterable[int], basis: Iterable[Float64Array]) -> None:
         """Set bones' transforms from where they are at rest on their parents."""
-        pose = self._armature.pose.bones
+        pose = self.armature.pose.bones
         for bone, matrix in zip(bones, basis, strict=True):
             pose[bone].matrix_basis = matrix.T.tolist()  # Blender takes columns here
 
@@ -272,13 +278,13 @@ class _Rig:
     def skin(self) -> Float64Array:
         """Let Blender deform the mesh; vertices (n_vertex, 3) [m]."""
         self._layer.update()
-        mesh = self._mesh.evaluated_get(self._layer.depsgraph).data
+        mesh = self.mesh.evaluated_get(self._layer.depsgraph).data
         mesh.attributes["position"].data.foreach_get("vector", self._flat)
         return self._flat.reshape(-1, 3).astype(np.float64)
 
     def bones(self) -> tuple[Float64Array, Float64Array]:
         """Rotations from rest (22, 3, 3) and heads (22, 3) [m] of the bones, as they are after `skin`."""
-        pose = self._armature.evaluated_get(self._layer.depsgraph).pose
+        pose = self.armature.evaluated_get(self._layer.depsgraph).pose
         placed = np.array([bone.matrix for bone in pose.bones], np.float64)
         return placed[:, :3, :3] @ self._rest[:, :3, :3].swapaxes(-1, -2), placed[:, :3, 3]
 
@@ -286,8 +292,8 @@ class _Rig:
         """Take everything out of Blender's memory."""
         data = self._bpy.data
         try:
-            mesh, armature = self._mesh.data, self._armature.data
-            for thing in (self._mesh, self._armature, *self._aims):
+            mesh, armature = self.mesh.data, self.armature.data
+            for thing in (self.mesh, self.armature, *self._aims):
                 data.objects.remove(thing)
             data.meshes.remove(mesh)
             data.armatures.remove(armature)
