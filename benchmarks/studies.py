@@ -87,6 +87,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "stage_reports": Study("stage_reports", GRAPH),
     "tracking": Study("tracking", LONG, keep="tracking"),
     "tradeoff": Study(TRADEOFF, f"{LONG}; config/tradeoff holds values that were rounded for the page", keep="tradeoff"),
+    "vertex_rcs": Study("vertex_rcs"),
     "view": Study("view", GRAPH),
     "vital_sitters": Study("vital --parts sitters"),
     "vital_sitting": Study("vital --parts sitting"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
@@ -26,7 +26,7 @@ def blender(
     from rich.progress import track
 
     from radar_lab.blender_route import BlendFile, export, need_blender, times
-    from radar_lab.vertex_targets import RCS, Rcs, with_meshes
+    from radar_lab.vertex_targets import RCS, with_meshes
     from radar_ros.offline import simulate
     from radar_sim import Simulator, load_scene
 
@@ -50,6 +50,6 @@ def blender(
             export(first.scene, times(radars), file)
             print(f"animation in {file}")
         with BlendFile(file, first.scene) as source:
-            for _ in track(simulate(with_meshes(radars, source, cast(Rcs, rcs)), out), total=total, description=f"simulating {scene}"):
+            for _ in track(simulate(with_meshes(radars, source, rcs), out), total=total, description=f"simulating {scene}"):
                 done += 1
     print(f"{total} frames in {out}")

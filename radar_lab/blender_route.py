@@ -35,7 +35,8 @@ class _Skin(MeshBody):
     @property
     def swell(self) -> Float64Array:
         """Where each vertex goes per metre of breath, shape (n_vertex, 3)."""
-        return self._swell
+        swell: Float64Array = self._swell
+        return swell
 
 
 def need_blender() -> Any:
@@ -92,7 +93,7 @@ def _animate(bpy: Any, rig: Rig, pose: Pose, at: Float64Array) -> None:
     rig.pose(pose.rotation[0], pose.joint[0], 0.0)
     basis = np.array([rig.basis(rotation, joint) for rotation, joint in zip(pose.rotation, pose.joint, strict=True)])
     turned = quaternions(basis[:, :, :3, :3])
-    values = {}
+    values: dict[tuple[str, int], Float64Array] = {}
     for bone, name in enumerate(BONES):
         where = f'pose.bones["{name}"]'
         values |= {(f"{where}.rotation_quaternion", k): turned[:, bone, k] for k in range(4)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal, Protocol, get_args
 
 import numpy as np
@@ -24,9 +25,9 @@ from radar_sim.world import World
 Rcs = Literal["facets", "constant"]
 """Cross-sections: of each facet by its area and direction, or the same for every vertex that the radar sees."""
 RCS: Final[tuple[Rcs, ...]] = get_args(Rcs)
-TOTAL: Final = 0.25
-"""Cross-section of a person whom nobody hides, with ``constant`` [m^2]: about what the facets of our bodies have together
-(docs/research/simulator.md)."""
+TOTAL: Final = 0.2
+"""Cross-section of a person whom nobody hides, with ``constant`` [m^2]: about what the facets of our bodies have together when they
+face the radar (docs/research/simulator.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ class VertexWorld(World):
         for owner, (body, share) in enumerate(zip(bodies, self._reflectivity, strict=True)):
             centroid, normal, area = facets(body.vertices, body.faces)
             owners, sheet = np.full(len(area), owner, np.int32), hull(body)
-            made.append(Scatterers(Motion.through(centroid, span), normal, area * share, owners, (lambda sheet=sheet: sheet,)))
+            made.append(Scatterers(Motion.through(centroid, span), normal, area * share, owners, (partial(_given, sheet),)))
         return made
 
     def _vertices(self, bodies: Sequence[Posed], span: float) -> list[Scatterers]:
@@ -129,13 +130,17 @@ class VertexWorld(World):
             n = len(kept)
             rcs = np.full(n, self._total / max(len(alone), 1))
             motion = Motion.through(body.vertices[:, kept], span)
-            made.append(Scatterers(motion, np.zeros((n, 3)), rcs, np.full(n, owner, np.int32), (lambda sheet=sheet: sheet,)))
+            made.append(Scatterers(motion, np.zeros((n, 3)), rcs, np.full(n, owner, np.int32), (partial(_given, sheet),)))
         return made
 
 
 def with_meshes(radars: Sequence[Simulator], source: Source, rcs: Rcs = "facets", total: float = TOTAL) -> list[Simulator]:
     """Make simulators of the same scene and radars, whose people are the meshes of a source; arguments are those of `VertexWorld`."""
     return [Simulator(r.scene, r.radar.frame_id, VertexWorld(r.scene, r.radar, source, rcs, total)) for r in radars]
+
+
+def _given(sheet: Triangles) -> Triangles:
+    return sheet
 
 
 def hull(body: Posed) -> Triangles:

@@ -15,7 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
-    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
+    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak",
+    "vertex_rcs", "vital",
 }  # fmt: skip
 
 # A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -189,6 +190,14 @@ def boards(found):
     assert min(ghosts, key=ghosts.get).endswith("(the driver's)")
 
 
+def vertex_rcs(found):
+    """Samples of constant cross-sections are unlike those of facets, with the total that is named; somebody is tracked all the same."""
+    (seen,) = found["scenes"].values()
+    assert seen["facets"]["samples_error"] == 0 < seen["constant"]["samples_error"]
+    assert seen["constant"]["total_m2"] == pytest.approx(found["total_m2"])
+    assert all(one["tracked"] > 0.5 and one["track_error_m"] < 0.3 for one in seen.values())
+
+
 def load_steps(found):
     """Each step has its readings, tracks come in all of them, and the graph's time is a part of the machine's."""
     assert [row["loops"] for row in found["steps"]] == [0, 1, 2, 0]
@@ -232,6 +241,7 @@ def test_quick_run(name, tmp_path):
     check = {
         "approaches": approaches,
         "machines": machines,
+        "vertex_rcs": vertex_rcs,
         "vital": vital,
         "hand_losses": hand_losses,
         "living": living,
