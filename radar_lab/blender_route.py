@@ -81,6 +81,7 @@ def export(scene: Scene, at: Float64Array, path: Path) -> None:
             subject = Subject.of(person)
             rig = Rig(bpy, subject, _Skin(subject, 0.0).swell, own)
             rig.mesh.name, rig.armature.name = f"person_{person.id}", f"bones_{person.id}"
+            rig.mesh.parent = rig.armature  # whoever moves the armature in Blender moves both
             _animate(bpy, rig, pose, at)
         bpy.data.libraries.write(str(path), {own}, compress=True)
     finally:

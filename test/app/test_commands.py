@@ -14,7 +14,7 @@ from radar_core import ConfigError
 from radar_core.paths import find_config
 from radar_ros.offline import pipeline_config
 
-ALIASES = ("calibrate", "calibrate-camera", "evaluate", "explain", "tradeoff", "train", "turntable")
+ALIASES = ("blender", "calibrate", "calibrate-camera", "evaluate", "explain", "tradeoff", "train", "turntable")
 
 
 def test_version():
@@ -63,3 +63,18 @@ def test_a_typo_in_a_parameter_of_a_node_ends_up_with_one_message():
     assert done.returncode == 2
     assert "node hand has no parameter 'togle' (did you mean 'toggle'?)" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_without_blender_the_route_says_how_to_install_it(monkeypatch, tmp_path):
+    """One line, and nothing is written; `radar_app.exits` gives it the status of every wrong use."""
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    done = CliRunner().invoke(app, ["lab", "blender", "short", "-o", str(tmp_path / "bag")])
+    assert isinstance(done.exception, ConfigError)
+    assert "\n" not in str(done.exception)
+    assert "pip install 'handwave[blender]', with Python 3.11 or 3.13; handwave simulate does without" in str(done.exception)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_kind_of_cross_section_that_there_is_not(tmp_path):
+    done = CliRunner().invoke(app, ["lab", "blender", "short", "-o", str(tmp_path / "bag"), "--rcs", "random"])
+    assert "choose facets or constant" in str(done.exception)
