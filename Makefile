@@ -47,12 +47,12 @@ stability: setup
 mutations: setup
 	$(VENV)/bin/python test/stability/mutations.py $(ARGS)
 
-## make blender    bodies beside Blender's, which is a Python module here; in an environment of its own because it wants an older numpy (Python 3.11)
+## make blender    bodies beside Blender's, and there and back; it is a Python module here; in an environment of its own because it wants an older numpy (Python 3.11)
 blender: setup
 	test -x build/blender/bin/python || $(PYTHON) -m venv build/blender
 	env -u PIP_CONSTRAINT build/blender/bin/pip install --quiet --disable-pip-version-check 'bpy>=4.5,<4.6' 'numpy<2' scipy numba finufft pydantic pyyaml \
 		joblib scikit-learn threadpoolctl typing-extensions pytest pytest-timeout hypothesis
-	PYTHONPATH=$(CURDIR) build/blender/bin/python -m pytest test/sim/test_blender.py
+	PYTHONPATH=$(CURDIR) build/blender/bin/python -m pytest test/sim/test_blender.py test/sim/test_blender_route.py
 
 ## make lint       ruff and mypy
 lint: setup

@@ -21,6 +21,7 @@ from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, trut
 from radar_lab.pipeline import Pipeline
 from radar_lab.vertex_targets import TOTAL, OwnMeshes, with_meshes
 from radar_sim import Scene, SimulatedFrame, Simulator, Truth, load_scene
+from radar_sim.effects.config import Effects, OcclusionConfig
 
 Float64Array = NDArray[np.float64]
 CHOSEN_ON: Final = ("short", "drawing", "handshake", "sitting", "side_by_side")
@@ -49,7 +50,7 @@ class Seen:
             made = simulator.process(k)
             result = pipeline.process(made.frame)
             visible = visibility.process(made.truth)
-            self._note(made, visible)
+            self.note(made, visible)
             step = matching.process(result.tracks, made.truth, visible).step
             where = dict(zip(made.truth.person_id.tolist(), made.truth.position[:, :2], strict=True))
             tracks = {track.id: track.position[:2] for track in result.tracks.people}
@@ -62,7 +63,8 @@ class Seen:
         self.ghosts = matching.ghost_track_frames
         return self
 
-    def _note(self, made: SimulatedFrame, visible: NDArray[np.bool_]) -> None:
+    def note(self, made: SimulatedFrame, visible: NDArray[np.bool_]) -> None:
+        """Take in what the truth says of a frame."""
         truth, own = made.truth, made.truth.scatterer_owner >= 0
         shown = np.bincount(truth.scatterer_owner[own], truth.scatterer_rcs[own].astype(np.float64), len(visible))
         self.total += shown[visible].tolist()
@@ -149,10 +151,23 @@ def figures(seen: Seen, facets: Seen) -> dict[str, Any]:
     }
 
 
+def chosen(name: str, every: int = 25) -> float:
+    """Give the mean cross-section of a person's facets in a scene, by one frame in so many and without what is hidden [m^2]."""
+    scene = load_scene(name)
+    seen = Seen()
+    simulator = simulators(replace(scene, effects=Effects(occlusion=OcclusionConfig())))["facets"]
+    visibility = Visibility(simulator.info)
+    for k in range(0, simulator.n_frames, every):
+        made = simulator.process(k)
+        seen.note(made, visibility.process(made.truth))
+    return float(np.mean(seen.total))
+
+
 def run(quick: bool) -> dict[str, Any]:
     """One scene of one person and one of two; quick: four seconds of the first."""
     found = {}
     for name in SCENES[:1] if quick else SCENES:
         seen = see(load_scene(name), 4.0 if quick else 60.0)
         found[name] = {kind: figures(seen[kind], seen["facets"]) for kind in _NAMES}
-    return {"total_m2": TOTAL, "scenes": found, "choices": []}
+    chosen_on = {name: chosen(name) for name in (CHOSEN_ON[:1] if quick else CHOSEN_ON)}
+    return {"total_m2": TOTAL, "chosen_on_m2": chosen_on, "scenes": found, "choices": []}

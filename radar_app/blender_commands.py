@@ -44,6 +44,9 @@ def blender(
     if not total:
         raise ConfigError(f"{scene}: no frame begins within {duration:g} s; give more --seconds")
     file = out.with_name(f"{out.name}.blend") if blend is None else blend
+    for new in (out, *([] if blend else [file])):
+        if new.exists():
+            raise ConfigError(f"{new} exists already; name another folder, or with --from a .blend file to read")
     with stopping(lambda: f"stopped: {done} of {total} frames in {out}"):
         if blend is None:
             file.parent.mkdir(parents=True, exist_ok=True)
