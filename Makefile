@@ -52,7 +52,7 @@ blender: setup
 	test -x build/blender/bin/python || $(PYTHON) -m venv build/blender
 	env -u PIP_CONSTRAINT build/blender/bin/pip install --quiet --disable-pip-version-check 'bpy>=4.5,<4.6' 'numpy<2' scipy numba finufft pydantic pyyaml \
 		joblib scikit-learn threadpoolctl typing-extensions pytest pytest-timeout hypothesis
-	PYTHONPATH=$(CURDIR) build/blender/bin/python -m pytest test/sim/test_blender.py test/sim/test_blender_route.py
+	PYTHONPATH=$(CURDIR) build/blender/bin/python -m pytest test/sim/test_blender.py test/sim/test_blender_route.py $(ARGS)
 
 ## make lint       ruff and mypy
 lint: setup

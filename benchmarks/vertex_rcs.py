@@ -20,7 +20,10 @@ from radar_lab.evaluation.matching import Matching, Visibility
 from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, truth_segments
 from radar_lab.pipeline import Pipeline
 from radar_lab.vertex_targets import TOTAL, OwnMeshes, with_meshes
-from radar_sim import Scene, SimulatedFrame, Simulator, Truth, load_scene
+from radar_sim import Person, Scene, SimulatedFrame, Simulator, Truth, load_scene
+from radar_sim.bodies.base import BONES
+from radar_sim.bodies.skin import facets
+from radar_sim.bodies.subject import Subject
 from radar_sim.effects.config import Effects, OcclusionConfig
 
 Float64Array = NDArray[np.float64]
@@ -129,16 +132,16 @@ def _rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
 
 
-def figures(seen: Seen, facets: Seen) -> dict[str, Any]:
+def figures(seen: Seen, reference: Seen) -> dict[str, Any]:
     """Put what one kind of targets gave beside the facets."""
-    apart, faster = shifts(seen.clouds, facets.clouds)
+    apart, faster = shifts(seen.clouds, reference.clouds)
     score = score_gestures(truth_segments(seen.truths), seen.gestures)
     low, high = np.percentile(seen.total, [5, 95]).tolist()
     return {
         "total_m2": float(np.mean(seen.total)),
         "total_m2_5_to_95": [low, high],
-        "samples_error": sample_error(seen.samples, facets.samples),
-        "power_elsewhere": map_error(power(seen.samples), power(facets.samples)),
+        "samples_error": sample_error(seen.samples, reference.samples),
+        "power_elsewhere": map_error(power(seen.samples), power(reference.samples)),
         "points": float(np.mean([len(cloud.x) for cloud in seen.clouds])),
         "range_shift_m": apart,
         "range_rate_shift_m_s": faster,
@@ -163,6 +166,15 @@ def chosen(name: str, every: int = 25) -> float:
     return float(np.mean(seen.total))
 
 
+def dense() -> dict[str, float]:
+    """Give what share of the mesh's vertices and of its area hands, head and feet have: constant cross-sections follow the vertices."""
+    subject = Subject.of(Person())
+    ends = [i for i, bone in enumerate(BONES) if bone.split("_")[0] in ("hand", "head", "foot", "ball")]
+    at_end = np.isin(subject.bone[np.arange(len(subject.bone)), subject.weight.argmax(1)], ends)
+    area = facets(subject.vertices[None], subject.faces)[2]
+    return {"vertices": float(at_end.mean()), "area": float(area[at_end[subject.faces[:, 0]]].sum() / area.sum())}
+
+
 def run(quick: bool) -> dict[str, Any]:
     """One scene of one person and one of two; quick: four seconds of the first."""
     found = {}
@@ -170,4 +182,4 @@ def run(quick: bool) -> dict[str, Any]:
         seen = see(load_scene(name), 4.0 if quick else 60.0)
         found[name] = {kind: figures(seen[kind], seen["facets"]) for kind in _NAMES}
     chosen_on = {name: chosen(name) for name in (CHOSEN_ON[:1] if quick else CHOSEN_ON)}
-    return {"total_m2": TOTAL, "chosen_on_m2": chosen_on, "scenes": found, "choices": []}
+    return {"total_m2": TOTAL, "chosen_on_m2": chosen_on, "hands_head_feet": dense(), "scenes": found, "choices": []}
