@@ -151,6 +151,11 @@ class BlendFile:
     scene : Scene
         Whose people there are to be. The truth about their places and hands is read from the armatures ``bones_ID``.
 
+    Attributes
+    ----------
+    held : bpy.types.Scene
+        The file's scene in Blender's memory. Where the memory has things of the same names, these have numbers behind theirs.
+
     Raises
     ------
     ConfigError
@@ -169,12 +174,12 @@ class BlendFile:
         except (OSError, RuntimeError) as error:
             raise DataError(f"{path}: Blender cannot read it ({str(error).strip()})") from None
         try:
-            self._scene, self._things = self._find(wanted.scenes, [f"{kind}_{p.id}" for p in scene.people for kind in ("person", "bones")])
+            self.held, self._things = self._find(wanted.scenes, [f"{kind}_{p.id}" for p in scene.people for kind in ("person", "bones")])
         except DataError:
             self.close()
             raise
-        self._layer = self._scene.view_layers[0]
-        self._fps = self._scene.render.fps / self._scene.render.fps_base
+        self._layer = self.held.view_layers[0]
+        self._fps = self.held.render.fps / self.held.render.fps_base
 
     def __enter__(self) -> BlendFile:
         return self
@@ -195,7 +200,7 @@ class BlendFile:
         """Vertices, faces and placed bones of each person at one time."""
         frame = float(np.float32(time * self._fps))
         whole = int(np.floor(frame))
-        self._scene.frame_set(whole, subframe=frame - whole)
+        self.held.frame_set(whole, subframe=frame - whole)
         graph = self._layer.depsgraph
         graph.update()
         return [(*_mesh(mesh.evaluated_get(graph)), _bones(bones.evaluated_get(graph))) for mesh, bones in self._things]

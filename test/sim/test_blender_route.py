@@ -24,6 +24,11 @@ SCENE = Scene(duration=2.0, people=(THERE, PAST), effects=Effects(doppler_in_chi
 SINGLE = 1e-5  # m: wanted; float32 leaves one or two micrometres
 
 
+def thing(read, name):
+    """What has a name in a file that is read, with a number behind it or not."""
+    return next(one for one in read.held.objects if one.name.partition(".")[0] == name)
+
+
 def radar(scene=SCENE):
     return Simulator(scene)
 
@@ -161,14 +166,34 @@ def test_a_changed_file_changes_targets_and_truth(file, tmp_path):
     changed, shift, at = tmp_path / "changed.blend", np.array([0.3, -0.2, 0.1]), np.array([0.5])
     with BlendFile(file, SCENE) as read:
         before = read.posed(at)
-        scene = next(one for one in bpy.data.scenes if "bones_4" in one.objects)
-        scene.objects["bones_4"].location = shift
-        bpy.data.libraries.write(str(changed), {scene})
+        thing(read, "bones_4").location = shift
+        bpy.data.libraries.write(str(changed), {read.held})
     with BlendFile(changed, SCENE) as read:
         after = read.posed(at)
     for index, moved in ((0, shift), (1, np.zeros(3))):
         assert far(after[index].vertices, before[index].vertices + moved) < SINGLE
         assert far(after[index].pose.hand, before[index].pose.hand + moved) < SINGLE
+
+
+def test_another_mesh_will_do(file, tmp_path):
+    """Somebody put a tetrahedron of their own where a person was: it echoes from its facets, and the truth is the armature's."""
+    bpy = pytest.importorskip("bpy", reason=HOW)
+    changed, corners = tmp_path / "other.blend", np.array([[2.0, 0.0, 0.5], [3.0, 0.0, 0.5], [2.5, 1.0, 0.5], [2.5, 0.4, 1.5]])
+    with BlendFile(file, SCENE) as read:
+        thing(read, "person_4").name = "before"
+        mesh = bpy.data.meshes.new("own")
+        mesh.from_pydata(corners.tolist(), [], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+        read.held.collection.objects.link(bpy.data.objects.new("person_4", mesh))
+        bpy.data.libraries.write(str(changed), {read.held})
+        before = read.posed(np.zeros(1))[0].pose.hand
+    with BlendFile(changed, SCENE) as read:
+        after = read.posed(np.zeros(1))[0]
+        (theirs,) = with_meshes([radar()], read)
+        owners = theirs.process(0).truth.scatterer_owner
+    assert far(after.vertices[0], corners) < SINGLE
+    assert len(after.faces) == 4
+    assert far(after.pose.hand, before) < SINGLE
+    assert 1 <= (owners == 0).sum() <= 3 < (owners == 1).sum()
 
 
 def test_files_that_will_not_do(file, tmp_path):
