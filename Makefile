@@ -47,7 +47,7 @@ stability: setup
 mutations: setup
 	$(VENV)/bin/python test/stability/mutations.py $(ARGS)
 
-## make blender    bodies beside Blender's, and there and back; it is a Python module here; in an environment of its own because it wants an older numpy (Python 3.11)
+## make blender    bodies beside Blender's, and by its way; it is a Python module, in an environment of its own because it wants an older numpy (Python 3.11)
 blender: setup
 	test -x build/blender/bin/python || $(PYTHON) -m venv build/blender
 	env -u PIP_CONSTRAINT build/blender/bin/pip install --quiet --disable-pip-version-check 'bpy>=4.5,<4.6' 'numpy<2' scipy numba finufft pydantic pyyaml \
