@@ -23,7 +23,9 @@ from benchmarks.tradeoff.stages import STAGES
 _RUN = re.compile(r"^(def run\(|run = )", re.MULTILINE)
 PARTS: Final = {
     "simulator": ("propagation",),
-    "gestures": ("gesture_crowds", "gesture_knobs", "gesture_streams", "gesture_tables", "gesture_worlds", "gestures_speed"),
+    "gestures": (
+        *("gesture_crowds", "gesture_knobs", "gesture_networks", "gesture_streams", "gesture_tables", "gesture_worlds", "gestures_speed"),
+    ),
     "tracking": ("stone_soup",),
 }
 """Benchmarks that others contain: ``--all`` does not run them a second time."""
@@ -85,7 +87,9 @@ def main() -> int:
     kinds = ("develop", "choose", "figure")
     parser.add_argument("--kind", choices=(*kinds, "all"), help="which recordings: default those for the figure (people_real)")
     parser.add_argument("--seeds", choices=kinds, help="which rooms: to develop or to choose on; default those for the figure (rooms)")
-    parser.add_argument("--parts", metavar="A,B", help="only some: of zones, vital, hand; names of parsers (fuzz), groups (faults)")
+    parser.add_argument(
+        "--parts", metavar="A,B", help="only some: of zones, vital, hand, approaches; names of parsers (fuzz), groups (faults)"
+    )
     parser.add_argument("--hours", type=float, metavar="H", help="how long (soak); default: 1")
     options = parser.parse_args()
     chosen = {name: value for name in ("keep", "full", "real", "kind", "seeds", "parts", "hours") if (value := getattr(options, name))}

@@ -15,7 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_tables import network, recognised
+from benchmarks.gesture_networks import network
+from benchmarks.gesture_tables import recognised
 from benchmarks.gestures_speed import four_tracks, simulated
 from benchmarks.report import Found, Panel, against_first, measure, measure_together, of_share, timed, varied
 from benchmarks.stores import kept, sources

@@ -1,39 +1,36 @@
-"""Figures of gesture accuracy as the thesis has them: ten classes (4.10), frame rates and transmitters (table 4.1), a network (4.2)."""
+"""Figures of gesture accuracy as the thesis has them: ten classes (4.10), frame rates and transmitters (table 4.1)."""
 
 from __future__ import annotations
 
 import functools
 import json
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from joblib import Memory
-from numpy.typing import NDArray
 
 from benchmarks.gesture_model import model_file
 from benchmarks.report import against_first, matrix, measure_together, timed
-from benchmarks.stores import kept, sources
-from radar_core import GESTURES, ConfigError, RadarFrame
+from benchmarks.stores import PACKAGES, kept, sources
+from radar_core import RadarFrame
 from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.stage import EventStage, GestureConfig
-from radar_lab.datasets.readings import Cubes, collect, cubes
+from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import Plan, named_plan
-from radar_lab.training.cnn import CnnConfig, CnnModel, export
-from radar_lab.training.networks import cnn_judge, train_cnn
 from radar_lab.training.training import TrainingConfig, fit, train_on, validate
-from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
+from radar_lab.training.validation import Validation, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.motions.strokes import library_hash
 from radar_tracking import TrackedCloud, make_tracker
 
-_PACKAGES: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
+_SIMULATED: Final = (*PACKAGES, "radar_lab/datasets/synthesis.py", "radar_lab/datasets/synthesis_plan.py")
+_READ: Final = ("radar_core", "radar_tracking", "radar_gestures", "radar_lab/datasets")
 RATES: Final = ((1, 50), (2, 25), (3, 17))  # every n-th frame, and the rate [Hz]
 CONFIG: Final = TrainingConfig()
 
@@ -41,7 +38,7 @@ CONFIG: Final = TrainingConfig()
 def data_set(folder: Path, quick: bool, n_jobs: int) -> Path:
     """Simulate what the folder does not hold yet: ten people, ten gestures, fifteen times (section 4.3); quickly four people, thrice."""
     plan: Plan = named_plan("subjects", **({"n_subjects": 4, "repetitions": 2} if quick else {}))
-    place, body = folder / ("few" if quick else "subjects"), "ellipsoids" if quick else "mesh"
+    place, body = folder / f"{'few' if quick else 'subjects'}_{sources(_SIMULATED)}", "ellipsoids" if quick else "mesh"
     if not holds(place, plan, body):
         synthesise(place, plan.n_samples, seed=1, n_jobs=n_jobs, plan=plan, body=body, one_tx=True)
     return place
@@ -61,42 +58,26 @@ class Readings:
 
     def __init__(self, place: Path, keep: Path | None, n_jobs: int) -> None:
         memory = Memory(keep, verbose=0)
-        self._collect, self._cubes = memory.cache(_collect, ignore=["n_jobs"]), memory.cache(_cubes, ignore=["n_jobs"])
-        self._judge_cnn = memory.cache(_judge_cnn)
+        self._collect = memory.cache(_collect, ignore=["n_jobs"])
         self._place, self._n_jobs = place, n_jobs
-        self._key = (sources(_PACKAGES), json.dumps(read_manifest(place)), len(sample_files(place)))
+        self._key = key_of(place)
 
     def samples(self, every: int = 1, one_tx: bool = False) -> SampleSet:
         """Features and labels."""
         return self._collect(self._key, self._place, every, one_tx, n_jobs=self._n_jobs)
 
-    def cubes(self) -> Cubes:
-        """Input of the convolutional network."""
-        return self._cubes(self._key, self._place, n_jobs=self._n_jobs)
 
-    def validate_cnn(self, config: CnnConfig) -> Validation:
-        """Judge the convolutional network on people left out: the better part of an hour, kept fold by fold."""
-        given, code = self.cubes(), sources(("radar_gestures/classifiers", "radar_lab/training"))
-
-        def judge(known: Mask, test: Mask) -> NDArray[np.float64]:
-            return self._judge_cnn(code, given, config, known, test)
-
-        return cross_validate(given.label, given.person, leave_subjects_out(given.person), judge, labels=GESTURES, split="subjects")
+Key = tuple[str, str, int]
+"""What is read depends on: our sources, what the samples are, and how many."""
 
 
-_Key = tuple[str, str, int]  # what is read depends on: our sources, what the samples are, and how many
+def key_of(place: Path, parts: tuple[str, ...] = ()) -> Key:
+    """Key of all that is read from a data set; ``parts``: of our sources, beside those that find events and features."""
+    return sources((*_READ, *parts)), json.dumps(read_manifest(place)), len(sample_files(place))
 
 
-def _collect(key: _Key, place: Path, every: int, one_tx: bool, n_jobs: int) -> SampleSet:
+def _collect(key: Key, place: Path, every: int, one_tx: bool, n_jobs: int) -> SampleSet:
     return collect(place, GestureConfig(), every=every, one_tx=one_tx, n_jobs=n_jobs)
-
-
-def _cubes(key: _Key, place: Path, n_jobs: int) -> Cubes:
-    return cubes(place, GestureConfig(), n_jobs=n_jobs)
-
-
-def _judge_cnn(code: str, given: Cubes, config: CnnConfig, known: Mask, test: Mask) -> NDArray[np.float64]:
-    return cnn_judge(given.cube, given.label, config)(known, test)
 
 
 def counted(found: Validation, samples: SampleSet) -> dict[str, Any]:
@@ -109,14 +90,6 @@ def recognised(found: Validation, samples: SampleSet) -> tuple[float, int]:
     right = float(np.diag(found.confusion).sum() + samples.missed[0])
     performed = int(found.confusion.sum() + samples.missed.sum())
     return right / performed, performed
-
-
-def network(given: Cubes) -> CnnModel:
-    """Convolutional network of one epoch on a few cubes: its size and its time do not depend on how well it is trained."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "network.onnx"
-        export(train_cnn(given.cube[:64], given.label[:64], CnnConfig(epochs=1)), path, given.cube.shape[1:])
-        return CnnModel(path)
 
 
 def ten_classes(samples: SampleSet) -> tuple[dict[str, Any], dict[str, Validation]]:
@@ -186,37 +159,15 @@ def repeats(samples: SampleSet) -> bool:
     return first == second
 
 
-def table_4_2(samples: SampleSet, readings: Readings, quick: bool) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Validation]]:
-    """Perceptron and convolutional network on the same people left out: accuracy, bytes, FLOP and time; without PyTorch only the first."""
-    folds = leave_subjects_out(samples.person)
-    mlp = fit(samples, np.ones(len(samples.label), np.bool_), CONFIG)
-    accuracy = validate(samples, folds, CONFIG).accuracy
-    figures: dict[str, Any] = {"mlp_accuracy": accuracy, "mlp_bytes": len(model_file(mlp)), "mlp_flop": mlp.flop}
-    config = CnnConfig(epochs=3) if quick else CnnConfig()
-    try:
-        found, given = readings.validate_cnn(config), readings.cubes()
-    except ConfigError as error:
-        return {**figures, "cnn_accuracy": None, "cnn_why": str(error)}, [], {}
-    cnn = network(given)
-    one, cube = samples.features[0], given.cube[:1]
-    calls = {"mlp": lambda: mlp.probabilities(one), "cnn": lambda: cnn.probabilities(cube)}
-    times = measure_together(calls, repeat=50 if quick else 300, warmup=10)
-    figures |= {"cnn_accuracy": found.accuracy, "cnn_bytes": cnn.n_bytes, "cnn_flop": cnn.flop}
-    names = (f"perceptron 13-32-10, {mlp.flop} FLOP", f"feature cube and CNN, {cnn.flop / 1e6:.1f} MFLOP")
-    rows = {names[0]: (accuracy, times["mlp"]), names[1]: (found.accuracy, times["cnn"])}
-    return figures, against_first("classifier", "held-out accuracy", rows), {"CNN": found}
-
-
 def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     """Make the data set and all tables. Returns flat figures, ``table_4_1``, ``confusion`` and ``choices``."""
     readings = Readings(data_set(folder, quick, n_jobs), folder / "read", n_jobs)
     samples = readings.samples()
     flat, found = ten_classes(samples)
     by_rate, rate_rows = table_4_1(readings, quick)
-    compared, cnn_rows, networks = table_4_2(samples, readings, quick)
-    flat |= compared | {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
-    confusion = {name: matrix(one) for name, one in (found | networks).items()}
-    rows = rate_rows + hidden_neurons(samples, quick) + cnn_rows
+    flat |= {"repeats_bit_for_bit": repeats(samples), "n_samples": len(samples.label) + int(samples.missed.sum())}
+    confusion = {name: matrix(one) for name, one in found.items()}
+    rows = rate_rows + hidden_neurons(samples, quick)
     return {**flat, "table_4_1": by_rate, "confusion": confusion, "choices": rows}
 
 

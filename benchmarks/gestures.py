@@ -10,7 +10,7 @@ import shutil
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks import gesture_crowds, gesture_knobs, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
+from benchmarks import gesture_crowds, gesture_knobs, gesture_networks, gesture_streams, gesture_tables, gesture_worlds, gestures_speed
 from benchmarks.report import join
 from benchmarks.stores import kept
 
@@ -22,6 +22,7 @@ def measure(folder: Path, quick: bool, n_jobs: int) -> dict[str, Any]:
     parts = [
         gestures_speed.figures(quick),
         gesture_tables.measure(folder / "tables", quick, n_jobs),
+        gesture_networks.measure(folder / "tables", quick, n_jobs),
         gesture_knobs.run(quick, folder / "knobs", n_jobs),
         gesture_worlds.run(quick, folder / "worlds", n_jobs),
         gesture_streams.run(quick, folder / "streams", n_jobs),

@@ -61,9 +61,17 @@ def tables(result: dict[str, Any]) -> Iterator[list[list[str]]]:
         if not isinstance(value, dict) or not _is_table(value):
             continue
         rows = {(a, b): figures for a, part in value.items() for b, figures in part.items()}
-        columns = list(dict.fromkeys(name for figures in rows.values() for name in figures))
-        body = [[a, b, *("" if figures.get(c) is None else f"{figures[c]:.4g}" for c in columns)] for (a, b), figures in rows.items()]
-        yield [[key, "", *columns], *body]
+        columns = list(dict.fromkeys(name for figures in rows.values() for name, told in figures.items() if not isinstance(told, dict)))
+        body = [[a, b, *(_cell(figures.get(c)) for c in columns)] for (a, b), figures in rows.items()]
+        if columns:  # else what lies deeper
+            yield [[key, "", *columns], *body]
+
+
+def _cell(value: float | Sequence[float] | None) -> str:
+    """Write a figure, or both ends of an interval; nothing where there is none."""
+    if isinstance(value, Sequence):
+        return " to ".join(_cell(one) for one in value)
+    return "" if value is None else f"{value:.4g}"
 
 
 def markdown(header: Sequence[str], body: Iterable[Sequence[str]], align: Sequence[str] = ()) -> list[str]:

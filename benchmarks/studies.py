@@ -41,6 +41,8 @@ class Study:
 
 
 STUDIES: Final[Mapping[str, Study]] = {
+    "approaches": Study("approaches --parts cases", keep="approaches"),
+    "approaches_ways": Study("approaches --parts ways", keep="approaches"),
     "boards": Study("boards"),
     "budget": Study("budget"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
@@ -55,9 +57,10 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_fusion": Study("gesture_fusion", LONG),
     "gesture_knobs": Study("gesture_knobs"),
     "gesture_model": Study("gesture_model"),
+    "gesture_networks": Study("gesture_networks", keep="gesture_tables"),
     "gesture_rooms": Study("gesture_rooms", LONG, keep="rooms"),
     "gesture_streams": Study("gesture_streams", keep="gesture_streams"),
-    "gesture_tables": Study("gesture_tables"),
+    "gesture_tables": Study("gesture_tables", keep="gesture_tables"),
     "gesture_worlds": Study("gesture_worlds"),
     "gestures_enrolled": Study("gestures_enrolled", LONG, keep="gestures_enrolled"),
     "gestures_real": Study("gestures --real", keep="gestures_real"),
@@ -85,8 +88,8 @@ STUDIES: Final[Mapping[str, Study]] = {
     "tracking": Study("tracking", LONG, keep="tracking"),
     "tradeoff": Study(TRADEOFF, f"{LONG}; config/tradeoff holds values that were rounded for the page", keep="tradeoff"),
     "view": Study("view", GRAPH),
-    "vital_sitters": Study("vital --parts sitters", LONG),
-    "vital_sitting": Study("vital --parts sitting", LONG),
+    "vital_sitters": Study("vital --parts sitters"),
+    "vital_sitting": Study("vital --parts sitting"),
     "waveforms": Study("waveforms"),
     "zones": Study("zones --parts rooms,nights", LONG, keep="rooms"),
     "zones_latency": Study("zones --parts latency", keep="rooms"),

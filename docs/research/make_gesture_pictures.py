@@ -105,8 +105,13 @@ def main() -> None:
     options = parser.parse_args()
     if options.figures:
         found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
-        titles = {"subjects": "perceptron, two people held out", "random": "perceptron, random split", "CNN": "CNN, two people held out"}
-        save("gestures_confusion", lambda: matrices(found["confusion"], titles))
+        titles = {
+            "subjects": "perceptron, two people held out",
+            "random": "perceptron, random split",
+            "cubes": "CNN on cubes, two people held out",
+            "maps": "CNN on maps, two people held out",
+        }
+        save("gestures_confusion", lambda: matrices(found["confusion"] | found["confusion_networks"], titles))
         save("gestures_rates", lambda: rates(found["table_4_1"]))
     if options.real:
         real = json.loads(options.real.read_text(encoding="utf-8").splitlines()[-1])

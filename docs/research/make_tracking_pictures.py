@@ -1,4 +1,4 @@
-"""Pictures of people tracking for docs/explanation/tracking.md: trackers against scenes, approach, arms side by side, a furnished room.
+"""Pictures of people tracking: trackers against scenes, approach, merging, arms side by side, a furnished room.
 
     python -m benchmarks tracking --json > tracking.json
     python docs/research/make_tracking_pictures.py --figures tracking.json
@@ -26,6 +26,7 @@ from matplotlib.patches import Polygon
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the benchmarks are not installed
 
+from benchmarks.approaches import APART, BASEBANDS, NEAR, OWN, distance, one_track, scene, simulate, wide
 from benchmarks.scenarios import MOUNT, Moment, moments, scenario
 from benchmarks.tracking_suite import FLOOR, THESIS, TRACKERS, Tracker, make
 from radar_core import RadarInfo
@@ -38,7 +39,7 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")  # 
 MARKERS = "os^DvP"
 NOBODY = "0.7"
 NAMES = ("group_clustering", "group", "cluster_first")
-APPROACH, ARMS, ROOM = 0, 0, 1  # seeds
+APPROACH, MERGING, ARMS, ROOM = 0, 1009, 0, 1  # seeds; MERGING is of those for development
 INFO = RadarInfo(mount=MOUNT)
 PANELS = (("mota", "MOTA", "{:.2f}"), ("id_switches", "identity switches", "{:.0f}"), ("gospa", "mean GOSPA [m]", "{:.2f}"))
 
@@ -120,6 +121,40 @@ def draw_approach(out: Path, seed: int = APPROACH) -> None:
     for axes in rows[-1]:
         axes.set_xlabel("time [s]")
     save(fig, out / "tracking_approach.png")
+
+
+def draw_merging(out: Path, seed: int = MERGING) -> None:
+    """Three clouds of two who meet and part (thesis, Fig. 6.2), from above: every cell above the threshold is a point."""
+    made = simulate(scene(None, seed), {"every_cell": BASEBANDS["every_cell"]})["every_cell"]
+    followed = {name: follow(made, make("approach", wide(0.6)[name], INFO)) for name in ("cluster_first", "group", "group_clustering")}
+    between = distance(made)
+    near = np.flatnonzero(between < NEAR)
+    merged = [one_track(made[k], followed["cluster_first"].results[k])[0] for k in near]
+    middle = near[np.flatnonzero(merged)[sum(merged) // 2]]
+    moments_of = {"approaching": np.flatnonzero(between[: near[0]] >= APART)[-1], "near": middle, "apart again": len(made) - 1}
+    fig, rows = plt.subplots(len(moments_of), len(OWN), figsize=(11, 6), sharex=True, sharey=True)
+    for panels, (phase, k) in zip(rows, moments_of.items(), strict=True):
+        for axes, (name, run) in zip(panels, followed.items(), strict=True):
+            draw_tracks(axes, made[k], run, int(k))
+            axes.set_title(f"{name}, {phase}", fontsize=9)
+        panels[0].set_ylabel("x, away [m]")
+    for axes in rows[-1]:
+        axes.set_xlabel("y, left [m]")
+    save(fig, out / "tracking_merging.png")
+
+
+def draw_tracks(axes: Any, moment: Moment, run: Followed, k: int) -> None:
+    """Draw a cloud from above by the tracks that its points carry; a cross and a number at each confirmed track."""
+    cloud, result = moment.cloud, run.results[k]
+    colours = {identity: COLOURS[place % len(COLOURS)] for place, identity in enumerate(sorted(run.paths()))}
+    shown = [colours.get(int(identity), NOBODY) for identity in result.point_track_id]
+    axes.scatter(cloud.y, cloud.x, s=9, c=shown)
+    axes.plot(moment.truth.position[:, 1], moment.truth.position[:, 0], "k+", ms=14, mew=1.5)
+    for item in result.people:
+        colour = colours[item.id]
+        axes.plot(item.position[1], item.position[0], "x", color=colour, ms=9, mew=3)
+        axes.text(item.position[1], item.position[0] + 0.35, str(item.id), color=colour, ha="center", fontsize=11, weight="bold")
+    axes.set(xlim=(2.2, -2.2), ylim=(moment.truth.position[:, 0].mean() - 1.0, moment.truth.position[:, 0].mean() + 1.2), aspect="equal")
 
 
 def draw_arms(out: Path, seed: int = ARMS) -> None:
@@ -219,6 +254,7 @@ def main() -> None:
     if arguments.figures:
         draw_table(json.loads(arguments.figures.read_text(encoding="utf-8").splitlines()[-1]), arguments.out)
     draw_approach(arguments.out)
+    draw_merging(arguments.out)
     draw_arms(arguments.out)
     draw_room(arguments.out)
 

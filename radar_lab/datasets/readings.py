@@ -21,12 +21,12 @@ from radar_core import GESTURES, ConfigError, PointCloud, RadarInfo, vocabulary
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.features import FEATURE_NAMES, MotionSample, summarise
-from radar_gestures.maps import FeatureMaps, feature_maps
+from radar_gestures.maps import FeatureMaps, GateAxis, feature_maps
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, feature_settings
 from radar_lab.datasets.samples import BOTH, ONE, SampleSet, info_of, read_sample, sample_files, unpack_clouds
 from radar_lab.datasets.scenes import label_events
 from radar_lab.evaluation.scoring import TruthSegment
-from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
+from radar_lab.training.encoder import ATTRIBUTES, MAPS, EncoderConfig, encode, encode_maps
 from radar_tracking import PeopleTracker, Track, TrackedCloud
 
 Columns = Mapping[str, NDArray[Any]]
@@ -70,7 +70,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Cubes:
-    """Feature cubes of a data set (thesis, section 4.5.5): n of them, each as `encode` gives it; the rest as in `SampleSet`."""
+    """Input of a convolutional network for n samples, each as `encode` or `encode_maps` gives it; the rest as in `SampleSet`."""
 
     cube: Float32Array
     label: IndexArray
@@ -266,13 +266,41 @@ def cubes(
         Size and kind of the cubes; None: the thesis's 50 detections of 50 frames.
     """
     encoder = encoder or EncoderConfig()
-    make = functools.partial(_cube, encoder=encoder)
-    work = functools.partial(_row, config=config or GestureConfig(), every=every, one_tx=one_tx, make=make)
+    work = functools.partial(
+        _row, config=config or GestureConfig(), every=every, one_tx=one_tx, make=functools.partial(_cube, encoder=encoder)
+    )
+    return _stack(folder, n_jobs, work, (len(ATTRIBUTES), encoder.n_detections, encoder.n_frames))
+
+
+def network_maps(
+    folder: str | Path,
+    config: GestureConfig | None = None,
+    *,
+    encoder: EncoderConfig | None = None,
+    every: int = 1,
+    one_tx: bool = False,
+    n_jobs: int = 1,
+) -> Cubes:
+    """Read a data set into the feature maps of each event, all of one length, as a network takes them (sections 4.2 and 4.5.3).
+
+    Parameters
+    ----------
+    folder, config, every, one_tx, n_jobs
+        As in `collect`, which also says what is raised. Gates and speeds of the maps are those of ``config``.
+    encoder : EncoderConfig or None
+        Number and interval of the frames; None: the thesis's 50.
+    """
+    encoder, config = encoder or EncoderConfig(), config or GestureConfig()
+    work = functools.partial(_row, config=config, every=every, one_tx=one_tx, make=functools.partial(_maps, encoder=encoder, config=config))
+    return _stack(folder, n_jobs, work, (len(MAPS), len(GateAxis(config.features.gate, config.maps.max_speed)), encoder.n_frames))
+
+
+def _stack(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row], shape: tuple[int, ...]) -> Cubes:
+    """Arrays of all samples, one after the other; ``shape``: of one."""
     found, missed = _each(folder, n_jobs, work)
     cube, gesture, person, _ = zip(*found, strict=True) if found else ((),) * 4
     labels = vocabulary((*gesture, *missed))
     label = [labels.index(name) for name in gesture]
-    shape = (len(ATTRIBUTES), encoder.n_detections, encoder.n_frames)
     return Cubes(
         np.array(cube, np.float32).reshape(-1, *shape), np.array(label, np.int64), np.array(person, np.int64), _counted(missed, labels)
     )
@@ -298,6 +326,12 @@ def _cube(reading: Reading, encoder: EncoderConfig) -> Float32Array:
     distance, azimuth, elevation = np.median([sample.body for sample in reading.samples], axis=0).tolist()
     event = reading.event.event
     return encode(reading.clouds, encoder, start_ns=event.start_ns, end_ns=event.end_ns, body=(distance, azimuth, elevation))
+
+
+def _maps(reading: Reading, encoder: EncoderConfig, config: GestureConfig) -> Float32Array:
+    assert reading.event is not None
+    event, gate = reading.event.event, config.features.gate
+    return encode_maps(reading.clouds, encoder, gate, config.maps.max_speed, start_ns=event.start_ns, end_ns=event.end_ns)
 
 
 def _each(folder: str | Path, n_jobs: int, work: Callable[[Path], _Row]) -> tuple[list[_Row], list[str]]:

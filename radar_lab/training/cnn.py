@@ -1,5 +1,6 @@
-"""The state of the art that the thesis compares with (section 4.5.5): a convolutional network on the cubes of `radar_lab.training.encoder`.
+"""The convolutional networks that the thesis compares with: on the cubes of [SFL+20] (section 4.5.5) and on its feature maps (4.5.3).
 
+Both are one network with other inputs, see `radar_lab.training.encoder`: the thesis gives the layers of neither, and these are ours.
 PyTorch trains it (extra ``train``), the ONNX runtime runs it; a model file is an ONNX graph, which holds operators and numbers and no code.
 """
 
@@ -47,7 +48,7 @@ class CnnModel:
     labels : tuple of str
         What the outputs mean.
     shape : tuple of int, length 3
-        Of the cubes: attributes, detections, frames.
+        Of the cubes: attributes, detections, frames; or of the maps: maps, Doppler gates, frames.
     flop, n_bytes : int
         Floating point operations of one classification, counted from the graph (see `count_flop`); size of the file.
 
@@ -69,7 +70,7 @@ class CnnModel:
     def probabilities(self, cubes: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, in the order of ``labels``, shape (..., n_labels).
 
-        ``cubes`` have the shape (..., 5, n_detections, n_frames), as `encode` gives them; `DataError` for another shape or non-finite
+        ``cubes`` have the shape (..., *shape), as `encode` or `encode_maps` gives them; `DataError` for another shape or non-finite
         values.
         """
         x = np.asarray(cubes, np.float32)
@@ -123,7 +124,7 @@ def _about(path: Path, described: Mapping[str, str]) -> dict[str, Any]:
 class Network:
     """Numbers of a trained network, independent of what trained it."""
 
-    # mean, scale: standardisation of each attribute; cells without a detection stay 0; shape (5,)
+    # mean, scale: standardisation of each attribute or map; cells without a detection stay 0; shape (n_attributes,)
     mean: Float32Array
     scale: Float32Array
     # Filters, shape (n_out, n_in, 3, 3), and biases, shape (n_out,), of each convolution (edges padded by 1), each followed by ReLU and
@@ -145,7 +146,7 @@ def export(
     path : str or Path
         Target (.onnx); its folder is made.
     shape : tuple of int, length 3
-        Of the cubes: attributes, detections, frames.
+        Of the cubes or maps, as in `CnnModel`.
     labels : tuple of str
         What the outputs mean.
 

@@ -1,4 +1,6 @@
-"""The feature cube of [SFL+20], with which the thesis compares its method (section 4.5.5): the strongest detections of every frame.
+"""What the convolutional networks take: the feature cube of [SFL+20] (thesis, section 4.5.5), and the thesis's feature maps (4.2, 4.5.3).
+
+A cube holds the strongest detections of every frame, maps the strongest of every Doppler gate.
 
 [SFL+20] Y. Sun, T. Fei, X. Li, A. Warnecke, E. Warsitz, N. Pohl, "Real-time radar-based gesture detection and recognition built in an
 edge-computing platform", IEEE Sensors Journal 20(18), 2020.
@@ -14,9 +16,12 @@ import numpy as np
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, IndexArray
+from radar_gestures.maps import feature_maps
 
 ATTRIBUTES: Final[tuple[str, ...]] = ("amplitude", "range", "radial_speed", "azimuth", "elevation")
 """First axis of the cube: SNR [dB], range [m], range rate [m/s], azimuth and elevation seen from the sensor [rad]."""
+MAPS: Final[tuple[str, ...]] = ("micro_doppler", "azimuth", "elevation")
+"""First axis of the maps of a network: SNR [dB], azimuth and elevation seen from the sensor [rad]."""
 
 _LIMITS: Final[Float32Array] = np.array([200.0, 1e3, 1e3, 10.0, 10.0], np.float32)[:, None]
 """Larger values are cut: no radar measures them, and one would drown a cube."""
@@ -64,7 +69,7 @@ def encode(
     if config.relative and not np.isfinite(body).all():
         raise DataError(f"encode: the body is at {body}; a cube relative to it needs finite numbers")
     cube = np.zeros((len(ATTRIBUTES), config.n_detections, config.n_frames), np.float32)
-    inside = [c for c in clouds if (start_ns is None or c.stamp_ns >= start_ns) and (end_ns is None or c.stamp_ns <= end_ns)]
+    inside = _inside(clouds, start_ns, end_ns)
     if not inside:
         return cube
     frame = _frames([c.stamp_ns for c in inside], config, start_ns, end_ns)
@@ -83,6 +88,53 @@ def encode(
     values = np.clip(np.nan_to_num(values, nan=0.0, posinf=np.inf, neginf=-np.inf), -_LIMITS, _LIMITS)
     cube[:, row[kept], column[kept]] = values
     return cube
+
+
+def encode_maps(
+    clouds: Sequence[PointCloud],
+    config: EncoderConfig,
+    gate: float,
+    max_speed: float,
+    *,
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+) -> Float32Array:
+    """Arrange the three feature maps of one event as the input of a network: as many frames for every event (thesis, section 4.2).
+
+    Frames are those of `encode`: counted in time, the last ones of an event that is longer, zeros after one that is shorter. Of two
+    clouds in one frame the later one counts.
+
+    Parameters
+    ----------
+    clouds, start_ns, end_ns
+        As in `encode`.
+    config : EncoderConfig
+        ``n_frames`` and ``frame_interval``; the rest is for cubes.
+    gate, max_speed : float
+        Width of a Doppler gate, and how far the gates reach to both sides [m/s], as in `feature_maps`.
+
+    Returns
+    -------
+    ndarray of float32, shape (3, n_speed, n_frames)
+        Axes (map, Doppler gate, frame), see `MAPS`; gates ascend, receding ones last. Always finite: 0 where nothing was detected, and for
+        what the sensor does not measure.
+    """
+    inside = sorted(_inside(clouds, start_ns, end_ns), key=lambda cloud: cloud.stamp_ns)
+    found = feature_maps(inside, gate, max_speed)
+    maps = np.zeros((len(MAPS), len(found.speed), config.n_frames), np.float32)
+    if not inside:
+        return maps
+    values, limits = np.array([getattr(found, name) for name in MAPS]), _LIMITS[[0, 3, 4], None]
+    values = np.clip(np.nan_to_num(values, nan=0.0, posinf=np.inf, neginf=-np.inf), -limits, limits)
+    for k, frame in enumerate(_frames([cloud.stamp_ns for cloud in inside], config, start_ns, end_ns).tolist()):
+        if frame >= 0:
+            maps[:, :, frame] = values[:, k]
+    return maps
+
+
+def _inside(clouds: Sequence[PointCloud], start_ns: int | None, end_ns: int | None) -> list[PointCloud]:
+    """Clouds of the event, in the order given."""
+    return [c for c in clouds if (start_ns is None or c.stamp_ns >= start_ns) and (end_ns is None or c.stamp_ns <= end_ns)]
 
 
 def _frames(stamps: Sequence[int], config: EncoderConfig, start_ns: int | None, end_ns: int | None) -> IndexArray:

@@ -37,12 +37,12 @@ class CurveTraining:
 
 
 def train_cnn(cubes: Float32Array, label: IndexArray, config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES) -> Network:
-    """Train a network on feature cubes; the same samples and seed give the same numbers on one machine.
+    """Train a network on feature cubes or maps; the same samples and seed give the same numbers on one machine.
 
     Parameters
     ----------
-    cubes : ndarray of float32, shape (n, 5, n_detections, n_frames)
-        As `radar_lab.training.encoder.encode` gives them.
+    cubes : ndarray of float32, shape (n, n_attributes, n_detections, n_frames) or (n, n_maps, n_speed, n_frames)
+        As `encode` or `encode_maps` of `radar_lab.training.encoder` gives them: the first of each sample is 0 where nothing was detected.
     label : ndarray of int64, shape (n,)
         Index into ``labels``, which says what they mean.
     config : CnnConfig or None
@@ -57,7 +57,7 @@ def train_cnn(cubes: Float32Array, label: IndexArray, config: CnnConfig | None =
     """
     config = config if config is not None else CnnConfig()
     if cubes.ndim != 4 or len(cubes) != len(label) or len(label) == 0:
-        raise DataError(f"cubes have shape {cubes.shape} and there are {len(label)} labels; expected (n, 5, n_detections, n_frames), n > 0")
+        raise DataError(f"cubes have shape {cubes.shape} and there are {len(label)} labels; expected (n, attributes, rows, frames), n > 0")
     if min(cubes.shape[2:]) < 2 ** len(config.channels):
         raise ConfigError(
             f"{len(config.channels)} times 2 x 2 maxima leave nothing of {cubes.shape[2]} x {cubes.shape[3]} cells: use fewer"
@@ -97,7 +97,7 @@ def cnn_judge(cubes: Float32Array, label: IndexArray, config: CnnConfig | None =
 
 
 def _spread(cubes: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Mean and standard deviation of each attribute over the cells with a detection, shape (5, 1, 1)."""
+    """Mean and standard deviation of each attribute over the cells with a detection, shape (n_attributes, 1, 1)."""
     used = cubes[:, 0] != 0
     if not used.any():
         raise DataError("cubes hold no detection at all")

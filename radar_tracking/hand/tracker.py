@@ -20,6 +20,7 @@ _NANOSECOND = 1e-9
 _STANDING = (2.0, 2.0, 30.0)  # s: time in which the body follows 63 % of the way to the track; its height does not change
 _LEASH = 0.4  # m: no farther behind
 _LATELY = 0.3  # s: time constant of the place where the hand was lately
+_PATIENCE = 2.0  # s: so long somebody may still be unknown who stands there when the hand is to be followed
 
 
 class ControlValue:
@@ -77,6 +78,7 @@ class HandTracker:
     def reset(self) -> None:
         """Forget everything, pending commands too. For a new recording."""
         self._pending: list[tuple[int, str, int | None]] = []
+        self._waits_until: int | None = None  # a start that found nobody waits for somebody until then [ns]
         self._parent: int | None = None
         self._body = np.zeros(3)
         self._value = ControlValue(self.config.value)
@@ -104,7 +106,7 @@ class HandTracker:
     def start(self, track_id: int | None, stamp_ns: int) -> None:
         """Follow the hand of a person from the first cloud at or after ``stamp_ns`` [ns] + `trigger_delay`.
 
-        ``track_id`` None: of the confirmed track nearest to the radar.
+        ``track_id`` None: of the confirmed track nearest to the radar; where there is none, of the first one within two seconds.
         """
         self._queue(stamp_ns, "start", track_id)
 
@@ -160,12 +162,17 @@ class HandTracker:
         due = sorted((c for c in self._pending if c[0] <= tracked.cloud.stamp_ns), key=lambda c: c[0])
         self._pending = [c for c in self._pending if c[0] > tracked.cloud.stamp_ns]
         ended = None
-        for _, action, track_id in due:
+        for asked_ns, action, track_id in due:
+            self._waits_until = None
             if action == "stop" or (action == "trigger" and self.active and self.config.toggle and track_id == self._parent):
                 ended = self._end(tracked) or ended
             elif action == "start" or not self.active:
                 ended = self._end(tracked) or ended
                 self._begin(track_id, tracked)
+                if track_id is None and not self.active:
+                    self._waits_until = asked_ns + round(_PATIENCE / _NANOSECOND)
+        if self._waits_until is not None and tracked.cloud.stamp_ns <= self._waits_until:
+            self._begin(None, tracked)
         return ended
 
     def _begin(self, track_id: int | None, tracked: TrackedCloud) -> None:
@@ -176,6 +183,7 @@ class HandTracker:
         parent = None if track_id is None else tracked.tracks.find(track_id)
         if parent is not None:
             self._parent, self._body, self._seen_ns = parent.id, parent.position, tracked.cloud.stamp_ns
+            self._waits_until = None
             self._value = ControlValue(self.config.value)
 
     def _end(self, tracked: TrackedCloud) -> HandTrack | None:

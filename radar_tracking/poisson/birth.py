@@ -67,6 +67,7 @@ class Birth:
         covariance = 0.5 * (covariance + covariance.T)
         row = np.zeros(1, RECORD)
         row["id"], row["odds"], row["rate"], row["hits"], row["stands"] = self._next, FIRST_ODDS, max(count, 1.0), _FIRST_HITS, True
+        row["lively"] = 1.0
         for name in ("born", "seen", "counted", "stirred"):
             row[name] = now
         row["birthplace"], row["anchor"], row["haunt"], row["height"] = place, place, place, height

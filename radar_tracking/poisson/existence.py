@@ -11,7 +11,7 @@ from radar_core.types import BoolArray, Float64Array
 from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares, hidden
-from radar_tracking.poisson.motion import Update
+from radar_tracking.poisson.motion import Update, resting
 from radar_tracking.poisson.person import MOVED_TIME, person_odds, went
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
@@ -21,7 +21,7 @@ CONFIRM_ODDS: Final = 3.0  # log odds from which a track may be a person; it end
 MOST_ODDS: Final = 6.0  # more evidence than this is not collected
 _LEAST, _MOST = -1.0, 3.0  # nat: one cloud says no more
 _LEAST_RATE: Final = 0.5  # points of a cloud: who has fewer is hard to tell from nobody
-_RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME = 1.0, 0.5, 30.0, 1.0  # s
+_RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME, _LIVELY_TIME = 1.0, 0.5, 30.0, 1.0, 0.2  # s
 _STANDS_WITHIN: Final = 0.35  # m of the anchor
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
@@ -59,6 +59,9 @@ def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: floa
     slower = np.where((shares.count < rows["rate"]) & rows["stands"], _SLOW_RATE, 1.0)
     rate = rows["rate"] + _share(dt, _RATE_TIME) * (shares.count - rows["rate"]) * slower
     rows["rate"] = np.maximum(rate, _LEAST_RATE)
+    own = shares.torso + shares.limb
+    total, moving = own.sum(axis=0), (~measured.still) @ own
+    rows["lively"] += _share(dt, _LIVELY_TIME) * (moving - rows["lively"] * total) / np.maximum(total, 1.0)
     hit = np.maximum(shares.count, np.where(rows["stands"], shares.support, 0.0)) > 0.5
     for name, time in (("hits", _HIT_TIME), ("presence", _PRESENCE_TIME)):
         rows[name] += _share(dt, time) * (hit - rows[name])
@@ -91,7 +94,7 @@ def note_motion(table: Table, update: Update, measured: Measured, dt: float, now
     for name, time in (("anchor", _ANCHOR_TIME), ("haunt", MOVED_TIME)):
         rows[name] += _share(dt, time) * (table.mean[:, :2] - rows[name])
     step = table.mean[:, :2] - rows["anchor"]
-    rows["stands"] = np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN
+    rows["stands"] = (np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN) | resting(table)
 
 
 def bodies(table: Table) -> BoolArray:

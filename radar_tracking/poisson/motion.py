@@ -20,6 +20,8 @@ _SLOW: Final = 0.12  # m/s: spread of range rates of a torso that stands
 _ARM_SHARE: Final = 0.2  # of the weight of its slow points: faster ones weigh no more together
 _CALM, _CALMEST = 0.3, 0.02  # share of the process noise of who stands, with points and without
 _STOP, _GO = 0.7, 2.0  # s: velocities of who stands or is unseen fade, and of who walks
+_LIVELY: Final = 0.05  # share of moving points: who has less rests, wherever echoes that beat against each other seem to come from
+_GLINT: Final = 0.25  # m: how far across the line of sight these are from the body
 _REST: Final = 0.5  # s: and their variances, of who stands unseen
 _LARGEST: Final = 1.0  # m^2: variance of a place that is good for anything
 _LEAST_SHARE: Final = 0.3  # of a point, that updates a track
@@ -42,7 +44,7 @@ def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, confi
     F[0, 2] = F[1, 3] = h
     q = config.acceleration**2 * _MANOEUVRE
     Q = np.zeros((len(table), N_STATES, N_STATES))
-    scale = np.where(unseen & stands, _CALMEST, np.where(stands, _CALM, 1.0))[:, None]
+    scale = np.where((unseen & stands) | resting(table), _CALMEST, np.where(stands, _CALM, 1.0))[:, None]
     Q[:, (0, 1), (0, 1)], Q[:, (2, 3), (2, 3)] = q * h**3 / 3 * scale, q * h * scale
     Q[:, (0, 1), (2, 3)] = Q[:, (2, 3), (0, 1)] = q * h * h / 2 * scale
     Q[:, 4:6, 4:6] = (1.0 - lasting[0] ** 2) * offset_covariance(table.rows["sight"], table.rows["offset"])
@@ -55,6 +57,11 @@ def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, confi
     P *= np.minimum(1.0, _LARGEST / np.maximum(P[:, 0, 0], P[:, 1, 1]))[:, None, None]
     table.covariance = 0.5 * (P + P.transpose(0, 2, 1))
     table.mean[:, 2:4] *= np.exp(-h / np.where(unseen | stands, _STOP, _GO))[:, None]
+
+
+def resting(table: Table) -> BoolArray:
+    """People of whom nothing has moved lately, shape (n_tracks,)."""
+    return np.asarray(table.rows["confirmed"] & (table.rows["lively"] < _LIVELY))
 
 
 def swing_variance(range_cell: float, config: PoissonConfig) -> float:
@@ -139,7 +146,9 @@ class Update:
         length = np.hypot(sight[:, 0], sight[:, 1])[:, None]  # zero: points all round the sensor
         sight = np.where(length > 1e-6, sight / np.maximum(length, 1e-6), [1.0, 0.0])
         errors = np.stack([measured.range_variance @ weight, measured.cross_variance @ weight], axis=-1)
-        table.rows["sight"][rows], table.rows["offset"][rows] = sight, self._offset(measured, weight, errors, config)
+        offset = self._offset(measured, weight, errors, config)
+        offset[:, 1] += np.where(resting(table)[rows], _GLINT**2, 0.0)
+        table.rows["sight"][rows], table.rows["offset"][rows] = sight, offset
         R = np.zeros((n, 3, 3))
         R[:, :2, :2] = offset_covariance(sight, _SCATTER * (config.torso_std**2 + errors) / total[:, None] + _LEAST_PLACE_STD**2)
         spread = _SPEED_SCATTER * config.torso_speed**2 + measured.still_speed**2 / 3.0

@@ -17,6 +17,7 @@ RECORD = np.dtype(
         ("hits", np.float64),  # share of the clouds of the last half second with a point
         ("presence", np.float64),  # the same of the last half minute
         ("moved", np.float64),  # way of the last seconds, by range rates [m]
+        ("lively", np.float64),  # share of its points that moved lately
         ("confirmed", np.bool_),
         ("arm_of", np.int64),  # whose arm it may be; 0: nobody's
         ("stands", np.bool_),  # has not gone anywhere within the last second

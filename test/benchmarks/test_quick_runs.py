@@ -14,8 +14,8 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house", "living",
-    "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
+    "approaches", "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
+    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak", "vital",
 }  # fmt: skip
 
 # A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
@@ -102,6 +102,15 @@ def vital(found):
     assert found["respiration_error_bpm_p90"] <= 1
     assert found["heart_error_bpm_p90"] <= 5
     assert found["sitting"][0]["covered"] > 0.9
+
+
+def approaches(found):
+    """Half of one approach by two cases: every tracker is judged, and has points."""
+    assert found["approaches"] == 1
+    for trackers in found["cases"].values():
+        assert {"group_clustering", "group", "cluster_first"} <= trackers.keys()
+        assert all(row["approaches"] + row["not_found"] == 1 for row in trackers.values())
+        assert all(row["points"] > 0 for row in trackers.values() if row["approaches"])
 
 
 def hand_losses(found):
@@ -221,6 +230,7 @@ def test_quick_run(name, tmp_path):
         assert len(found["choices"]) >= 2
         assert picture.read_bytes().startswith(b"\x89PNG")
     check = {
+        "approaches": approaches,
         "machines": machines,
         "vital": vital,
         "hand_losses": hand_losses,

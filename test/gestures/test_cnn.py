@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radar_core import ConfigError, DataError
+from radar_core import ConfigError, DataError, PointCloud
 from radar_lab.training.cnn import CnnConfig, CnnModel, Network, count_flop, export
+from radar_lab.training.encoder import EncoderConfig, encode_maps
 from radar_lab.training.networks import cnn_judge, train_cnn
 from radar_lab.training.validation import cross_validate, random_split
 
@@ -28,7 +29,8 @@ def network(channels=(3, 4), hidden=6, shape=SHAPE, n_labels=3, seed=0):
         (rng.normal(size=pair).astype(np.float32) * 0.3, rng.normal(size=pair[1]).astype(np.float32))
         for pair in ((cells, hidden), (hidden, n_labels))
     ]
-    return Network(rng.normal(size=5).astype(np.float32), rng.uniform(0.5, 2, 5).astype(np.float32), tuple(convolutions), tuple(dense))
+    mean, scale = rng.normal(size=shape[0]).astype(np.float32), rng.uniform(0.5, 2, shape[0]).astype(np.float32)
+    return Network(mean, scale, tuple(convolutions), tuple(dense))
 
 
 def by_hand(net, cube):
@@ -91,6 +93,31 @@ def test_the_default_network_is_of_the_size_of_the_thesis(tmp_path):
     flop = export(net, tmp_path / "net.onnx")
     assert 10e6 < flop < 20e6
     assert (tmp_path / "net.onnx").stat().st_size < 2e6
+
+
+def test_operations_of_the_default_network_on_maps_are_counted(tmp_path):
+    """Three maps of 65 gates and 50 frames, three convolutions: 65 x 50, 32 x 25 and 16 x 12 cells, then 8 x 6 cells of 64 patterns."""
+    settings, shape = CnnConfig(), (3, 65, 50)
+    found = export(network(settings.channels, settings.hidden, shape, 10), tmp_path / "maps.onnx", shape)
+    entry = 2 * 3 * 3250 + 3250
+    first = 16 * 3250 * (2 * 9 * 3 + 1) + 3 * 16 * 800
+    second = 32 * 800 * (2 * 9 * 16 + 1) + 3 * 32 * 192
+    third = 64 * 192 * (2 * 9 * 32 + 1) + 3 * 64 * 48
+    dense = 2 * 3072 * 128 + 128 + 2 * 128 * 10 + 48
+    model = CnnModel(tmp_path / "maps.onnx")
+    assert found == model.flop == entry + first + second + third + dense
+    assert model.shape == shape
+    numbers = 16 * 3 * 9 + 16 + 32 * 16 * 9 + 32 + 64 * 32 * 9 + 64 + 3072 * 128 + 128 + 128 * 10 + 10 + 2 * 3
+    assert 4 * numbers < model.n_bytes < 4 * numbers + 5000  # single precision, and what the graph says about itself
+
+
+def test_the_graph_on_maps_equals_the_network_in_numpy(tmp_path):
+    """Three maps; an odd number of gates, of which the last is left over by the maxima."""
+    net, shape = network(shape=(3, 9, 12)), (3, 9, 12)
+    export(net, tmp_path / "maps.onnx", shape, labels=LABELS)
+    rng = np.random.default_rng(5)
+    maps = rng.normal(size=(4, *shape)).astype(np.float32) * (rng.random((4, 1, 9, 12)) > 0.5).astype(np.float32)
+    np.testing.assert_allclose(CnnModel(tmp_path / "maps.onnx").probabilities(maps), [by_hand(net, one) for one in maps], atol=1e-5)
 
 
 def test_an_operator_that_is_not_counted_is_refused():
@@ -167,6 +194,37 @@ def test_training_learns_reproducibly_and_exports_what_it_learned():
     one, two = (train_cnn(cubes, label, settings, labels=LABELS) for _ in range(2))
     for a, b in zip(one.convolutions + one.dense, two.convolutions + two.dense, strict=True):
         np.testing.assert_array_equal(a[0], b[0])
+
+
+def strokes(n=160, seed=0):
+    """Maps of pushes and pulls, told by the sign of the range rate, and of swipes at both signs, told by where the azimuth goes alone."""
+    rng = np.random.default_rng(seed)
+    label, maps = np.arange(n) % 4, []
+    for number in label.tolist():
+        sign = {1: -1.0, 2: 1.0}.get(number, rng.choice([-1.0, 1.0]))
+        side = {0: -1.0, 3: 1.0}.get(number, 0.0)
+        clouds = []
+        for k in range(12):
+            speed, azimuth = sign * rng.uniform(0.8, 1.6, 3), side * 0.1 * (k - 5.5) + rng.normal(0, 0.05, 3)
+            values = (np.full(3, 2.0), azimuth, np.zeros(3), speed, np.full(3, 20.0))
+            fields = dict(
+                zip(("range", "azimuth", "elevation", "radial_speed", "snr"), (v.astype(np.float32) for v in values), strict=True)
+            )
+            clouds.append(PointCloud(k * 20_000_000, k, "radar", *np.zeros((3, 3), np.float32), **fields))
+        maps.append(encode_maps(clouds, EncoderConfig(n_frames=16), 0.26, 2.0))
+    return np.array(maps), label
+
+
+@pytest.mark.long
+def test_the_network_on_maps_learns_strokes_that_only_directions_tell_apart():
+    """Chance is a quarter; who sees no azimuth tells at most half: all swipes look like a push or a pull."""
+    pytest.importorskip("torch", reason="needs PyTorch (pip install 'handwave[train]')")
+    maps, label = strokes()
+    labels = ("swipe_right", "push", "pull", "swipe_left")
+    settings = CnnConfig(channels=(8, 8), hidden=16, epochs=25, batch=16, learning_rate=1e-2)
+    judge = cnn_judge(maps, label, settings, labels=labels)
+    found = cross_validate(label, label, random_split(len(label), 0.5), judge, labels=labels, split="random")
+    assert found.accuracy > 0.9
 
 
 def test_cubes_too_small_or_too_few_are_refused():

@@ -1,4 +1,4 @@
-"""Feature cubes of clouds whose contents are known."""
+"""Feature cubes and maps of clouds whose contents are known."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radar_core import DataError, PointCloud
-from radar_lab.training.encoder import ATTRIBUTES, EncoderConfig, encode
+from radar_lab.training.encoder import ATTRIBUTES, MAPS, EncoderConfig, encode, encode_maps
 
 MS = 1_000_000
 
@@ -80,3 +80,41 @@ def test_no_detection_is_invented_or_doubled(frames):
         given_values.remove(value)
     assert ATTRIBUTES[0] == "amplitude"
     assert not (np.diff(np.where(cube[1] > 0, cube[0], -1e9), axis=0) > 0).any()
+
+
+def test_maps_hold_the_strongest_of_every_gate():
+    """Gates of 1 m/s from -4 to 4: of two in one gate the stronger, with its own directions; what is faster goes to the outer gate."""
+    one = cloud(0, [20, 10, 30, 15], radial_speed=[-1.2, -0.9, 2.1, 9.0], azimuth=[0.1, 0.2, 0.3, 0.4], elevation=[-0.1, -0.2, -0.3, -0.4])
+    maps = encode_maps([one], EncoderConfig(n_frames=3), 1.0, 4.0)
+    assert maps.shape == (len(MAPS), 9, 3)
+    assert maps.dtype == np.float32
+    expected = np.zeros((3, 9))
+    expected[:, 3], expected[:, 6], expected[:, 8] = [20, 0.1, -0.1], [30, 0.3, -0.3], [15, 0.4, -0.4]
+    np.testing.assert_allclose(maps[:, :, 0], expected, rtol=1e-6)
+    assert not maps[:, :, 1:].any()
+
+
+def test_maps_of_the_default_radar_have_the_thesis_s_size():
+    """Section 4.2 and table 3.1: 50 frames, +-4.2 m/s in steps of 0.13 m/s; ours has the gate of 0 m/s in the middle, 65 gates."""
+    assert encode_maps([], EncoderConfig(), 0.13, 4.2).shape == (3, 65, 50)
+
+
+def test_maps_have_the_frames_of_cubes():
+    """In any order, counted in time, the last of a long event, and only those of the event."""
+    clouds = [cloud(i * 20 * MS, [1.0 + i]) for i in range(70) if i != 30]
+    rng = np.random.default_rng(3)
+    for bounds in ({}, {"start_ns": 200 * MS, "end_ns": 800 * MS}, {"start_ns": 10**12}):
+        cube = encode(clouds, EncoderConfig(), **bounds)
+        maps = encode_maps([clouds[i] for i in rng.permutation(len(clouds))], EncoderConfig(), 0.13, 4.2, **bounds)
+        np.testing.assert_array_equal(maps[0].max(axis=0), cube[0, 0])
+
+
+def test_maps_are_finite():
+    """Without directions or SNR, and with numbers that no radar measures."""
+    blind = cloud(0, [10.0, 12.0], radial_speed=[1.0, -1.0], azimuth=np.nan, elevation=[np.inf, -1e30])
+    maps = encode_maps([blind, cloud(20 * MS, [np.nan]), cloud(40 * MS, [])], EncoderConfig(n_frames=3), 0.5, 2.0)
+    assert np.isfinite(maps).all()
+    assert not maps[1, :, 0].any()
+    np.testing.assert_array_equal(maps[0, :, 0], [0, 0, 12, 0, 0, 0, 10, 0, 0])
+    np.testing.assert_array_equal(maps[2, [2, 6], 0], [-10, 10])
+    assert not maps[0, :, 1:].any()

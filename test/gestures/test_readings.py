@@ -159,6 +159,24 @@ def test_cubes_of_a_data_set_have_labels_and_people(folder):
     np.testing.assert_array_equal(approaching, found.label == PUSH)
 
 
+@pytest.mark.long
+def test_maps_of_a_data_set_show_where_the_hand_goes(folder):
+    """As many as cubes, of the same samples; a push is on the side of negative range rates; directions stand where something is."""
+    found, cubes = readings.network_maps(folder), readings.cubes(folder)
+    assert found.cube.shape == (len(cubes.label), 3, 65, 50)
+    assert found.cube.dtype == np.float32
+    for name in ("label", "person", "missed"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(cubes, name))
+    snr, speed = found.cube[:, 0], (np.arange(65) - 32) * 0.13
+    np.testing.assert_array_equal(snr.max(axis=1), cubes.cube[:, 0].max(axis=1))  # the strongest of a frame is in both
+    approaching = snr[:, speed < -0.6].sum(axis=(1, 2)) > snr[:, speed > 0.6].sum(axis=(1, 2))
+    np.testing.assert_array_equal(approaching, found.label == PUSH)
+    assert not found.cube[:, 1:][np.repeat((snr == 0)[:, None], 2, axis=1)].any()
+    assert np.abs(found.cube[:, 1:]).max() < np.pi / 2
+    wide = GestureConfig(features=FeatureConfig(gate=0.26))
+    assert readings.network_maps(folder, wide, encoder=EncoderConfig(n_frames=10)).cube.shape[2:] == (33, 10)
+
+
 def test_one_transmitter_is_described(folder):
     """The radar of the second set of clouds has half the channels, and the same speeds and times."""
     sample = next(iter(read_samples(folder)))

@@ -195,3 +195,26 @@ def test_knobs_that_contradict_each_other():
         ValueConfig(low=0.1, high=0.1)
     with pytest.raises(ConfigError, match="gate"):
         SplitConfig(gate=1.0, reach=0.5)
+
+
+@pytest.mark.parametrize(("late", "followed"), [(1.0, True), (3.0, False)])
+def test_a_start_waits_two_seconds_for_somebody(late, followed):
+    """Who is asked for when nobody is known yet is followed as soon as somebody is; later nobody expects it any more."""
+    blobs, people, hand, found = gesturing(), PeopleTracker(), HandTracker(), []
+    hand.start(None, 0)
+    first = round(late * SECOND)
+    for k in range(first + SECOND):
+        cloud = blobs.cloud(k) if k >= first else make_cloud(np.empty((0, 3)), k)
+        found.append(hand.process(TrackedCloud(cloud, people.process(cloud))))
+    assert not any(found[:first])
+    assert any(found) == followed
+
+
+def test_a_stop_also_ends_the_waiting():
+    blobs, people, hand = gesturing(), PeopleTracker(), HandTracker()
+    hand.start(None, 0)
+    for k in range(2 * SECOND):
+        if k == SECOND // 4:
+            hand.stop()
+        cloud = blobs.cloud(k) if k >= SECOND // 2 else make_cloud(np.empty((0, 3)), k)
+        assert hand.process(TrackedCloud(cloud, people.process(cloud))) is None
