@@ -86,9 +86,13 @@ def main() -> int:
     parser.add_argument("--real", action="store_true", help="recordings of real people instead of simulated ones (gestures)")
     kinds = ("develop", "choose", "figure")
     parser.add_argument("--kind", choices=(*kinds, "all"), help="which recordings: default those for the figure (people_real)")
-    parser.add_argument("--seeds", choices=kinds, help="which rooms: to develop or to choose on; default those for the figure (rooms)")
     parser.add_argument(
-        "--parts", metavar="A,B", help="only some: of zones, vital, hand, approaches; names of parsers (fuzz), groups (faults)"
+        "--seeds", choices=(*kinds, "first"), help="which rooms: to develop or to choose on; default those for the figure (rooms)"
+    )
+    parser.add_argument(
+        "--parts",
+        metavar="A,B",
+        help="some of zones, vital, hand, approaches; parsers (fuzz), groups (faults), trackers (people_real)",
     )
     parser.add_argument("--hours", type=float, metavar="H", help="how long (soak); default: 1")
     options = parser.parse_args()

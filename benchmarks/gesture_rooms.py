@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.hand_limit import HAND, LEVEL, SHARE, detectable_level
 from benchmarks.report import Panel, rate_interval, share, timed
-from benchmarks.room_scenes import DEVELOP, SEEDS, room
+from benchmarks.room_scenes import DEVELOP, NAMED, room
 from benchmarks.room_score import MATCHING, KeptRoom
 from benchmarks.rooms import PART, PROCESSES, RoomStore
 from benchmarks.stores import PACKAGES, digest, kept, once, sources
@@ -262,8 +262,8 @@ def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path
 
 
 def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[str, Any]:
-    """Measure; ``keep`` is a folder for simulated rooms (the same as of `rooms`); ``seeds``: a key of `SEEDS`."""
-    chosen, seconds, part = (DEVELOP[3:4], 12.0, 12.0) if quick else (SEEDS[seeds], 60.0, PART)
+    """Measure; ``keep`` is a folder for simulated rooms (the same as of `rooms`); ``seeds``: a key of `NAMED`."""
+    chosen, seconds, part = (DEVELOP[3:4], 12.0, 12.0) if quick else (NAMED[seeds], 60.0, PART)
     with kept(keep) as folder:
         store = RoomStore(folder, part)
         store.fill(chosen, seconds, n_jobs=1 if quick else PROCESSES)

@@ -26,6 +26,7 @@ from benchmarks.people_sources import (
 from benchmarks.report import choice, share_interval, timed
 from benchmarks.stores import digest, once
 from benchmarks.stores import sources as code
+from radar_core import ConfigError
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
 from radar_tracking import TrackerConfig, Tracks, make_tracker
@@ -291,12 +292,14 @@ def _tasks(quick: bool, kind: Wanted, delivery: Delivery | None = None) -> list[
     return [replace(source, recordings=(replace(source.recordings[0], limit=150),)) for source in few]
 
 
-def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure") -> dict[str, Any]:
+def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure", parts: str = "") -> dict[str, Any]:
     """Judge the presets and Stone Soup on every source, and the default with clouds as transports deliver them.
 
-    ``quick``: the first clouds of two recordings; ``keep``: a folder for finished parts; ``kind``: which recordings, see `sources`.
+    ``quick``: the first clouds of two recordings; ``keep``: a folder for finished parts; ``kind``: which recordings, see `sources`;
+    ``parts``: only these trackers, with commas between, on clouds as recorded.
     Returns ``trackers``: figures by name and source, ``recommended`` among them, which takes the preset of `RECOMMENDED` for each source;
-    ``summary`` by name; ``deliveries``: figures of the default by source; ``kind``, ``choices``. Raises AbsentError without recordings.
+    ``summary`` by name; ``deliveries``: figures of the default by source; ``kind``, ``choices``. Raises AbsentError without recordings,
+    ConfigError for a name that is no tracker's.
     """
 
     def one(name: str, source: Source) -> dict[str, Any]:
@@ -306,11 +309,15 @@ def run(quick: bool, keep: Path | None = None, kind: Wanted = "figure") -> dict[
         told = digest([code(_CODE), knobs, kind, [(r.name, r.limit) for r in source.recordings]])
         return judged(make, source, keep / f"{source.name}_{name}_{told}.json")
 
-    known = contenders(quick)
+    every, wanted_names = contenders(quick), parts.split(",") if parts else []
+    if unknown := set(wanted_names) - every.keys():
+        raise ConfigError(f"people_real has no tracker {', '.join(sorted(unknown))}; trackers: {', '.join(every)}")
+    known = {name: own for name, own in every.items() if not parts or name in wanted_names}
     found = {source.name: {name: one(name, source) for name in known} for source in _tasks(quick, kind)}
-    sent = {d: {s.name.removesuffix(f"_{d}"): one("default", s) for s in _tasks(quick, kind, d) if "radhar" in s.name} for d in DELIVERIES}
+    ways = () if parts else tuple(DELIVERIES)
+    sent = {d: {s.name.removesuffix(f"_{d}"): one("default", s) for s in _tasks(quick, kind, d) if "radhar" in s.name} for d in ways}
     choices = [row for name, by_tracker in found.items() for row in rows(name, by_tracker)]
-    for name in sent["recorded"]:
+    for name in sent.get("recorded", ()):
         choices += rows(f"{name} as delivered", {delivery: by_source[name] for delivery, by_source in sent.items()})
     trackers = {name: {source: shown(by_tracker[name]) for source, by_tracker in found.items()} for name in known}
     wanted = {source: RECOMMENDED.get(source, "default") for source in found}

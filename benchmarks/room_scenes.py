@@ -46,6 +46,8 @@ from radar_sim.things import Furniture, Wall
 DEVELOP, CHOOSE, FIGURE = range(120), range(10_000, 10_120), range(20_000, 20_120)
 SEEDS: Final[Mapping[str, range]] = {"develop": DEVELOP, "choose": CHOOSE, "figure": FIGURE}
 """Rooms to develop on, to choose on, and for the figure, which is looked at once."""
+NAMED: Final[Mapping[str, range]] = {**SEEDS, "first": DEVELOP[:24]}
+"""The same, and the first of those to develop on: what docs say while the tracker changes."""
 MOUNT: Final = (1.0, 2.2)  # m: height of the radar
 SIGNAL: Final = (-12.0, 12.0)  # dB
 LOST: Final = 0.05  # largest share of chirps, and of frames

@@ -6,7 +6,8 @@ Each room is simulated once; clouds and truth are kept, so that any tracker runs
     scores = judge(lambda info: make_tracker(TrackerConfig(), info), store.rooms(DEVELOP[:10]))
     print(total(scores).figures())
 
-``--seeds develop`` or ``choose`` are to develop and to choose on; ``figure``, the default, is for the figure that is quoted.
+``--seeds develop`` or ``choose`` are to develop and to choose on, ``first`` are 24 of ``develop``; ``figure``, the default, is for the
+figure that is quoted.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import Panel, timed
-from benchmarks.room_scenes import DEVELOP, SEEDS, Tags, room
+from benchmarks.room_scenes import DEVELOP, NAMED, SEEDS, Tags, room
 from benchmarks.room_score import LOW, MATCHING, KeptRoom, RoomScore, Tracker, breakdown, intervals, judge, judge_room, total
 from benchmarks.stores import Store, kept, pack, unpack
 from radar_core import DataError, RadarInfo
@@ -227,8 +228,8 @@ def with_intervals(scores: Sequence[RoomScore], prefix: str) -> dict[str, Any]:
 
 
 def run(quick: bool, keep: Path | None = None, seeds: str = "figure") -> dict[str, Any]:
-    """Measure; ``keep`` is a folder for simulated rooms; ``seeds``: a key of `SEEDS`."""
-    chosen, seconds, part = (DEVELOP[:2], 3.0, 3.0) if quick else (SEEDS[seeds], 60.0, PART)
+    """Measure; ``keep`` is a folder for simulated rooms; ``seeds``: a key of `NAMED`."""
+    chosen, seconds, part = (DEVELOP[:2], 3.0, 3.0) if quick else (NAMED[seeds], 60.0, PART)
     with kept(keep) as folder:
         store = RoomStore(folder, part)
         store.fill(chosen, seconds, n_jobs=1 if quick else PROCESSES)

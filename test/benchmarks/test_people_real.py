@@ -12,7 +12,7 @@ import pytest
 from benchmarks import people_real, people_sources
 from benchmarks.people_sources import APART, KINDS, LEAST, SEEN, Loaded, RealRecording, Source, two_clusters
 from benchmarks.report import AbsentError
-from radar_core import PointCloud, RadarInfo
+from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_tracking import Track, Tracks, TrackStatus
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -182,3 +182,8 @@ def test_says_what_is_absent(tmp_path, monkeypatch):
     monkeypatch.setenv("HANDWAVE_DATA", str(tmp_path))
     with pytest.raises(AbsentError, match="there is no such recording"):
         people_sources.everything()
+
+
+def test_a_tracker_that_is_none_is_named():
+    with pytest.raises(ConfigError, match="people_real has no tracker nobody; trackers: default"):
+        people_real.run(quick=True, parts="nobody")

@@ -110,10 +110,9 @@ def test_nobody_reads(monkeypatch):
         printer.close()
         out.close()
         reader.join(30.0)
-    said = [line for line in lines if "are missing here" in line]
-    assert len(said) == 1
-    missing = int(said[0].split()[1])
-    assert len(lines) - 2 + missing == 6000
+    missing = [int(line.split()[1]) for line in lines if "are missing here" in line]
+    assert missing  # once, or again where the pipe had room in between
+    assert len(lines) - 1 - len(missing) + sum(missing) == 6000
     assert lines[-1].endswith("the last line\n")
     assert lines[0].startswith("node line 0 ")
 
