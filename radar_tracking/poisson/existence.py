@@ -23,6 +23,7 @@ _LEAST, _MOST = -1.0, 3.0  # nat: one cloud says no more
 _LEAST_RATE: Final = 0.5  # points of a cloud: who has fewer is hard to tell from nobody
 _RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME, _LIVELY_TIME = 1.0, 0.5, 30.0, 1.0, 0.2  # s
 _STANDS_WITHIN: Final = 0.35  # m of the anchor
+_RESTED: Final = 1.0  # s unseen: nobody knows any more whether somebody rests
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
 _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
@@ -94,7 +95,8 @@ def note_motion(table: Table, update: Update, measured: Measured, dt: float, now
     for name, time in (("anchor", _ANCHOR_TIME), ("haunt", MOVED_TIME)):
         rows[name] += _share(dt, time) * (table.mean[:, :2] - rows[name])
     step = table.mean[:, :2] - rows["anchor"]
-    rows["stands"] = (np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN) | resting(table)
+    rests = resting(table) & (now - rows["seen"] < _RESTED)
+    rows["stands"] = (np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN) | rests
 
 
 def bodies(table: Table) -> BoolArray:

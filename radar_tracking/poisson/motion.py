@@ -44,7 +44,7 @@ def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, confi
     F[0, 2] = F[1, 3] = h
     q = config.acceleration**2 * _MANOEUVRE
     Q = np.zeros((len(table), N_STATES, N_STATES))
-    scale = np.where((unseen & stands) | resting(table), _CALMEST, np.where(stands, _CALM, 1.0))[:, None]
+    scale = np.where(np.where(unseen, stands, resting(table)), _CALMEST, np.where(stands, _CALM, 1.0))[:, None]
     Q[:, (0, 1), (0, 1)], Q[:, (2, 3), (2, 3)] = q * h**3 / 3 * scale, q * h * scale
     Q[:, (0, 1), (2, 3)] = Q[:, (2, 3), (0, 1)] = q * h * h / 2 * scale
     Q[:, 4:6, 4:6] = (1.0 - lasting[0] ** 2) * offset_covariance(table.rows["sight"], table.rows["offset"])
