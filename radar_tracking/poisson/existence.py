@@ -60,8 +60,7 @@ def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: floa
     slower = np.where((shares.count < rows["rate"]) & rows["stands"], _SLOW_RATE, 1.0)
     rate = rows["rate"] + _share(dt, _RATE_TIME) * (shares.count - rows["rate"]) * slower
     rows["rate"] = np.maximum(rate, _LEAST_RATE)
-    own = shares.torso + shares.limb
-    total, moving = own.sum(axis=0), (~measured.still) @ own
+    total, moving = shares.whole.sum(axis=0), (~measured.still) @ shares.whole
     rows["lively"] += _share(dt, _LIVELY_TIME) * (moving - rows["lively"] * total) / np.maximum(total, 1.0)
     hit = np.maximum(shares.count, np.where(rows["stands"], shares.support, 0.0)) > 0.5
     for name, time in (("hits", _HIT_TIME), ("presence", _PRESENCE_TIME)):

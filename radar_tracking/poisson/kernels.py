@@ -30,6 +30,8 @@ class Shares:
     ----------
     torso, limb : ndarray of float64, shape (n_points, n_tracks)
         Probability that a point is of a track's torso, of its limbs; what is left of 1 is clutter.
+    whole : ndarray of float64, shape (n_points, n_tracks)
+        Both together.
     limb_density : ndarray of float64, shape (n_points,)
         Points of limbs that are expected there [1/m^2].
     count : ndarray of float64, shape (n_tracks,)
@@ -51,6 +53,7 @@ class Shares:
         self.torso, self.limb, self.limb_density, self.count, self.evidence = _share(
             torso, limb, clutter, state.rate, state.existence, state.confirmed
         )
+        self.whole = self.torso + self.limb
 
 
 class TrackArrays:

@@ -50,7 +50,7 @@ def note_look(
     ``origin``, shape (3,), is where the sensor is; tracks with ``least_odds`` may throw reflections, and echo at ``body_height`` [m].
     """
     rows, share = table.rows, 1.0 - math.exp(-dt / LOOK_TIME)
-    own = (shares.torso + shares.limb).T
+    own = shares.whole.T
     known, speed = np.isfinite(measured.height), np.abs(measured.rate)
     height = np.where(known, measured.height, 0.0)
     columns = (np.ones(len(measured)), measured.snr, speed > _FAST, known, height, height**2)

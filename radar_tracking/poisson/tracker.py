@@ -177,7 +177,7 @@ class PoissonTracker:
         point_track_id = np.full(len(cloud), -1, np.int32)
         if shares is not None and len(measured):
             numbers, column = np.unique(owners, return_inverse=True)
-            whole = (shares.torso + shares.limb) @ (column[:, None] == np.arange(len(numbers)))
+            whole = shares.whole @ (column[:, None] == np.arange(len(numbers)))
             best = whole.argmax(axis=1)
             alive = self._table.numbers
             there = np.array([number in alive for number in numbers.tolist()])
