@@ -72,3 +72,23 @@ def test_who_rested_and_walks_off_is_followed():
             away.append(min((float(np.hypot(*(one.position[:2] - blobs.truth(k)[0, :2]))) for one in people), default=9.0))
     assert len(ids) == 1
     assert max(away) < 0.5
+
+
+def rests_then_another_comes(t: float) -> np.ndarray:
+    """Somebody arrives and rests; at 12 s they are gone at once, and somebody else walks to the same place."""
+    there = arrives(t)
+    return there if t < 12.0 else there + np.array([max(14.5 - t, 0.0), -0.5 * max(14.5 - t, 0.0), 0.0])
+
+
+def test_who_rested_and_vanished_is_given_up():
+    """Whose points another person has, who came after them, is not kept longer because they rested: one person from 8 s later on."""
+    tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(7)
+    blobs, counts = Blobs([Person(rests_then_another_comes)], clutter=0.0, miss=0.0, frame_ns=FRAME_NS), []
+    for k in range(30 * RATE):
+        t = k / RATE
+        rests = COMES <= t < 12.0
+        cloud = still(np.append(PLACE, 0.9), rng, k) if rests else blobs.cloud(k)
+        people = len(list(tracker.process(cloud).people))
+        if t > 20.0:
+            counts.append(people)
+    assert set(counts) == {1}
