@@ -273,6 +273,24 @@ def test_variances_of_who_is_unseen_are_bounded():
         assert max(np.diagonal(track.covariance)[:2].max() for track in tracks.tracks) <= 1.0 + 1e-9
 
 
+@pytest.mark.long
+def test_an_hour_of_rest():
+    """Whoever sits still for an hour stays one person at one place: a covariance with rank and a floor, a share between none and all."""
+    tracker, now, rng = with_somebody(), 3 * SECOND, np.random.default_rng(8)
+    (one,) = tracker.process(walker(3.0, now, 30)).people
+    place = np.append(one.position[:2], 0.9)
+    for k in range(1, 36_000):
+        points = place + rng.normal(0.0, (0.02, 0.03, 0.05), (3, 3))
+        cloud = cloud_of(points, now + k * STEP_NS, radial_speed=0.0, snr=20.0)
+        tracks = process(tracker, cloud) if k % 100 == 0 else tracker.process(cloud)
+        lively = tracker.table.rows["lively"]
+        assert ((lively >= 0.0) & (lively <= 1.0)).all()
+    (rests,) = tracks.people
+    assert rests.id == one.id
+    assert np.hypot(*(rests.position - place)[:2]) < 0.2
+    assert 1e-3 < np.sqrt(np.linalg.eigvalsh(rests.covariance[:2, :2]).min()) < 0.2
+
+
 KINDS = st.sampled_from(("walker", "empty", "uniform", "same", "sensor", "far", "nan", "line", "crowd"))
 walks = st.lists(st.tuples(KINDS, st.integers(1, 8), st.sampled_from((0, 1, 2_000_000, STEP_NS, 3 * SECOND, 86_400 * SECOND))), max_size=12)
 
