@@ -87,7 +87,7 @@ def main() -> int:
     kinds = ("develop", "choose", "figure")
     parser.add_argument("--kind", choices=(*kinds, "all"), help="which recordings: default those for the figure (people_real)")
     parser.add_argument(
-        "--seeds", choices=(*kinds, "first"), help="which rooms: to develop or to choose on; default those for the figure (rooms)"
+        "--seeds", choices=(*kinds, "first"), help="which scenes: to develop or to choose on; default those for the figure (rooms, suite)"
     )
     parser.add_argument(
         "--parts",

@@ -88,6 +88,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "simulator": Study("simulator", LONG),
     "small": Study("small", GRAPH),
     "stage_reports": Study("stage_reports", GRAPH),
+    "suite_first": Study("suite --seeds first", keep="suite"),
     "tracking": Study("tracking", LONG, keep="tracking"),
     "tradeoff": Study(TRADEOFF, f"{LONG}; config/tradeoff holds values that were rounded for the page", keep="tradeoff"),
     "vertex_rcs": Study("vertex_rcs"),

@@ -83,6 +83,7 @@ class Job:
     peer: bool = False  # whether Stone Soup runs too
     seconds: float = float("inf")  # only the scene's first so many
     plain: bool = False  # whether the baseband looks for one direction only in each cell of the range-Doppler map, as the thesis's does
+    told: bool = True  # whether our trackers and Stone Soup know the furnished room: where people walk, and its walls
 
 
 @dataclass(frozen=True)
@@ -126,8 +127,10 @@ def zones_of(name: str) -> ZonesConfig:
     return ZonesConfig(boundaries=FLOOR, walls=tuple(np.ravel(WALLS).tolist())) if SCENARIOS[name].room else ZonesConfig()
 
 
-def make(name: str, config: TrackerConfig, info: RadarInfo) -> AnyTracker:
-    """Make one of our trackers for a scene; in the furnished room the thesis's have what our preset for such rooms changes."""
+def make(name: str, config: TrackerConfig, info: RadarInfo, *, told: bool = True) -> AnyTracker:
+    """Make one of our trackers for a scene; told of the furnished room, the thesis's have what our preset for such rooms changes, too."""
+    if not told:
+        return make_tracker(config, info)
     if SCENARIOS[name].room and config.tracker != "poisson_bernoulli":
         preset = load_file(TrackerConfig, find_config("furnished", "tracking", ".yaml"))
         config = load(TrackerConfig, over(plain(config), plain(preset)))
@@ -167,10 +170,10 @@ def work(job: Job) -> Done:
     made, info = simulate(job), RadarInfo(mount=job.mount)
     scores: dict[str, Score] = {}
     for label, config in job.trackers.items():
-        scores |= follow(job.name, made, {label: make(job.name, config, info)}, info)
+        scores |= follow(job.name, made, {label: make(job.name, config, info, told=job.told)}, info)
     if job.peer:
-        scores |= follow(job.name, made, {PEER: Peer(zones_of(job.name))}, info)
-    choices = {label: make(job.name, config, info) for label, config in job.choices.items()}
+        scores |= follow(job.name, made, {PEER: Peer(zones_of(job.name) if job.told else ZonesConfig())}, info)
+    choices = {label: make(job.name, config, info, told=job.told) for label, config in job.choices.items()}
     return Done(job, scores, follow(job.name, made, choices, info), [moment.baseband_ms for moment in made])
 
 

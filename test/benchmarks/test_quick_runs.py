@@ -145,6 +145,17 @@ def chain(found):
     assert 0.3 < found["slowed"]["on"] < 0.37
 
 
+def suite(found):
+    """Both trackers followed the same scenes, and a second of them holds people whom the default one knows."""
+    ours, other = found["trackers"].values()
+    assert ours["all"]["scenes"] == other["all"]["scenes"] == 2
+    for tracker in (ours, other):
+        low, high = tracker["all"]["mota_interval"]
+        assert low <= tracker["all"]["mota"] <= high <= 1
+        assert tracker["all"]["misses_share"] >= tracker["all"]["misses_first_second_share"]
+    assert ours["all"]["mota"] > 0.3
+
+
 def waveforms(found):
     """A tone measures no range, and of sweeps the finest follows a hand better than the coarsest."""
     rows = found["waveforms"]
@@ -260,6 +271,7 @@ def test_quick_run(name, tmp_path):
         "ptp": ptp,
         "small": small,
         "soak": soak,
+        "suite": suite,
         "waveforms": waveforms,
         "zones": zones,
     }.get(name)

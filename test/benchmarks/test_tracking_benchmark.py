@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import tracking, tracking_choices, tracking_suite
+from benchmarks import suite, tracking, tracking_choices, tracking_suite
 from benchmarks.document import figures as listed
 from benchmarks.plot import scalars, tables
 from benchmarks.report import join
@@ -215,6 +215,25 @@ def test_only_the_furnished_room_has_boundaries():
     """The clutter scene's trackers are told the room, inside its walls."""
     assert zones_of("clutter").boundaries == FLOOR
     assert zones_of("crossing").boundaries == ()
+
+
+def test_who_is_not_told_of_the_room_knows_nothing_of_it(monkeypatch):
+    """The trackers of the suite by the default graph get their configuration as it is; the others know floor and walls."""
+    given = []
+    monkeypatch.setattr(tracking_suite, "make_tracker", lambda config, info: given.append(config))
+    for told in (False, True):
+        make("clutter", TRACKERS["group_clustering"], INFO, told=told)
+    assert given[0] == TRACKERS["group_clustering"]
+    assert given[1].zones == zones_of("clutter")
+    assert {(job.told, job.plain) for job in suite.jobs(("clutter",), (1,))} == {(False, True)}
+
+
+def test_intervals_of_the_suite_hold_the_figure():
+    """Scenes alike have no interval; a scene in ten that is missed has one."""
+    one, bad = Score(scenes=1, truths=100), Score(scenes=1, truths=100, misses=100)
+    assert suite.interval([[one] * 5, [one] * 5]) == [1.0, 1.0]
+    low, high = suite.interval([[one] * 9 + [bad]])
+    assert low < 0.9 < high == 1.0
 
 
 def test_plan_has_every_scene_once():
