@@ -172,18 +172,26 @@ def default_tracker(info: RadarInfo) -> AnyTracker:
     return make_tracker(TrackerConfig(), info)
 
 
+def thesis_tracker(info: RadarInfo) -> AnyTracker:
+    """Make the best of the thesis's trackers for such rooms, by its own defaults; it knows nothing of the room either."""
+    return make_tracker(TrackerConfig(tracker="group_clustering"), info)
+
+
 def measure(
     store: RoomStore, seeds: Sequence[int], seconds: float, make: Callable[[RadarInfo], Tracker] = default_tracker
 ) -> dict[str, Any]:
-    """Judge a tracker behind every baseband in rooms of the store."""
+    """Judge a tracker behind every baseband in rooms of the store, and the thesis's behind the default one (``group_clustering_...``)."""
     scores: dict[str, list[RoomScore]] = {}
     tags: list[Tags] = []
+    thesis: list[RoomScore] = []
     for name in basebands():
         scores[name] = []
         for kept_room in store.rooms(seeds, name, seconds):
             scores[name].append(judge_room(make(kept_room.info), kept_room))
-            tags += [kept_room.tags] if name == "default" else []
-    return summary(scores, tags)
+            if name == "default":
+                tags.append(kept_room.tags)
+                thesis.append(judge_room(thesis_tracker(kept_room.info), kept_room))
+    return summary(scores, tags) | with_intervals(thesis, "group_clustering_")
 
 
 def summary(scores: Mapping[str, Sequence[RoomScore]], tags: Sequence[Tags]) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class Plan:
 
     names: tuple[str, ...] = tuple(SCENARIOS)
     # seeds, peer_seeds, choice_seeds: of each scene: for our trackers, for Stone Soup, for the knobs
-    seeds: int = 20
+    seeds: int = 4
     peer_seeds: int = 2
     choice_names: tuple[str, ...] = ("approach", "side_by_side", "five_people", "clutter")  # scenes in which every knob is tried
     choice_seeds: int = 1
