@@ -43,8 +43,10 @@ class Study:
 STUDIES: Final[Mapping[str, Study]] = {
     "approaches": Study("approaches --parts cases", keep="approaches"),
     "approaches_ways": Study("approaches --parts ways", keep="approaches"),
+    "board_gestures": Study("board_gestures", LONG),
     "boards": Study("boards"),
     "budget": Study("budget"),
+    "calibrate_array": Study("calibrate_array", LONG),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
     "chain": Study("chain"),
     "doctor": Study("doctor", LONG),
@@ -83,6 +85,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "person_odds": Study("person_odds", RECORDED, keep="rooms"),
     "probe": Study("probe"),
     "ptp": Study("ptp"),
+    "recordings": Study("recordings", RECORDED),
     "rooms": Study("rooms", LONG, keep="rooms"),
     "rooms_first": Study("rooms --seeds first", keep="rooms"),
     "simulator": Study("simulator", LONG),

@@ -14,7 +14,8 @@ from benchmarks.__main__ import PARTS, names
 ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
-    "approaches", "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
+    "approaches", "board_gestures", "calibrate_array",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
     "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak",
     "vertex_rcs", "vital",
 }  # fmt: skip
@@ -145,6 +146,21 @@ def chain(found):
     assert 0.3 < found["slowed"]["on"] < 0.37
 
 
+def board_gestures(found):
+    """Each board saw what the one person did: one push."""
+    assert all(row["gestures"] == 1 for row in found["boards"].values())
+
+
+def calibrate_array(found):
+    """Without noise nothing is left of the errors; the offset of 2 degrees is found; the thesis's table omits the elevation's cosine."""
+    errors = {name: row["0"]["worst"] for name, row in found["azimuth_error_degrees"].items()}
+    assert errors["no noise"] < 1e-3 < errors["30 dB"] < errors["20 dB"] < errors["not calibrated"]
+    for value, deviation in zip(found["offsets"]["both"]["offset_degrees"], found["offsets"]["both"]["deviation_degrees"], strict=True):
+        assert abs(value[0] - 2) < 5 * deviation[0]
+    assert abs(found["outer"]["50 at 30"]["fit"] - 50) < 0.01
+    assert found["outer"]["50 at 30"]["table"] < 43
+
+
 def suite(found):
     """Both trackers followed the same scenes, and a second of them holds people whom the default one knows."""
     ours, other = found["trackers"].values()
@@ -259,7 +275,9 @@ def test_quick_run(name, tmp_path):
         "load_steps": load_steps,
         "gesture_comparison": gesture_comparison,
         "house": house,
+        "board_gestures": board_gestures,
         "boards": boards,
+        "calibrate_array": calibrate_array,
         "chain": chain,
         "doctor": doctor,
         "faults": faults,

@@ -1,14 +1,10 @@
-"""Gestures before boards whose radar is not the default's: simulated people, the boards' waveforms and antennas, the shipped model.
-
-``python docs/research/make_board_gestures.py [BOARD ...]`` prints JSON for docs/research/boards.md; a board takes minutes.
-"""
+"""Gestures before boards whose radar is not the default's: simulated people, the boards' waveforms and antennas, the shipped model."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +14,7 @@ from benchmarks.report import rate, share
 from radar_core import GESTURES, Pose, RadarInfo
 from radar_driver.bgt60.config import Bgt60Config
 from radar_driver.tinyrad.config import TinyRadConfig
+from radar_gestures import Gesture
 from radar_lab.pipeline import Pipeline
 from radar_sim import Action, Scene, Simulator
 from radar_sim.scene import SceneRadar
@@ -28,18 +25,21 @@ SCENES: Final = {"bgt60": 4, "tinyrad": 1}
 AROUND_NS: Final = 300_000_000  # by which what is seen may begin and end beside what is done
 
 
-def measured(radar: RadarInfo, scenes: int) -> dict[str, Any]:
+def measured(radar: RadarInfo, scenes: int, names: Sequence[str] = NAMES) -> dict[str, Any]:
     """Count what became of every gesture of some scenes: a person 1 to 2 m away does each once, in random order."""
     counts: Counter[str] = Counter()
+    length = max(4.0 * len(names), 8.0)  # s
     for number in range(scenes):
         rng = np.random.default_rng([28, 7, number])
         script = [Action(stand=2.0)]
-        for name in rng.permutation(NAMES):
+        for name in rng.permutation(names):
             script += [Action(stand=float(rng.uniform(1.5, 2.0))), stroke(rng, str(name))]
         person = body(rng, 1, (float(rng.uniform(1.0, 2.0)), float(rng.uniform(-0.3, 0.3))), [*script, Action(stand=2.0)])
         placed = dataclasses.replace(radar, mount=Pose(z=1.2))
-        simulator = Simulator(Scene(duration=36.0, seed=number, radars=(SceneRadar.of(placed),), people=(person,), effects=effects(rng)))
-        pipeline, named, done = Pipeline(placed), [], {}
+        simulator = Simulator(Scene(duration=length, seed=number, radars=(SceneRadar.of(placed),), people=(person,), effects=effects(rng)))
+        pipeline = Pipeline(placed)
+        named: list[Gesture] = []
+        done: dict[int, tuple[int, int, int]] = {}
         for k in range(simulator.n_frames):
             made = simulator.process(k)
             named += pipeline.process(made.frame).gestures
@@ -55,8 +55,10 @@ def measured(radar: RadarInfo, scenes: int) -> dict[str, Any]:
         counts["nothing"] += sum(named[k].name != "random" for k in free)
     total = counts["right"] + counts["wrong"] + counts["missed"]
     found = {"gestures": total, **share("right", counts["right"], total), **share("wrong", counts["wrong"], total)}
-    return found | rate("of_nothing_per_minute", counts["nothing"], scenes * 36 / 60)
+    return found | rate("of_nothing_per_minute", counts["nothing"], scenes * length / 60)
 
 
-if __name__ == "__main__":
-    print(json.dumps({name: measured(RADARS[name], SCENES[name]) for name in sys.argv[1:] or RADARS}, indent=1))
+def run(quick: bool) -> dict[str, Any]:
+    """Measure every board; quick: one push before each."""
+    boards = {name: measured(RADARS[name], 1 if quick else SCENES[name], ("push",) if quick else NAMES) for name in RADARS}
+    return {"boards": boards, "choices": []}
