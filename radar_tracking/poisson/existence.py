@@ -39,10 +39,12 @@ _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _STANDING: Final = 3.0  # who joins somebody who stands has to stay so many times longer
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
+_LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
 _APART: Final = 1.0  # m
 _AGAIN, _AGAIN_AFTER = 1.2, 0.5  # m, s: who appears so near to a person unseen for so long is that person
+_ONE_BODY: Final = 1.3  # body widths: of two people this near to each other one follows the other's body, if somebody begins beside them
 _OUT_AFTER: Final = 0.3  # s unseen out of view: left
 
 
@@ -150,7 +152,7 @@ class Decisions:
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
-        near = self._near(table, gaps, way)
+        near = self._near(table, gaps, way, now)
         for row in np.flatnonzero(ready).tolist():
             own = near[row]
             young = now - rows["born"][row] < config.arm_time * (_STANDING if rows["stands"][own].any() else 1.0)
@@ -159,11 +161,11 @@ class Decisions:
             self._recover(table, gaps, row, now, ends)
             rows["confirmed"][row] = True
             found.append(row)
-            near = self._near(table, gaps, way)
+            near = self._near(table, gaps, way, now)
         rows["arm_of"] = np.where(near.any(axis=1), rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
         return found
 
-    def _near(self, table: Table, gaps: Float64Array, way: Float64Array) -> BoolArray:
+    def _near(self, table: Table, gaps: Float64Array, way: Float64Array, now: float) -> BoolArray:
         """Which tentative tracks are, or began, within reach of which people and did not go along with them, shape (n_tracks, n_tracks)."""
         rows, people, away = table.rows, table.rows["confirmed"], table.mean[:, :2] - self._view.origin[:2]
         error = np.sqrt(np.maximum(table.covariance[:, 0, 0], table.covariance[:, 1, 1]))
@@ -171,14 +173,18 @@ class Decisions:
         limit = (self._config.reach + error)[:, None]
         step = rows["birthplace"][:, None] - table.mean[None, :, :2]
         began = (np.hypot(step[..., 0], step[..., 1]) < limit) & (gaps < 2.0 * self._config.reach)
-        return np.asarray(((gaps < limit) | began) & (people & ~people[:, None]) & (rows["stands"] | (way[:, None] < _ALONG)))
+        limb = (rows["rate"][:, None] < _LIMB_RATE * rows["rate"]) & (now - rows["born"] < self._config.arm_time)[:, None]
+        return np.asarray(((gaps < limit) | began) & (people & ~people[:, None]) & (rows["stands"] | (way[:, None] < _ALONG) | limb))
 
-    @staticmethod
-    def _recover(table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:
-        """Give a new person the identity of one who stood there and was not seen since."""
+    def _recover(self, table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:
+        """Give a new person the identity of one who stood there and was not seen since, or who follows another's body."""
         rows = table.rows
-        lost = [k for k in np.flatnonzero(rows["confirmed"] & (now - rows["seen"] > _AGAIN_AFTER)).tolist() if k not in ends]
-        lost = [k for k in lost if gaps[row, k] < _AGAIN]
+        people = [k for k in np.flatnonzero(rows["confirmed"]).tolist() if k not in ends]
+        lost = [k for k in people if now - rows["seen"][k] > _AGAIN_AFTER and gaps[row, k] < _AGAIN]
+        if not lost:
+            step = table.mean[:, :2] - rows["birthplace"][row]
+            near = [k for k in people if math.hypot(*step[k]) < _AGAIN]
+            lost = [k for k in near if any(gaps[k, j] < _ONE_BODY * self._config.body_width and table.were_apart(k, j) for j in people)]
         if not lost:
             return
         old = min(lost, key=lambda k: float(gaps[row, k]))

@@ -91,7 +91,7 @@ def test_who_walks_behind_somebody_is_a_person_and_an_echo_is_not(weaker, people
         columns = {"radial_speed": speed.astype(np.float32), "snr": snr.astype(np.float32), **errors}
         tracker.process(PointCloud(k * 50_000_000, k, "room", *points.astype(np.float32).T.copy(), **columns))
         counts.append(int(tracker.table.rows["confirmed"].sum()))
-    assert np.mean(np.array(counts[60:]) == people) > 0.95
+    assert np.mean(np.array(counts[80:]) == people) > 0.95  # four seconds: fewer points are a limb for the first three
 
 
 def in_turns(k: int, first: int) -> tuple[float, float]:
