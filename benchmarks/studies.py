@@ -50,7 +50,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
     "chain": Study("chain"),
     "doctor": Study("doctor", LONG),
-    "dsp": Study("dsp", LONG),
+    "dsp": Study("dsp"),
     "effects": Study("effects"),
     "faults": Study("faults", LONG),
     "fuzz": Study("fuzz", LONG),
