@@ -1,9 +1,8 @@
-"""Pictures and figures of tracking on real recordings, for docs/reference/recordings.md: walkers; exercises beside a Kinect.
+"""Pictures of tracking on real recordings, for docs/reference/recordings.md: walkers; exercises beside a Kinect.
 
     python docs/research/make_recording_pictures.py --data ../shared/data            # pictures into docs/img
-    python docs/research/make_recording_pictures.py --data ../shared/data --figures  # the numbers, as a table in Markdown
 
-The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
+The figures: ``python -m benchmarks recordings --json``. The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
 """
 
 from __future__ import annotations
@@ -30,9 +29,6 @@ from radar_lab.plots import PEOPLE
 from radar_lab.posture.training import train_postures
 
 mpl.rcParams["axes.prop_cycle"] = mpl.cycler(color=PEOPLE)  # told apart by everybody
-
-WALKER_COLUMNS = ("identities", "ghosts", "switches", "life", "life_of_run", "seen_of_run")
-SPINE_COLUMNS = ("identities", "alone", "rms_m", "rms_x_m", "rms_y_m", "still_m")
 
 
 def draw_walkers(axes: Any, clouds: Sequence[PointCloud], run: recordings.Run) -> None:
@@ -106,31 +102,16 @@ def save(fig: Any, path: Path) -> None:
     plt.close(fig)
 
 
-def table(figures: dict[str, Any], names: tuple[str, ...], columns: tuple[str, ...]) -> str:
-    """One row for each recording and tracker."""
-    rows = [["recording", "tracker", *columns], ["---"] * (len(columns) + 2)]
-    for name in names:
-        keys = [key for key in figures if key.startswith(name) and key.endswith("_identities")]
-        labels = [key.removeprefix(f"{name}_").removesuffix("_identities") for key in keys]
-        rows += [[name, label, *(f"{figures[f'{name}_{label}_{column}']:.3g}" for column in columns)] for label in labels]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Pictures and figures of people tracking on real recordings.")
+    parser = argparse.ArgumentParser(description="Pictures of people tracking on real recordings.")
     here = Path(__file__).resolve().parents[1]
     default = os.environ.get("HANDWAVE_DATA", here.parents[1] / "shared" / "data")
     parser.add_argument("--data", type=Path, default=Path(default), help="folder with the recordings")
     parser.add_argument("--out", type=Path, default=here / "img", help="folder for the pictures")
-    parser.add_argument("--figures", action="store_true", help="print the figures instead")
     arguments = parser.parse_args()
     if not arguments.data.is_dir():
         raise SystemExit(f"{arguments.data}: no recordings there; name their folder with --data or HANDWAVE_DATA")
     os.environ["HANDWAVE_DATA"] = str(arguments.data.resolve())
-    if arguments.figures:
-        figures = recordings.run(quick=False)
-        print(table(figures, tuple(recordings.WALKERS), WALKER_COLUMNS), table(figures, recordings.MARS, SPINE_COLUMNS), sep="\n\n")
-        return
     arguments.out.mkdir(parents=True, exist_ok=True)
     draw_two_people(arguments.out)
     draw_exercises(arguments.out)

@@ -1,6 +1,7 @@
 """Figures in pages are those of stored results: marked numbers, and tables that commands write."""
 
 import importlib.util
+import itertools
 import json
 import re
 
@@ -58,6 +59,45 @@ def test_tables_of_effects_are_what_is_stored():
     result, text = json.loads((folder() / "effects.json").read_text(encoding="utf-8")), script.PAGE.read_text(encoding="utf-8")
     for name in ("times", "costs", "total"):
         assert script.put(text, name, getattr(script, name)(result)) == text, name
+
+
+_RULE = re.compile(r"\|[-:| ]+\|")
+_FIGURE = re.compile(r"[-+]?\d[\d,]*(\.\d+)?( ?(%|m|cm|mm|s|ms|dB|kB|MB|m/s|degrees?))?([ (/;,].*)?")
+_MADE = ("accuracy-and-time.md", "benchmarks.md", "effects.md", "faults.md", "model-card.md")  # whole tables come from results
+_NO_RESULT = "<!-- settings -->"  # before a table of numbers that nobody measured
+
+
+def unmarked(text: str) -> list[str]:
+    """List the rows of tables that give figures and quote no result; those of the thesis, and those that a test or a command makes, may."""
+    text = re.sub(r"<!-- ([a-z-]+) -->\n.*?<!-- /\1 -->", "", text, flags=re.DOTALL)  # written by a command
+    found, before, lines = [], "", [*text.splitlines(), ""]
+    for line, after in itertools.pairwise(lines):
+        if not line.startswith("|"):
+            before = line or before
+            continue
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        theirs = cells[0].startswith("thesis") or "`test_" in line or before == _NO_RESULT
+        if theirs or _RULE.fullmatch(line) or _RULE.fullmatch(after) or "<!--=" in line:
+            continue
+        found += [line for cell in cells[1:] if _FIGURE.fullmatch(cell.replace("*", ""))][:1]
+    return found
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in pages() if page.parent.name == "research" and page.name not in _MADE], ids=lambda page: page.name
+)
+def test_tables_of_figures_quote_results(page):
+    assert unmarked(page.read_text(encoding="utf-8")) == []
+
+
+def test_rows_without_quotes_are_found():
+    head = "words\n\n| what | value |\n|---|---:|\n"
+    for row in ("| a | 0.5 |", "| a | 12 % (3 to 4) |", "| a | **-3.1** m |", "| a | words | 1 / 2 |"):
+        assert unmarked(f"{head}{row}\n") == [row]
+    for row in ("| 0.5 | words |", "| a | 3D |", "| thesis | 0.5 |", "| a | 0.5<!--= study: a --> | 0.6 |", "| a | 0.5, by `test_a` |"):
+        assert unmarked(f"{head}{row}\n") == []
+    assert unmarked(f"<!-- settings -->\n{head[7:]}| a | 0.5 |\n") == []
+    assert unmarked(f"<!-- made -->\n{head}| a | 0.5 |\n<!-- /made -->\n") == []
 
 
 def test_a_number_is_a_value_to_its_digits():
