@@ -85,6 +85,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "person_odds": Study("person_odds", RECORDED, keep="rooms"),
     "probe": Study("probe"),
     "ptp": Study("ptp"),
+    "recorded_echoes": Study("recorded_echoes"),
     "recordings": Study("recordings"),
     "rooms": Study("rooms", LONG, keep="rooms"),
     "rooms_first": Study("rooms --seeds first", keep="rooms"),

@@ -2,7 +2,8 @@
 
     python docs/research/make_recording_pictures.py --data ../shared/data            # pictures into docs/img
 
-The figures: ``python -m benchmarks recordings --json``. The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
+The same recordings and versions of the libraries give the same files. Without --data, HANDWAVE_DATA names the folder with the recordings.
+The figures: ``python -m benchmarks recordings --json``.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FIGURES_ONLY = {
     "approaches", "board_gestures", "calibrate_array",
     "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
-    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "soak",
+    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "recorded_echoes", "soak",
     "vertex_rcs", "vital",
 }  # fmt: skip
 
