@@ -100,8 +100,9 @@ STUDIES: Final[Mapping[str, Study]] = {
     "vital_sitters": Study("vital --parts sitters"),
     "vital_sitting": Study("vital --parts sitting"),
     "waveforms": Study("waveforms"),
-    "zones": Study("zones --parts rooms,nights", LONG, keep="rooms"),
     "zones_latency": Study("zones --parts latency", keep="rooms"),
+    "zones_nights": Study("zones --parts nights", LONG, keep="rooms"),
+    "zones_rooms": Study("zones --parts rooms", LONG, keep="rooms"),
     "zones_stale": Study("zones --parts stale", GRAPH),
 }
 """By name."""
