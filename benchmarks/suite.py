@@ -60,11 +60,12 @@ def figures(groups: Sequence[Sequence[Score]]) -> dict[str, Any]:
 
 
 def summary(done: Sequence[Done], kinds: Sequence[str]) -> dict[str, Any]:
-    """Figures of every tracker, of all scenes and by kind; those of the default tracker come first."""
+    """Figures of every tracker, of all scenes, by kind, and of all kinds but the furnished room; those of the default tracker come first."""
     found: dict[str, Any] = {}
     for name in NAMES:
         own = {kind: [one.trackers[name] for one in done if one.job.name == kind] for kind in kinds}
         found[name] = {"all": figures(list(own.values())), **{kind: figures([scores]) for kind, scores in own.items()}}
+        found[name]["without_walls"] = figures([scores for kind, scores in own.items() if not SCENARIOS[kind].room])
         found[name]["sitting_lost"] = pool(own.get("sitting", [])).lost
         found[name]["switches_kept_apart"] = sum(pool(own.get(kind, [])).switches for kind in KEPT_APART)
     return found
