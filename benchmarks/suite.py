@@ -60,7 +60,7 @@ def figures(groups: Sequence[Sequence[Score]]) -> dict[str, Any]:
 
 
 def summary(done: Sequence[Done], kinds: Sequence[str]) -> dict[str, Any]:
-    """Figures of every tracker, of all scenes, by kind, and of all kinds but the furnished room; those of the default tracker come first."""
+    """Figures of every tracker, of all scenes, by kind, and of all kinds but the furnished room; the default comes first."""
     found: dict[str, Any] = {}
     for name in NAMES:
         own = {kind: [one.trackers[name] for one in done if one.job.name == kind] for kind in kinds}
