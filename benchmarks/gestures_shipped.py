@@ -8,6 +8,7 @@ from typing import Any, Final
 from benchmarks.gesture_studies import GATES
 from benchmarks.gestures_daily import recordings, tracked
 from benchmarks.recordings import folder
+from benchmarks.report import share
 from radar_core import GESTURES
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -39,7 +40,7 @@ def verdict(segment: Segment, gestures: list[Gesture]) -> str:
     return "right" if OURS[segment.label] in named else "other"
 
 
-def segments(kind: str, limit: int) -> dict[str, float]:
+def segments(kind: str, limit: int) -> dict[str, Any]:
     """Shares of the segments in which an event is found, with two configurations, and what the shipped model calls them."""
     recording = open_original(kind, folder() / kind / "segments.npz", limit=limit)
     mount = recording.info.mount
@@ -59,6 +60,7 @@ def segments(kind: str, limit: int) -> dict[str, float]:
         "with_event_slow_radar": sum(any(during(s, e.event.start_ns, e.event.end_ns) for e in events) for s in found) / len(found),
         "known": float(len(known)),
         **{name: float(verdicts[name]) for name in ("right", "other", "missed")},
+        **share("right_share", verdicts["right"], len(known)),
     }
 
 
