@@ -68,7 +68,7 @@ def way(name: str) -> dict[str, Any]:
 def echoes(kind: str, source: str, **options: Any) -> dict[str, Any]:
     """Strongest detections of a raw frame: range and range rate in cells of the map, and SNR [dB]."""
     info, frame, cloud = raw_cloud(kind, source, **options)
-    best = np.argsort(-cloud.snr)[:_STRONGEST]
+    best = np.argsort(-cloud.snr, kind="stable")[:_STRONGEST]
     bins, doppler = cloud.range / info.waveform.range_resolution, cloud.radial_speed / info.waveform.speed_resolution
     strongest = [{"range_bin": float(bins[i]), "doppler_bin": float(doppler[i]), "snr_db": float(cloud.snr[i])} for i in best]
     return {"shape": list(frame.cube.shape), "detections": len(cloud), "strongest": strongest}
