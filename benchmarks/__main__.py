@@ -92,7 +92,7 @@ def main() -> int:
     parser.add_argument(
         "--parts",
         metavar="A,B",
-        help="some of zones, vital, hand, approaches; parsers (fuzz), groups (faults), trackers (people_real)",
+        help="some of zones, vital, hand, approaches, tracking; parsers (fuzz), groups (faults), trackers (people_real)",
     )
     parser.add_argument("--hours", type=float, metavar="H", help="how long (soak); default: 1")
     options = parser.parse_args()

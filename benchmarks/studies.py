@@ -94,6 +94,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "stage_reports": Study("stage_reports", GRAPH),
     "suite_first": Study("suite --seeds first", keep="suite"),
     "tracking": Study("tracking", LONG, keep="tracking"),
+    "tracking_arms": Study("tracking --parts arms", keep="tracking"),
     "tradeoff": Study(TRADEOFF, f"{LONG}; config/tradeoff holds values that were rounded for the page", keep="tradeoff"),
     "vertex_rcs": Study("vertex_rcs"),
     "view": Study("view", GRAPH),

@@ -15,6 +15,7 @@ from benchmarks.scenarios import HIGH_MOUNT, MATCHING, MOUNT, SCENARIOS
 from benchmarks.tracking_choices import rows, speed, titled, variants
 from benchmarks.tracking_score import Score
 from benchmarks.tracking_suite import PEER, PROCESSES, THESIS, TRACKERS, Done, Job, figures, peer_installed, pooled, run_all
+from radar_core import ConfigError
 from radar_dsp import Baseband, BasebandConfig
 from radar_sim import Simulator, load_scene
 from radar_tracking import HandTracker, TrackedCloud, Tracks, make_tracker
@@ -213,6 +214,21 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
-    """Measure; ``keep`` is a folder for finished scenes, with which an interrupted run goes on where it stopped."""
-    return measure(QUICK if quick else FULL, quick, keep)
+def arms(plan: Plan, keep: Path | None) -> dict[str, Any]:
+    """Say whose points arms become side by side (the thesis's Fig. 6.3): shares given to the wrong person, one direction in a cell."""
+    done = run_all([job for job in jobs(plan) if job.plain and job.name == "side_by_side"], plan.processes, keep)
+    scores = {name: pooled(done, name, plain=True) for name in (PRODUCT, *THESIS)}
+    return {
+        "wrong_point_fraction": {name: score.wrong_fraction for name, score in scores.items()},
+        "points": {name: score.owned for name, score in scores.items()},
+        "scenes": len(done),
+        "choices": [],
+    }
+
+
+def run(quick: bool, keep: Path | None = None, parts: str = "") -> dict[str, Any]:
+    """Measure; ``keep``: a folder for finished scenes, with which a run goes on where it stopped; ``parts``: all, or only ``arms``."""
+    plan = QUICK if quick else FULL
+    if parts not in ("", "arms"):
+        raise ConfigError(f"{parts}: there is no such part; leave it out, or choose arms")
+    return arms(plan, keep) if parts else measure(plan, quick, keep)
