@@ -77,7 +77,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "hand_velocity": Study("hand_velocity", keep="hand"),
     "living": Study("living", keep="living"),
     "load_steps": Study("load_steps", GRAPH),
-    "machines": Study("machines", LONG),
+    "machines": Study("machines"),
     "one_channel": Study("one_channel"),
     "one_channel_real": Study("one_channel --real", RECORDED),
     "people_real": Study("people_real", RECORDED),
