@@ -103,7 +103,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "waveforms": Study("waveforms"),
     "zones_latency": Study("zones --parts latency", keep="rooms"),
     "zones_nights": Study("zones --parts nights", LONG, keep="rooms"),
-    "zones_rooms": Study("zones --parts rooms", LONG, keep="rooms"),
+    "zones_rooms": Study("zones --parts rooms", keep="rooms"),
     "zones_stale": Study("zones --parts stale", GRAPH),
 }
 """By name."""
