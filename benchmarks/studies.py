@@ -89,7 +89,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "recordings": Study("recordings"),
     "rooms": Study("rooms", LONG, keep="rooms"),
     "rooms_first": Study("rooms --seeds first", keep="rooms"),
-    "simulator": Study("simulator", LONG),
+    "simulator": Study("simulator"),
     "small": Study("small", GRAPH),
     "stage_reports": Study("stage_reports", GRAPH),
     "suite_first": Study("suite --seeds first", keep="suite"),
