@@ -69,7 +69,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gestures_real": Study("gestures --real", keep="gestures_real"),
     "gestures_shipped": Study("gestures_shipped"),
     "gestures_speed": Study("gestures_speed"),
-    "graph": Study("graph", GRAPH),
+    "graph": Study("graph"),
     "hand": Study("hand", keep="hand"),
     "hand_losses": Study("hand_losses", keep="hand"),
     "hand_mars": Study("hand_mars"),
