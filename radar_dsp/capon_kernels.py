@@ -19,6 +19,7 @@ Complexes = NDArray[np.complex128]
 _BLOCK = 256  # grid points solved together: large enough for vector code, small enough for the first cache
 CANDIDATES = 4  # grid points that are refined before the highest peak is chosen
 NOWHERE = 1e30  # added to the cost of what lies beyond the unit circle: aliases of directions are there, as high but for rounding
+BEYOND = 1.002  # square of a length that rounding and noise do not give a direction
 
 
 @numba.njit(cache=True)
@@ -137,7 +138,7 @@ def _highest_peak(
             break
         y, z = grid[0, g], grid[1, g]
         uy, uz, q = _refine(factor, fold, phase, (y, z), spacing, loading, steps, x)
-        if uy * uy + uz * uz >= 1.0:
+        if uy * uy + uz * uz > BEYOND:
             q += NOWHERE
         if q < lowest:
             lowest, best_y, best_z = q, uy, uz

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_dsp.capon_kernels import CANDIDATES, NOWHERE
+from radar_dsp.capon_kernels import BEYOND, CANDIDATES, NOWHERE
 from radar_dsp.steering import Steering
 
 Floats = NDArray[np.float64]
@@ -126,7 +126,7 @@ def capon(snapshot: NDArray[np.complex64], snr: NDArray[np.float32], steering: S
         best = np.argmin(cost, axis=1)
         start = steering.grid[:, best]
         refined, q = _refine_capon(covariance, start, steering, steps, loading)
-        q = q + np.where((refined**2).sum(axis=0) >= 1.0, NOWHERE, 0.0)
+        q = q + np.where((refined**2).sum(axis=0) > BEYOND, NOWHERE, 0.0)
         better = (q < lowest) & np.isfinite(cost[np.arange(n), best])
         u, lowest = np.where(better, refined, u), np.where(better, q, lowest)
         cost[(np.abs(steering.grid[:, None, :] - start[:, :, None]) <= near).all(axis=0)] = np.inf
