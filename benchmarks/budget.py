@@ -6,6 +6,7 @@ than a frame once they are slowed ten times.
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import time
@@ -134,20 +135,27 @@ def running(folder: Path, stages: Sequence[str], domain: int) -> Iterator[Watch]
             watch.monitor.close()
 
 
+def slowing(tuning: Path) -> float:
+    """Give how many times slower the device gets: ten, or more where a fast machine would still keep the budget with its best level."""
+    best = json.loads(tuning.read_text(encoding="utf-8"))["stages"]["baseband"]["levels"][0]
+    return max(SLOWER, 2.0 * BUDGET_MS / float(best["time_ms"]))
+
+
 def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[str] = _STAGES, domain: int = DOMAIN) -> dict[str, Any]:
-    """Slow the baseband ten times, without a budget and with one, and let it recover; ``tuning``: file of ``handwave tradeoff --tune``.
+    """Slow the baseband (`slowing`), without a budget and with one, and let it recover; ``tuning``: file of ``handwave tradeoff --tune``.
 
     Returns shares of lost frames (``lost_...``), times, levels, and what the topic said.
     """
+    factor = slowing(tuning)
     with running(folder, stages, domain) as watch:
-        watch.set(device_factor=SLOWER)
+        watch.set(device_factor=factor)
         watch.monitor.spin(2.0)
         windows = {"without": watch.window(seconds)}
         watch.set(device_factor=1.0, frame_budget_ms=BUDGET_MS, budget__tuning=str(tuning))
         watch.wait(lambda: watch.budgets, "the first level")
         watch.settle()
         windows["usual"], first = watch.window(seconds), watch.budgets[-1]
-        watch.set(device_factor=SLOWER)
+        watch.set(device_factor=factor)
         settled = watch.settle()
         windows["slowed"], level = watch.window(seconds), watch.budgets[-1]
         watch.set(device_factor=1.0)
@@ -155,6 +163,7 @@ def experiment(tuning: Path, folder: Path, seconds: float, *, stages: Sequence[s
         windows["recovered"] = watch.window(seconds)
     slow = windows["slowed"]
     return {
+        "slowed_times": factor,
         "lost_without_budget": windows["without"].share,
         **{f"lost_{name}": windows[name].share for name in ("usual", "slowed", "recovered")},
         "lost_by_stage": {name: one.shares for name, one in windows.items()},
