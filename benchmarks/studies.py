@@ -49,7 +49,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "calibrate_array": Study("calibrate_array"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
     "chain": Study("chain"),
-    "doctor": Study("doctor", LONG),
+    "doctor": Study("doctor"),
     "dsp": Study("dsp"),
     "effects": Study("effects"),
     "faults": Study("faults", LONG),

@@ -26,6 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the benchmarks a
 from benchmarks.hand import plan
 from benchmarks.hand_runs import DISTANCES, SETTLED, Followed, HandStore, Tracked, counts, follow, residual, scene, track
 from benchmarks.hand_search import configured
+from radar_core import DataError
 from radar_tracking import HandConfig
 
 COLOURS = {"linear": "#E69F00", "mm_vel_est": "#0072B2"}  # Okabe and Ito: told apart by everybody
@@ -110,9 +111,12 @@ def main() -> None:
     given = parser.parse_args()
     images, store = Path(__file__).resolve().parents[1] / "img", HandStore(given.keep)
     figures = json.loads(given.figures.read_text())
-    positions(store, figures["tuned"], images / "hand_position.png")
     clocks(figures, images / "hand_clocks.png")
-    slider(store, images / "hand_slider.png")
+    try:
+        positions(store, figures["tuned"], images / "hand_position.png")
+        slider(store, images / "hand_slider.png")
+    except DataError as error:
+        sys.exit(f"{error}; for two pictures run first: make figures ARGS=hand")
 
 
 if __name__ == "__main__":

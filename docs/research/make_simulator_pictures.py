@@ -23,7 +23,7 @@ from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.features import FeatureConfig
 from radar_gestures.maps import FeatureMaps, feature_maps
 from radar_sim import Action, CouplingConfig, Effects, LossesConfig, NoiseConfig, OcclusionConfig, Person, Scene, Simulator, load_scene
-from radar_tracking import PeopleTracker, TrackerConfig
+from radar_tracking import make_tracker
 
 GROUPS = {"push_pull": ("push", "pull"), "swipes": ("swipe_left", "swipe_right")}
 PLACES = (0, 20, -20)  # azimuth of the person [deg]
@@ -49,7 +49,7 @@ def stroke(gesture: str, place: float) -> tuple[FeatureMaps, float]:
     )
     simulator = Simulator(Scene(duration=START + 2.0, people=(person,), effects=effects))
     segment = next(s for s in simulator.world.timelines[0].segments if s.gesture is not None)
-    baseband, tracker = Baseband(BasebandConfig(), simulator.info), PeopleTracker(TrackerConfig())
+    baseband, tracker = Baseband(BasebandConfig(), simulator.info), make_tracker(info=simulator.info)
     clouds = []
     for k in range(math.ceil((segment.end + AROUND) / simulator.interval)):
         cloud = baseband.process(simulator.process(k).frame)
