@@ -27,7 +27,7 @@ from radar_tracking import make_tracker
 
 GROUPS = {"push_pull": ("push", "pull"), "swipes": ("swipe_left", "swipe_right")}
 PLACES = (0, 20, -20)  # azimuth of the person [deg]
-PREVIEWS = ("demo", "handshake")
+PREVIEWS = ("demo",)
 DISTANCE = 2.3  # m
 START, AROUND = 2.0, 0.25  # s: of the stroke, and what is shown before and after it
 TOP_SPEED = 3.6  # m/s
