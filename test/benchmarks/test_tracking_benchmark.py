@@ -15,7 +15,7 @@ from benchmarks.report import join
 from benchmarks.scenarios import HIGH_MOUNT, MOUNT, Moment
 from benchmarks.tracking_score import Score, Scorer, apart, fresh_misses, total
 from benchmarks.tracking_suite import FLOOR, PEER, TRACKERS, Job, follow, make, peer_installed, pooled, run_all, simulate, zones_of
-from radar_core import PointCloud, RadarInfo
+from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_sim import Truth
 from radar_tracking import PeopleTracker, Track, TrackerConfig, Tracks, TrackStatus
 
@@ -246,6 +246,18 @@ def test_plan_has_every_scene_once():
     assert sum(bool(job.choices) for job in found) == 4
     assert sum(job.peer for job in found) == (20 if peer_installed() else 0)
     assert {job.seed for job in tracking.jobs(tracking.QUICK)} == {0}
+
+
+@pytest.mark.long
+def test_arms_of_two_who_gesture_side_by_side():
+    """Each tracker's points are those of the same scene, and few are given to the wrong person; another part is refused."""
+    found = tracking.run(quick=True, parts="arms")
+    assert found["scenes"] == 1
+    assert found["wrong_point_fraction"].keys() == found["points"].keys() == {"poisson_bernoulli", *tracking_suite.THESIS}
+    assert min(found["points"].values()) > 100
+    assert all(0 <= share < 0.3 for share in found["wrong_point_fraction"].values())
+    with pytest.raises(ConfigError, match="choose arms"):
+        tracking.run(quick=True, parts="legs")
 
 
 @pytest.fixture(scope="module")

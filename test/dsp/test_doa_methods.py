@@ -248,17 +248,6 @@ def test_field_of_view(method, backend):
     np.testing.assert_array_equal(found.inside, np.arange(10) < 4)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_an_alias_beyond_the_circle_is_no_direction(backend):
-    """Half a wavelength apart, sine and sine - 2 are one snapshot: whatever the last digit says, the one that is an angle is found."""
-    azimuth = np.radians(np.repeat([60.5, -62.0, 64.0, 66.0, -66.0], 40))
-    rng = np.random.default_rng(5)
-    phase = np.exp(2j * np.pi * rng.random(len(azimuth)))[:, None] * 10.0 ** rng.uniform(-3, 3, len(azimuth))[:, None]
-    v = (phase * INFO.array.steering(azimuth, 0.0, LAMBDA)).astype(np.complex64)
-    found = DirectionFinder(DoaConfig(method="capon", newton_steps=4), INFO, backend).process(v, np.full(len(azimuth), 1e6, np.float32))
-    np.testing.assert_allclose(found.azimuth, azimuth, atol=math.radians(0.1))
-
-
 def test_grid_is_within_half_its_spacing():
     """Without noise the best grid point is near: within 0.6 of the spacing across, and 1.5 upright, where the beam is eight times wider."""
     rng = np.random.default_rng(14)

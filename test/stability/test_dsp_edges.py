@@ -266,6 +266,17 @@ def test_ambiguous_arrays_give_one_of_their_directions(azimuth, method, backend)
     assert abs(math.remainder(math.sin(found.azimuth[0]) - math.sin(azimuth), 0.5)) < 0.005
 
 
+@pytest.mark.parametrize("backend", ["numba", "numpy"])
+def test_an_alias_beyond_the_circle_is_no_direction(backend):
+    """Half a wavelength apart, sine and sine - 2 are one snapshot: whatever the last digit says, the one that is an angle is found."""
+    rng, azimuth, info = np.random.default_rng(5), np.radians(np.repeat([60.5, -62.0, 64.0, 66.0, -66.0], 40)), RadarInfo()
+    phase = np.exp(2j * np.pi * rng.random(len(azimuth)))[:, None] * 10.0 ** rng.uniform(-3, 3, len(azimuth))[:, None]
+    snapshot = (phase * info.array.steering(azimuth, 0.0, info.waveform.wavelength)).astype(np.complex64)
+    finder = DirectionFinder(DoaConfig(method="capon", newton_steps=4), info, backend)
+    found = finder.process(snapshot, np.full(len(azimuth), 1e6, np.float32))
+    np.testing.assert_allclose(found.azimuth, azimuth, atol=math.radians(0.1))
+
+
 @BACKENDS
 @pytest.mark.parametrize("loading", [1e-6, 0.05, 10.0])
 def test_capon_with_one_snapshot(loading, backend):
