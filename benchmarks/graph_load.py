@@ -76,10 +76,10 @@ def busy_core() -> Iterator[None]:
         process.wait()
 
 
-def hop(seconds: float, domain: int) -> list[float]:
-    """Time one hop between two bare nodes, with messages of a frame's size at its rate [ms]."""
+def hop(seconds: float, domain: int, size: int | None = None) -> list[float]:
+    """Time one hop between two bare nodes at the frame rate, with messages of so many bytes; None: of a frame's size [ms]."""
     info = Simulator(load_scene(SCENE)).info
-    size = 8 * int(np.prod(info.cube_shape))
+    size = 8 * int(np.prod(info.cube_shape)) if size is None else size
     words = [str(size), str(info.waveform.frame_interval), str(seconds + SETTLE)]
     env = environment(domain)
     reader = subprocess.Popen([sys.executable, "-c", _HOP, "in", *words], env=env, stdout=subprocess.PIPE, text=True)

@@ -70,6 +70,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gestures_shipped": Study("gestures_shipped"),
     "gestures_speed": Study("gestures_speed"),
     "graph": Study("graph"),
+    "graph_costs": Study("graph_costs"),
     "hand": Study("hand", keep="hand"),
     "hand_losses": Study("hand_losses", keep="hand"),
     "hand_mars": Study("hand_mars"),

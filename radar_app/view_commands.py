@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -95,18 +95,11 @@ def _logging(source: LiveSource | BagSource, log: Path | None, subject: str) -> 
         yield [partial(LoggerTab, logger=logger)]
 
 
-def _yield_to_graph() -> None:
-    """Work when the nodes leave time: niceness counts within a session, and Linux shares processors among sessions first (autogroup)."""
-    os.nice(_NICE)
-    if os.getsid(0) == os.getpid():  # a service or a job of its own; never the session of somebody's shell
-        with suppress(OSError):
-            Path("/proc/self/autogroup").write_text(str(_NICE), encoding="utf-8")
-
-
 def _live(namespace: str, zones: Path | None) -> LiveSource:
     from radar_app.view.live import LiveSource
+    from radar_ros.priority import give_way
 
-    _yield_to_graph()
+    give_way(_NICE)
     return LiveSource(namespace.strip("/"), zones)
 
 

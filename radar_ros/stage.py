@@ -7,8 +7,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import handwave.msg
@@ -22,6 +22,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from radar_core import DeviceError, HandwaveError, RadarInfo
 from radar_core.gaps import Gaps
@@ -31,47 +32,18 @@ from radar_ros.guard import GuardMixin, Problems
 from radar_ros.messages.convert import info_from_msg
 from radar_ros.middleware import unreadable
 from radar_ros.params import declare, explained, refuse_unknown
+from radar_ros.period import Period
+from radar_ros.priority import give_way
 from radar_ros.reports import TOGETHER, Reports
 
 _INFO_GRACE = 4.0  # s: at start-up data may overtake the info; the middleware takes up to 3.4 s (measured) to find a late joiner
-_BUDGET = 0.8  # of the frame interval; above that, a little more load loses frames
 _PULSE = 0.1  # s: how long a signal may wait for Python to see it
+_TURN = 1.0  # s: how long the executor works before it is asked whether rclpy is still up
 _LOOK = 0.1  # s: how often a stage looks whether messages still come
 _HELD_UP = 0.5  # s: a look that comes so late says that the node itself was held up, and its messages wait
 _AHEAD = 10.0  # s: so far ahead of the time that has passed, stamps are worth a line
 _JUMP = 1000  # messages that are missing in a row are worth a line
 _INTERVALS = 5  # a stage is not stale within so many frames of its radar, however long these take
-
-
-@dataclass
-class Period:
-    """What happened since the last diagnostics."""
-
-    started: float  # on CLOCK_MONOTONIC [s]
-    processed: int  # the stage's counts at that time
-    dropped: int
-    compute: float = 0.0  # spent on all messages since then [s]
-    compute_max: float = 0.0  # and on the slowest of them [s]
-
-    def figures(self, now: float, processed: int, dropped: int, frame_interval: float) -> tuple[dict[str, Any], list[str]]:
-        """Values and warnings at its end; ``frame_interval`` [s] is 0 where the stage does not know its radar (yet)."""
-        count, drops = processed - self.processed, dropped - self.dropped
-        mean = self.compute / count if count else 0.0
-        values: dict[str, Any] = {
-            "rate_hz": f"{count / max(now - self.started, 1e-3):.1f}",
-            "dropped": drops,
-            "dropped_total": dropped,
-            "processed_total": processed,
-            "compute_ms": f"{mean * 1e3:.3f}",
-            "compute_max_ms": f"{self.compute_max * 1e3:.3f}",
-        }
-        warnings = [f"{drops} dropped"] if drops else []
-        if frame_interval > 0:
-            share = mean / frame_interval
-            values["budget_percent"] = f"{share * 100:.1f}"
-            if share > _BUDGET:
-                warnings.append(f"a frame takes {mean * 1e3:.3g} ms of the {frame_interval * 1e3:.3g} ms until the next one")
-        return values, warnings
 
 
 class Silence:
@@ -118,11 +90,14 @@ class StageMixin(GuardMixin):
         Whose data it works on, for diagnostics: the frame of its radar, which `InfoKeeper` sets; ``none``: not known.
     fixed_because : str
         Why parameters that are read only cannot change; nodes say it in their own words.
+    gives_way : int
+        Niceness of a process that has only such nodes: who looks at results leaves the processors to who makes them.
     commands : set of str
         Full names of topics on which an application may send commands. `ready` does not wait for a publisher there.
     """
 
     fixed_because = "the node is made with it"
+    gives_way = 0
 
     def start_stage(self: Any, stage: str) -> None:
         """Declare the shared parameters and make the shared publishers; call first."""
@@ -338,6 +313,13 @@ class InfoKeeper:
         return None
 
 
+def _beat(told: Sequence[int], stop: Any) -> None:
+    """Tell that the process goes on; once a signal was ``told``, let the executor ``stop``."""
+    heartbeat.beat()
+    if told and not stop.done():
+        stop.set_result(None)
+
+
 def run(*makers: Callable[[], Any]) -> int:
     """Run nodes on one executor until told to stop.
 
@@ -359,11 +341,14 @@ def run(*makers: Callable[[], Any]) -> int:
             refuse_unknown(nodes[-1])
             executor.add_node(nodes[-1])
         # Python sees a signal only when the executor wakes up, and with simulated time nothing wakes it once /clock stands still.
-        nodes[0].create_timer(_PULSE, heartbeat.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        stop: Any = Future()
+        nodes[0].create_timer(_PULSE, partial(_beat, told, stop), clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if nice := min((getattr(node, "gives_way", 0) for node in nodes), default=0):
+            give_way(nice)
         gc.collect()
         gc.freeze()  # what lives as long as the nodes need not be walked through in the middle of a frame
-        while rclpy.ok() and not told:
-            executor.spin_once(timeout_sec=_PULSE)
+        while rclpy.ok() and not told:  # a turn is long: to enter the executor costs a fifth of what a small message does
+            executor.spin_until_future_complete(stop, timeout_sec=_TURN)
     except (ExternalShutdownException, KeyboardInterrupt):
         pass
     except HandwaveError as error:

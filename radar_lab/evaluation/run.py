@@ -66,12 +66,13 @@ class Evaluator:
 
     def _note_consistency(self, tracks: Tracks, matched: Matched) -> None:
         """Compare the errors of the tracks of people who count with the covariances that the tracks claim."""
-        row = {int(number): i for i, number in enumerate(matched.truth.id)}
-        step = matched.step
-        for person, number in zip(step.truth_id[step.visible].tolist(), step.estimate_id[step.visible].tolist(), strict=True):
-            track = tracks.find(number)
-            if track is not None:
-                self._nees.add(track.position[:2] - matched.truth.position[row[person]], track.covariance[:2, :2])
+        row = {number: i for i, number in enumerate(matched.truth.id.tolist())}
+        step, known = matched.step, {track.id: track for track in tracks.tracks}
+        pairs = zip(step.truth_id[step.visible].tolist(), step.estimate_id[step.visible].tolist(), strict=True)
+        found = [(known[number], matched.truth.position[row[person]]) for person, number in pairs if number in known]
+        if found:
+            errors = np.array([track.position[:2] - place for track, place in found])
+            self._nees.add(errors, np.array([track.covariance[:2, :2] for track, _ in found]))
 
     def score(self) -> GestureScore:
         """Match the published gestures with those performed."""
@@ -159,15 +160,19 @@ class _NeesMean:
     def __init__(self) -> None:
         self._sum, self._samples, self._refused = 0.0, 0, 0
 
-    def add(self, error: Float64Array, covariance: Float64Array) -> None:
-        """Take in one error, shape (2,) [m], and its covariance, shape (2, 2) [m^2]; NaN: the tracker gives none."""
-        if not np.isfinite(covariance).all():
-            return
+    def add(self, errors: Float64Array, covariances: Float64Array) -> None:
+        """Take in errors, shape (n, 2) [m], and their covariances, shape (n, 2, 2) [m^2]; NaN: the tracker gives none."""
+        given = np.isfinite(covariances).all(axis=(1, 2))
+        errors, covariances = errors[given], covariances[given]
         try:
-            self._sum += float(nees(error, covariance)) / 2
-            self._samples += 1
+            self._sum += float(nees(errors, covariances).sum()) / 2
+            self._samples += len(errors)
         except SingularError:
-            self._refused += 1
+            if len(errors) == 1:
+                self._refused += 1
+                return
+            for k in range(len(errors)):
+                self.add(errors[k : k + 1], covariances[k : k + 1])
 
     def report(self) -> dict[str, Any]:
         """Mean, number of samples, number of covariances that are none."""

@@ -27,6 +27,8 @@ _SLOP = 0.005  # s: stamps of tracks and truth are equal by construction; anothe
 class EvaluationNode(StageNode):
     """Publishes GOSPA of every moment, figures as diagnostics once a second, and writes the full report at the end."""
 
+    gives_way = 5
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("evaluation", **kwargs)
         self._report = str(declare(self, "report", "", "file to write the report to at the end (JSON); empty: none"))

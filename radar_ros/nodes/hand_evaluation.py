@@ -31,6 +31,8 @@ Reference = Literal["camera", "truth"]
 class HandEvaluationNode(StageNode):
     """Publishes the residual of every hand track that the reference can be interpolated to, and writes what all of them say."""
 
+    gives_way = 5
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("hand_evaluation", **kwargs)
         self._declare()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import tempfile
 import threading
 import time
@@ -25,6 +24,7 @@ from radar_ros.stage import StageNode, run
 _FLUSH_AFTER = 0.5  # s: what a crash may cost
 _AGAIN = 5.0  # s: a recording that ended because the disk was full begins anew beside, as soon as there is room
 _ROOM = 16  # MiB that have to be free for that
+_TURN = 0.05  # s: messages are written together, because to wake a thread for each costs more than to write it
 _WAITING = 500  # messages between the network and the disk; 2.5 s of everything at 50 Hz
 
 
@@ -44,6 +44,7 @@ class RecorderNode(StageNode):
     """Writes what it hears, as bytes, without looking inside."""
 
     fixed_because = "the recording has begun"
+    gives_way = 5
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("recorder", **kwargs)
@@ -56,7 +57,8 @@ class RecorderNode(StageNode):
             raise ConfigError(f"cannot record {', '.join(unknown)}; topics: {', '.join(TYPES)}")
         self._writer = BagWriter(self._folder(Path(path)))
         self._broken, self._tried = False, 0.0  # whether writing failed, and when it was last tried to begin anew
-        self._queue: queue.Queue[tuple[str, str, int, bytes] | None] = queue.Queue(_WAITING)
+        self._waiting: deque[tuple[str, str, int, bytes]] = deque()
+        self._ending = threading.Event()
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
         for topic in topics:
@@ -82,11 +84,11 @@ class RecorderNode(StageNode):
         def take(data: bytes) -> None:
             if topic not in self._writer.offered:
                 self._writer.offered[topic] = self._offered(topic, name)
-            try:
-                self._queue.put_nowait((topic, msgtype, self.get_clock().now().nanoseconds, data))
-            except queue.Full:
-                self.dropped += 1
-                self.problem("the disk is too slow: messages are lost from the recording; record fewer topics (parameter topics)")
+            if len(self._waiting) < _WAITING:
+                self._waiting.append((topic, msgtype, self.get_clock().now().nanoseconds, data))
+                return
+            self.dropped += 1
+            self.problem("the disk is too slow: messages are lost from the recording; record fewer topics (parameter topics)")
 
         return take
 
@@ -103,13 +105,11 @@ class RecorderNode(StageNode):
 
     def _write(self) -> None:
         """Write what comes until told to end; bring it to the file often, because a crash costs what is not there."""
-        flushed = time.monotonic()
-        while True:
-            with suppress(queue.Empty):
-                item = self._queue.get(timeout=_FLUSH_AFTER)
-                if item is None:
-                    return
-                self._to_disk(partial(self._writer.write, *item))
+        flushed, ended = time.monotonic(), False
+        while not ended:
+            ended = self._ending.wait(_TURN)
+            while self._waiting:
+                self._to_disk(partial(self._writer.write, *self._waiting.popleft()))
                 self.processed += not self._broken
                 self.dropped += self._broken
             self._begin_anew()
@@ -143,7 +143,7 @@ class RecorderNode(StageNode):
 
     def close(self) -> None:
         """Write what waits and finish the bag."""
-        self._queue.put(None)
+        self._ending.set()
         self._thread.join()
         self._to_disk(self._writer.close)
 

@@ -39,6 +39,8 @@ class VisualisationNode(StageNode):
     Each cloud's points go out in the colours of their tracks, when somebody listens, in the frame of the cloud.
     """
 
+    gives_way = 5
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("visualisation", **kwargs)
         rate = float(declare(self, "rate", 10.0, "markers per second", unit="Hz", low=0.5, high=100.0))

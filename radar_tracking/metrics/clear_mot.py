@@ -179,6 +179,8 @@ class ClearMot:
                 partner[i] = j
         for group in (truth.visible, ~truth.visible):
             rows = np.flatnonzero(group & (partner < 0))
+            if not len(rows):
+                continue
             columns = np.setdiff1d(np.arange(len(estimate)), partner)
             some = apart[np.ix_(rows, columns)]
             much = radius * (min(some.shape) + 1)  # one pair more is worth more than any distances

@@ -119,7 +119,7 @@ class Zones:
         Tentative tracks count for nobody, coasting ones for somebody. Zones may overlap: whoever stands in two is counted in both.
         """
         people = [track.position for track in tracks.tracks if track.status != TrackStatus.TENTATIVE]
-        if not people:
+        if not people or not self.config.counted:
             return dict.fromkeys(self.config.counted, 0)
         counts = _in_boxes(np.stack(people), self.counted).sum(axis=0)
         return dict(zip(self.config.counted, map(int, counts), strict=True))

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "board_gestures", "calibrate_array",
-    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "hand_losses", "hand_noise", "house",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "graph_costs", "hand_losses", "hand_noise", "house",
     "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "recorded_echoes", "soak",
     "vertex_rcs", "vital",
 }  # fmt: skip
@@ -225,6 +225,17 @@ def vertex_rcs(found):
     assert all(one["tracked"] > 0.5 and one["track_error_m"] < 0.3 for one in seen.values())
 
 
+def graph_costs(found):
+    """All nodes are taken apart, nothing is counted twice, and the library works in its stages."""
+    nodes = found["ms_per_frame"]
+    assert {"driver", "baseband", "tracking", "gestures", "hand", "zones", "visualisation", "evaluation", "recorder"} == set(nodes)
+    assert all(value >= 0 for parts in nodes.values() for value in parts.values())
+    assert all(nodes[name]["own work"] > 0 for name in found["library_ms"])
+    assert found["ms_per_frame_by_part"]["own work"] == pytest.approx(sum(nodes[name]["own work"] for name in found["library_ms"]))
+    for prefix in ("", "composed_"):
+        assert found[f"{prefix}over_library"] > found[f"{prefix}least_over_library"] > found[f"{prefix}slower_in_graph"] > 0.5
+
+
 def load_steps(found):
     """Each step has its readings, tracks come in all of them, and the graph's time is a part of the machine's."""
     assert [row["loops"] for row in found["steps"]] == [0, 1, 2, 0]
@@ -272,6 +283,7 @@ def test_quick_run(name, tmp_path):
         "vital": vital,
         "hand_losses": hand_losses,
         "living": living,
+        "graph_costs": graph_costs,
         "load_steps": load_steps,
         "gesture_comparison": gesture_comparison,
         "house": house,

@@ -22,7 +22,7 @@ from radar_dsp.array_file import CalibratedArray, save_array
 from radar_dsp.tally import Tally
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_to_msg, info_to_msg
-from radar_ros.stage import Period
+from radar_ros.period import Period
 
 INFO = RadarInfo(full_scale=100.0)
 

@@ -72,7 +72,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(ros, tmp_path, monkeypa
     problems = []
     monkeypatch.setattr(node, "problem", problems.append)
     for number in range(bags_waiting := 50):
-        node._queue.put(("/radar/frame", bags.TYPES["radar/frame"], number, FRAME))
+        node._waiting.append(("/radar/frame", bags.TYPES["radar/frame"], number, FRAME))
     assert wait_for(lambda: node.processed + node.dropped == bags_waiting, 10.0)
     assert (node.processed, node.dropped) == (20, 30)
     started = time.monotonic()
@@ -96,13 +96,13 @@ def test_a_recorder_goes_on_when_there_is_room_again(ros, tmp_path, monkeypatch)
     room = recording._require_room
     monkeypatch.setattr(recording, "_require_room", lambda folder: fail() if full[0] else room(folder))
     monkeypatch.setattr(node._writer, "write", fail)
-    node._queue.put(("/radar/frame", bags.TYPES["radar/frame"], 0, FRAME))
+    node._waiting.append(("/radar/frame", bags.TYPES["radar/frame"], 0, FRAME))
     assert wait_for(lambda: node.dropped == 1, 10.0)
     time.sleep(0.5)
     assert os.listdir(tmp_path) == ["full"]
     full[0] = False
     assert wait_for(lambda: (tmp_path / "full_2").exists() and not node._broken, 10.0)
-    node._queue.put(("/radar/frame", bags.TYPES["radar/frame"], 1, FRAME))
+    node._waiting.append(("/radar/frame", bags.TYPES["radar/frame"], 1, FRAME))
     assert wait_for(lambda: node.processed == 1, 10.0)
     node.close()
     assert bags.contents(tmp_path / "full_2") == {"/radar/frame": 1}
