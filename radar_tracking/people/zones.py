@@ -159,6 +159,11 @@ class View:
         x, y, z = self._mount.from_room(position).T
         return np.asarray((np.abs(np.arctan2(y, x)) <= self._half) & (x * x + y * y + z * z < self._reach**2))
 
+    def margin(self, position: Float64Array) -> Float64Array:
+        """How far positions, shape (n, 3) in ``room`` [m], are from the sides of the view, shape (n,) [m]; negative: outside."""
+        x, y, _ = self._mount.from_room(position).T
+        return np.asarray(np.hypot(x, y) * (self._half - np.abs(np.arctan2(y, x))))
+
 
 def _bounds(info: RadarInfo) -> tuple[float, float, float, float]:
     """Half the field of view in azimuth [rad], reach and range cell [m], Doppler cell [m/s]; infinite, and zero, where it does not tell."""

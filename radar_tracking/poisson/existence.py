@@ -30,6 +30,7 @@ _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
 _KNOWN_AFTER: Final = 2.0  # s in sight: before, nobody is believed to stand
 _SURELY: Final = 3.0  # log odds of being a person: who looks less like one is believed less
 _HELD: Final = 7.0  # and who has been in sight all the time
+_ASIDE: Final = 0.3  # m from the side of the view: who vanishes there has probably left
 _FURNISHED: Final = 20.0  # s: who stands with still points about, furniture or not, is believed at least so long
 _PERSON_TIME: Final = 1.5  # s: the odds are averaged over this
 _JUST: Final = 0.2  # s: who is unseen for longer gives no look to judge
@@ -44,15 +45,16 @@ _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
 _APART: Final = 1.0  # m
 _AGAIN, _AGAIN_AFTER = 1.2, 0.5  # m, s: who appears so near to a person unseen for so long is that person
+_WENT_OFF: Final = 2.0  # s: who is not seen any more since shortly after somebody began beside them is that person, who went off
 _ONE_BODY: Final = 1.3  # body widths: of two people this near to each other one follows the other's body, if somebody begins beside them
 _OUT_AFTER: Final = 0.3  # s unseen out of view: left
 
 
-def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: float, config: PoissonConfig, origin: Float64Array) -> None:
-    """Change log odds and rates by what a cloud says; ``origin``, shape (2,), is where the sensor stands."""
+def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: float, config: PoissonConfig, view: View) -> None:
+    """Change log odds and rates by what a cloud says."""
     rows, corr = table.rows, config.correlation_time
     supported = rows["stands"] & (shares.support > 0.5)
-    patience = _patience(table, supported, config, origin)
+    patience = _patience(table, supported, config, view)
     fresh = np.clip((now - rows["counted"]) / corr, min(1.0, dt / corr), 1.0)
     span = MOST_ODDS + CONFIRM_ODDS
     gain = np.clip(shares.evidence, 0.0, _MOST) * fresh
@@ -69,14 +71,15 @@ def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: floa
         rows[name] += _share(dt, time) * (hit - rows[name])
 
 
-def _patience(table: Table, supported: BoolArray, config: PoissonConfig, origin: Float64Array) -> Float64Array:
+def _patience(table: Table, supported: BoolArray, config: PoissonConfig, view: View) -> Float64Array:
     """How long each track is believed without points [s]."""
     rows = table.rows
     known = np.minimum(rows["presence"] * _PRESENCE_TIME / _KNOWN_AFTER, 1.0)
     known *= np.where(rows["confirmed"], np.clip(rows["person"] / _SURELY, 0.05, 1.0), 1.0)
-    stay = config.stay_time * (1.0 + _HELD * np.minimum(2.0 * rows["presence"], 1.0)) * known
+    away = table.mean[:, :2] - view.origin[:2]
+    aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
+    stay = config.stay_time * (1.0 + np.where(aside, 0.0, _HELD) * np.minimum(2.0 * rows["presence"], 1.0)) * known
     patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
-    away = table.mean[:, :2] - origin
     covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
     patience = np.where(covered, _HIDDEN * patience, patience)
     patience = np.where(rows["confirmed"] | rows["stands"], patience, np.minimum(patience, _TENTATIVE))
@@ -177,12 +180,14 @@ class Decisions:
         return np.asarray(((gaps < limit) | began) & (people & ~people[:, None]) & (rows["stands"] | (way[:, None] < _ALONG) | limb))
 
     def _recover(self, table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:
-        """Give a new person the identity of one who stood there and was not seen since, or who follows another's body."""
+        """Give a new person the identity of one who stood there and was not seen since, who went off, or who follows another's body."""
         rows = table.rows
         people = [k for k in np.flatnonzero(rows["confirmed"]).tolist() if k not in ends]
-        lost = [k for k in people if now - rows["seen"][k] > _AGAIN_AFTER and gaps[row, k] < _AGAIN]
+        step = table.mean[:, :2] - rows["birthplace"][row]
+        unseen = [k for k in people if now - rows["seen"][k] > _AGAIN_AFTER]
+        lost = [k for k in unseen if gaps[row, k] < _AGAIN]
+        lost = lost or [k for k in unseen if rows["seen"][k] < rows["born"][row] + _WENT_OFF and math.hypot(*step[k]) < _AGAIN]
         if not lost:
-            step = table.mean[:, :2] - rows["birthplace"][row]
             near = [k for k in people if math.hypot(*step[k]) < _AGAIN]
             lost = [k for k in near if any(gaps[k, j] < _ONE_BODY * self._config.body_width and table.were_apart(k, j) for j in people)]
         if not lost:

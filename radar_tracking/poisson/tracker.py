@@ -137,7 +137,7 @@ class PoissonTracker:
         table, knobs = self._table, self.config.poisson
         state = TrackArrays(*table.apparent(), table.rows["rate"].copy(), table.existence, bodies(table))
         shares = Shares(measured, clutter, state, knobs)
-        weigh(table, measured, shares, dt, now, knobs, self._view.origin[:2])
+        weigh(table, measured, shares, dt, now, knobs, self._view)
         update = motion.Update(table, measured, shares, knobs)
         note_motion(table, update, measured, dt, now, knobs)
         note_look(table, measured, shares, dt, self._view.origin, CONFIRM_ODDS, knobs.body_height)
