@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import rclpy
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from radar_ros.executor import make_executor
@@ -26,10 +27,15 @@ def ros() -> Iterator[None]:
 
 
 class Visitor:
-    """A node of a command, with an executor of its own."""
+    """A node of a command, with an executor of its own.
+
+    It offers no services. That of type descriptions outlives its node in rclpy, so that this process grew by 0.1 MB with each visit, and
+    every other one of the graph by 6 kB.
+    """
 
     def __init__(self, name: str, namespace: str = "") -> None:
-        self.node = rclpy.create_node(name, namespace=namespace, start_parameter_services=False)
+        without = [Parameter("start_type_description_service", value=False)]
+        self.node = rclpy.create_node(name, namespace=namespace, start_parameter_services=False, parameter_overrides=without)
         self.executor = make_executor()
         self.executor.add_node(self.node)
 
