@@ -29,7 +29,7 @@ from radar_sim import Simulator, load_scene
 
 DOMAIN: Final = 150 + (os.getpid() + 20) % 80
 _SECONDS: Final = (5.0, 30.0)
-_FRAMES: Final = (100, 1000)
+_FRAMES: Final = (100, None)  # of the scene; None: all, as the graph's window has them
 _WARM: Final = 20  # frames
 _SMALL: Final = 64  # bytes
 
@@ -40,8 +40,14 @@ def counted(spec: NodeSpec, folder: Path) -> NodeSpec:
     return NodeSpec(spec.name, "benchmarks.costs_node", namespace=spec.namespace, place=spec.place, words=words)
 
 
-def offline(n_frames: int) -> dict[str, float]:
-    """Give what the library takes for a frame, one frame behind the other, by stage [ms]."""
+def _through(simulator: Simulator, n_frames: int) -> None:
+    pipeline = Pipeline(simulator.info)
+    for k in range(n_frames):
+        pipeline.process(simulator.process(k).frame)
+
+
+def offline(n_frames: int | None) -> dict[str, float]:
+    """Give what the library takes for a frame, one frame behind the other, by stage [ms]; None: for all frames of the scene."""
     spent: dict[str, Costs] = {}
     kept = []
     for name, (where, kind, method) in LIBRARY.items():
@@ -51,12 +57,11 @@ def offline(n_frames: int) -> dict[str, float]:
         spent[name] = costs
     try:
         simulator = Simulator(load_scene(SCENE))
-        pipeline = Pipeline(simulator.info)
-        for k in range(_WARM + n_frames):
-            if k == _WARM:
-                for costs in spent.values():
-                    costs.spent.clear()
-            pipeline.process(simulator.process(k).frame)
+        n_frames = n_frames or simulator.n_frames
+        _through(simulator, _WARM)  # what is compiled or planned at first is not measured
+        for costs in spent.values():
+            costs.spent.clear()
+        _through(simulator, n_frames)
     finally:
         for owner, method, function in kept:
             setattr(owner, method, function)
