@@ -52,7 +52,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "doctor": Study("doctor"),
     "dsp": Study("dsp"),
     "effects": Study("effects"),
-    "faults": Study("faults", LONG),
+    "faults": Study("faults"),
     "fuzz": Study("fuzz", LONG),
     "gesture_comparison": Study("gesture_comparison"),
     "gesture_crowds": Study("gesture_crowds", keep="gesture_streams"),
