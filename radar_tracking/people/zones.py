@@ -161,6 +161,8 @@ class View:
 
     def margin(self, position: Float64Array) -> Float64Array:
         """How far positions, shape (n, 3) in ``room`` [m], are from the sides of the view, shape (n,) [m]; negative: outside."""
+        if math.isinf(self._half):  # zero times infinity, where somebody is at the sensor's place, would be no distance
+            return np.full(len(position), np.inf)
         x, y, _ = self._mount.from_room(position).T
         return np.asarray(np.hypot(x, y) * (self._half - np.abs(np.arctan2(y, x))))
 

@@ -63,4 +63,4 @@ def test_nobody_is_believed_for_long_at_the_side_of_the_view():
     assert alone[2:] == pytest.approx([KNOBS.stay_time] * 2)
     at = np.array([(*place, view.origin[2]) for place in places])
     assert View(info).margin(at) == pytest.approx([2.0 * half, 0.5, 0.1, 0.1])
-    assert np.isinf(View(None).margin(at)).all()
+    assert np.isinf(View(None).margin(np.vstack([at, np.zeros(3)]))).all()
