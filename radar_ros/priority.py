@@ -1,4 +1,4 @@
-"""Giving way on a busy machine: who shows, records or judges results leaves the processors to who makes them."""
+"""Giving way on a busy machine: who shows or judges results leaves the processors to who makes them; who records would lose some."""
 
 from __future__ import annotations
 

@@ -44,7 +44,6 @@ class RecorderNode(StageNode):
     """Writes what it hears, as bytes, without looking inside."""
 
     fixed_because = "the recording has begun"
-    gives_way = 5
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("recorder", **kwargs)
