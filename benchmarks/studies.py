@@ -92,6 +92,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "rooms_first": Study("rooms --seeds first", keep="rooms"),
     "simulator": Study("simulator"),
     "small": Study("small"),
+    "soak": Study("soak --hours 1"),
     "stage_reports": Study("stage_reports"),
     "suite_first": Study("suite --seeds first", keep="suite"),
     "tracking": Study("tracking", LONG, keep="tracking"),
