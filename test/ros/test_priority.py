@@ -32,6 +32,7 @@ def test_a_process_gives_way(own):
     assert told[-1] == ("7" if own else before)
 
 
+@pytest.mark.usefixtures("own_domain")
 @pytest.mark.parametrize(("kinds", "wanted"), [(("evaluation",), 5), (("evaluation", "zones"), 0)])
 def test_a_node_that_looks_gives_way_alone_only(kinds, wanted):
     """In a process of its own; in one process with who makes results, nobody gives way."""
