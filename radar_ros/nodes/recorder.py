@@ -107,7 +107,7 @@ class RecorderNode(StageNode):
         flushed, ended = time.monotonic(), False
         while not ended:
             ended = self._ending.wait(_TURN)
-            while self._waiting:
+            for _ in range(len(self._waiting)):  # not more: on a slow disk more come meanwhile, and nothing would be flushed
                 self._to_disk(partial(self._writer.write, *self._waiting.popleft()))
                 self.processed += not self._broken
                 self.dropped += self._broken

@@ -85,6 +85,24 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(ros, tmp_path, monkeypa
     monkeypatch.setattr(node, "close", lambda: None)
 
 
+def test_a_disk_that_cannot_keep_up_costs_what_is_not_yet_flushed_only(ros, tmp_path, monkeypatch):
+    """While more comes than can be written, what was written is brought to the file all the same."""
+    node, flushed = recorder(ros, tmp_path / "slow"), []
+    flush, end = node._writer.flush, time.monotonic() + 3.0
+
+    def slow(*_):
+        time.sleep(0.002)
+        while len(node._waiting) < 50 and time.monotonic() < end:
+            node._waiting.append(("/radar/frame", bags.TYPES["radar/frame"], 0, FRAME))
+
+    monkeypatch.setattr(node._writer, "write", slow)
+    monkeypatch.setattr(node._writer, "flush", lambda: (flushed.append(len(node._waiting)), flush()))
+    node._waiting.append(("/radar/frame", bags.TYPES["radar/frame"], 0, FRAME))
+    assert wait_for(lambda: flushed, 10.0)
+    assert flushed[0] > 0
+    monkeypatch.setattr(node._writer, "write", lambda *_: None)
+
+
 def test_a_recorder_goes_on_when_there_is_room_again(ros, tmp_path, monkeypatch):
     """Beside what the full disk cut off; while nothing can be written, no folder comes of it."""
     node, full = recorder(ros, tmp_path / "full"), [True]
