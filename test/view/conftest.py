@@ -14,13 +14,13 @@ effects:
   noise: {noise_figure: 15}
 people:
   - {id: 1, position: [2.2, 0.8], script: [{gesture: push, at: 1.4}, {gesture: swipe_left, at: 3.6}]}
-  - {id: 2, position: [4.6, -2.0], script: [{walk: {to: [2.6, -1.0], speed: 1.1}}]}
+  - {id: 2, position: [4.6, -2.0], script: [{walk: {to: [2.6, -1.0], speed: 1.1}}, {walk: {to: [4.6, -2.0], speed: 1.1}}]}
 """
 
 
 @pytest.fixture(scope="session")
 def scene(tmp_path_factory):
-    """Somebody who pushes and swipes, and somebody who walks."""
+    """Somebody who pushes and swipes, and somebody who walks and ends where they began: the scene is played again and again."""
     path = tmp_path_factory.mktemp("scene") / "room.yaml"
     path.write_text(SCENE)
     return path
