@@ -1,8 +1,8 @@
 """Hours of a whole graph with everything that happens in hours: what it grows by, and whether it comes back by itself each time.
 
 People come and go and gesture (the demo scene, again and again), frames are lost, sequences and stamps jump (`benchmarks.soak_relay`),
-subscribers come and go, somebody looks at the live page. In the first quarter, nodes are killed and stopped at random as well; in the rest,
-processes live long enough for their growth to be measured. With ``--keep FOLDER`` hours that are done are not done again.
+subscribers come and go, a real browser looks at the live page. In the first quarter, nodes are killed and stopped at random as well; in
+the rest, processes live long enough for their growth to be measured. With ``--keep FOLDER`` hours that are done are not done again.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ import math
 import os
 import random
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +25,7 @@ import handwave.msg
 import numpy as np
 import psutil
 
+from benchmarks.browser import needs_browser, page, pictures
 from radar_app.graph import NodeSpec, graph
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import HandwaveError
@@ -45,14 +44,6 @@ _VISIT: Final = 3.0  # s: how long a subscriber stays
 _SETTLED: Final = 600.0  # s: what a process grows by in its first ten minutes does not count
 _LEAST: Final = 60  # samples for a slope
 _MEMORY: Final = Path("/dev/shm")
-_VIEWER: Final = """
-import sys, time
-from bokeh.client import pull_session
-session = pull_session(url=sys.argv[1])
-while session.connected:
-    session.force_roundtrip()
-    time.sleep(0.2)
-"""
 
 
 @dataclass
@@ -113,7 +104,7 @@ class Soak:
         self.recoveries: list[float] = []
         self.unrecovered: list[str] = []
         self.faults: dict[str, int] = defaultdict(int)
-        self.log_bytes = self.visits = 0
+        self.log_bytes = self.visits = self.pictures = 0
         self._segments: set[str] = set()
         self._sampled = self._visited = 0.0
         self._visitor: Visitor | None = None
@@ -207,24 +198,6 @@ def segments(pids: Any) -> set[str]:
     return found
 
 
-@contextlib.contextmanager
-def viewer(folder: Path) -> Iterator[dict[str, int]]:
-    """Serve the live page, and have somebody look at it; gives the process id of the page."""
-    command = [sys.executable, "-m", "radar_app", "view", "--port", "0"]
-    with (
-        (folder / "view.log").open("w", encoding="utf-8") as errors,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as server,
-    ):
-        assert server.stdout is not None
-        address = server.stdout.readline().strip()
-        with subprocess.Popen([sys.executable, "-c", _VIEWER, address], stderr=errors) as looker:
-            try:
-                yield {"view": server.pid}
-            finally:
-                looker.kill()
-                server.send_signal(signal.SIGINT)
-
-
 def figures(soak: Soak, hours: float) -> dict[str, Any]:
     """Put together what was seen."""
     growth = {life.name: found for life in soak.lives.values() if (found := life.growth()) is not None}
@@ -244,6 +217,7 @@ def figures(soak: Soak, hours: float) -> dict[str, Any]:
         "unrecovered": len(soak.unrecovered),
         "unrecovered_what": soak.unrecovered,
         "subscribers": soak.visits,
+        "pictures": soak.pictures,
         "log_kb_per_hour": soak.log_bytes / 1024 / hours,
     }
 
@@ -257,7 +231,8 @@ def live_through(soak: Soak, hours: float, folder: Path) -> dict[str, Any]:
     with Supervisor(specs, domain=DOMAIN, respawn=True, log=soak.log) as supervisor, ros():
         ear = Ear()
         try:
-            with viewer(folder) as pids:
+            with page(folder) as (driver, (server, _)):
+                pids = {"view": server}
                 end = time.monotonic() + _START
                 soak.live(supervisor, ear, pids, lambda: not ear.missing(1.0) or time.monotonic() > end)
                 if missing := ear.missing(1.0):
@@ -278,6 +253,7 @@ def live_through(soak: Soak, hours: float, folder: Path) -> dict[str, Any]:
                 if lost:
                     soak.unrecovered.append(f"in the end nothing of {', '.join(lost)}")
                 hours = (time.monotonic() - began) / 3600
+                soak.pictures = pictures(driver)
         finally:
             ear.close()
     return figures(soak, hours)
@@ -297,7 +273,7 @@ def together(parts: list[dict[str, Any]]) -> dict[str, Any]:
         "rss_growth_by_node": growth,
         "rss_mb": parts[-1]["rss_mb"],
         **{key: max(part[key] for part in parts) for key in worst},
-        **{key: sum(part[key] for part in parts) for key in ("segments_leaked", "recovered", "unrecovered", "subscribers")},
+        **{key: sum(part[key] for part in parts) for key in ("segments_leaked", "recovered", "unrecovered", "subscribers", "pictures")},
         "faults": {
             name: sum(part["faults"].get(name, 0) for part in parts) for name in sorted({n for part in parts for n in part["faults"]})
         },
@@ -308,6 +284,7 @@ def together(parts: list[dict[str, Any]]) -> dict[str, Any]:
 
 def run(quick: bool, hours: float = 1.0, keep: Path | None = None) -> dict[str, Any]:
     """Measure for so many hours, in graphs of at most one hour each; quick: for half a minute. What is in ``keep`` is not done again."""
+    needs_browser()
     count = 1 if quick else max(1, math.ceil(hours))
     parts = []
     for number in range(count):

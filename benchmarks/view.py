@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -18,24 +17,20 @@ from typing import Any, Final
 import numpy as np
 import psutil
 
+from benchmarks.browser import needs_browser, page, pictures
 from benchmarks.graph import DOMAIN, nodes
-from benchmarks.report import AbsentError, choice
+from benchmarks.report import choice
 from radar_app.live import Monitor
 from radar_app.supervisor import Supervisor, environment, refuse_busy_domain
 from radar_core import HandwaveError
 from radar_ros.interrupts import ros
 
-FLAGS: Final = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--window-size=1300,1000", "--remote-debugging-port=0",
-)  # fmt: skip
 _START: Final = 90.0  # s: for nodes, page and browser to be there
 _SETTLE: Final = (1.0, 4.0)  # s: after a change, before anything is measured
 _SECONDS: Final = (3.0, 15.0)  # of each turn
 _TURNS: Final = (1, 6)  # alone, with the page, beside as much load in as many processes, and in one
 _SLICE: Final = 0.02  # s: the load of one process works for a share of so long, then rests
 _IDLE: Final = 0.005  # cores: a process that uses less is no load
-_DRAWN: Final = "return Bokeh.documents.length ? Bokeh.documents[0].get_model_by_name('drawn').data.n[0] : 0"
 _PEOPLE: Final = "return Bokeh.documents[0].get_model_by_name('people').data['id'].length"
 _SCENE: Final = """
 duration: 20.0
@@ -54,31 +49,6 @@ people:
     script: [{walk: {to: [5.0, 2.0], speed: 0.9}}, {stand: 1.0}, {walk: {to: [5.2, -2.2], speed: 0.9}}]
 """
 """Four people, two who gesture and two who walk."""
-
-
-@contextlib.contextmanager
-def page(folder: Path) -> Iterator[tuple[Any, list[int]]]:
-    """Open the page in a browser beside a graph; yields what drives the browser, and the process ids of page and browser."""
-    from selenium.webdriver import Chrome, ChromeOptions
-    from selenium.webdriver.chrome.service import Service
-
-    command = [sys.executable, "-m", "radar_app", "view", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
-        driver: Any = None
-        try:
-            assert server.stdout is not None
-            address = server.stdout.readline().strip()
-            options = ChromeOptions()
-            options.binary_location = str(shutil.which("chromium"))
-            for flag in (*FLAGS, f"--user-data-dir={folder / 'profile'}"):
-                options.add_argument(flag)
-            driver = Chrome(options=options, service=Service(str(shutil.which("chromedriver")), popen_kw={"start_new_session": True}))
-            driver.get(address)
-            yield driver, [server.pid, driver.service.process.pid]
-        finally:
-            if driver is not None:
-                driver.quit()
-            server.send_signal(signal.SIGINT)
 
 
 def used(pid: int) -> dict[int, float]:
@@ -154,12 +124,12 @@ def turn(monitor: Monitor, folder: Path, quick: bool) -> Turn:
     settle, seconds = (pair[0] if quick else pair[1] for pair in (_SETTLE, _SECONDS))
     alone = latencies(monitor, settle, seconds)
     with page(folder) as (driver, pids):
-        until(lambda: driver.execute_script(_DRAWN) and (quick or driver.execute_script(_PEOPLE) >= 4), monitor, "a picture of four people")
+        until(lambda: pictures(driver) and (quick or driver.execute_script(_PEOPLE) >= 4), monitor, "a picture of four people")
         monitor.spin(settle)
-        began, drawn, cpu = time.monotonic(), driver.execute_script(_DRAWN), [used(pid) for pid in pids]
+        began, drawn, cpu = time.monotonic(), pictures(driver), [used(pid) for pid in pids]
         with_page = latencies(monitor, 0.0, seconds)
         wall = time.monotonic() - began
-        rate = (driver.execute_script(_DRAWN) - drawn) / wall
+        rate = (pictures(driver) - drawn) / wall
         groups = [grown(before, used(pid), wall) for pid, before in zip(pids, cpu, strict=True)]
     total = sum(map(sum, groups))
     with load(groups, 1.0 / max(rate, 1.0)):
@@ -230,11 +200,6 @@ def ratio_interval(turns: Sequence[Turn], share: float) -> list[float]:
 
 def run(quick: bool) -> dict[str, Any]:
     """Measure with four people at 50 Hz; an AbsentError says that there is no browser to drive."""
-    if shutil.which("chromium") is None or shutil.which("chromedriver") is None:
-        raise AbsentError("no chromium with chromedriver here: apt-get install chromium chromium-driver")
-    try:
-        import selenium  # noqa: F401
-    except ImportError:
-        raise AbsentError("no selenium here: pip install 'handwave[test]'") from None
+    needs_browser()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         return measure(Path(folder), quick)

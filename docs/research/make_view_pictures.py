@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.view import FLAGS
+from benchmarks.browser import FLAGS
 from radar_app.view.zones_file import ZonesFile
 from radar_ros.offline import simulate, simulators
 
