@@ -259,13 +259,17 @@ class Feed:
         """Take something in: of the type that `History` names for the channel, with its time [ns].
 
         Clouds or tracks whose time goes back by more than a second belong to another recording, or to the same one once more: all that
-        was kept is forgotten first.
+        was kept is forgotten first. In other channels a stamp ahead of both counts as of now, so that what comes afterwards grows old.
         """
         with self._changed:
             entries = self._channels[channel]
             if channel in _CLOCKS and entries and stamp_ns < entries[-1].stamp_ns - _BACK:
                 for others in self._channels.values():
                     others.clear()
+            elif channel not in _CLOCKS:
+                stamp_ns = min(stamp_ns, self._now_ns(stamp_ns) + _BACK)
+                if entries and stamp_ns < entries[-1].stamp_ns - round(1e9 * self.keep):
+                    entries.clear()
             self._number += 1
             stamp_ns = max(stamp_ns, entries[-1].stamp_ns) if entries else stamp_ns
             entries.append(Entry(self._number, stamp_ns, value))
@@ -275,6 +279,10 @@ class Feed:
             if channel in _CLOCKS:
                 self._heard = time.monotonic()
             self._changed.notify_all()
+
+    def _now_ns(self, otherwise: int) -> int:
+        """Time of the newest cloud or tracks [ns], or ``otherwise``."""
+        return max((self._channels[name][-1].stamp_ns for name in _CLOCKS if self._channels[name]), default=otherwise)
 
     def know(self, radar: RadarInfo) -> None:
         """Take in what a radar is and where it stands."""

@@ -95,6 +95,20 @@ def test_time_that_goes_back_is_another_recording():
     assert not feed.history().clouds
 
 
+@pytest.mark.parametrize("clocked", [True, False], ids=["with_clouds", "without"])
+def test_a_stamp_of_tomorrow_keeps_nothing_for_ever(clocked):
+    """One report from the future does not stop others from growing old, and those of now are there at once."""
+    feed = Feed(keep=10.0)
+    for k in range(300):
+        stamp = k * SECOND // 10
+        if clocked:
+            feed.put("clouds", stamp, cloud(k, stamp))
+        feed.put("health", stamp + (86400 * SECOND if k == 50 else 0), k)
+    kept = [entry.value for entry in feed.history().health]
+    assert kept == list(range(199, 300))
+    assert [entry.value for entry in feed.history().at().past("health", 1.0)][-5:] == list(range(295, 300))
+
+
 def test_after_misses_nothing_and_gives_nothing_twice():
     """A reader in another thread that asks again and again gets every entry once, in order."""
     feed, got, seen = Feed(), [], 0
