@@ -1,111 +1,18 @@
 """The baseband node over real DDS: bad input, parameters set while it runs, and what its diagnostics say."""
 
 import dataclasses
-import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from handwave.msg import PointCloud as PointCloudMsg
-from handwave.msg import RadarFrame as RadarFrameMsg
-from handwave.msg import RadarInfo as RadarInfoMsg
-from handwave.msg import StageStatus as StageStatusMsg
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
+from baseband_bench import INFO, Bench, cube, frame
+from diagnostic_msgs.msg import DiagnosticStatus
 
-import radar_ros.nodes.baseband
-from radar_core import ConfigError, PointCloud, Quality, RadarFrame, RadarInfo, Waveform
-from radar_dsp import Baseband, BasebandConfig, CfarConfig, TdmConfig
+from radar_core import ConfigError, PointCloud, Quality, RadarInfo, Waveform
+from radar_dsp import Baseband, BasebandConfig, TdmConfig
 from radar_dsp.array_file import CalibratedArray, save_array
 from radar_dsp.tally import Tally
-from radar_ros import qos
-from radar_ros.messages.convert import cloud_from_msg, cloud_to_msg, frame_to_msg, info_to_msg
+from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_to_msg
 from radar_ros.period import Period
-
-INFO = RadarInfo(full_scale=100.0)
-
-
-def cube(info=INFO, seed=0, amplitude=20.0):
-    """An echo far above the noise at 2 m, straight ahead, receding: the same phase on every channel."""
-    rng, shape = np.random.default_rng(seed), info.cube_shape
-    noise = rng.standard_normal((*shape, 2)) @ np.array([1, 1j]) / math.sqrt(2)
-    chirp, sample = np.arange(shape[1])[None, :, None, None], np.arange(shape[3])
-    return (noise + amplitude * np.exp(2j * np.pi * (20 * sample / 64 + 8 * chirp / 64))).astype(np.complex64)
-
-
-def frame(sequence, samples=None, missing=()):
-    samples = cube(seed=sequence) if samples is None else samples
-    return RadarFrame(samples, 10**9 + sequence * 20_000_000, sequence, "radar", np.array(missing, np.uint32))
-
-
-class Bench:
-    """A baseband node with a driver's publishers and a user's client, all over DDS."""
-
-    def __init__(self, ros, **parameters):
-        self.ros, self.errors, self.cautions = ros, [], []
-        values = {"reliable": True, **parameters}
-        overrides = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-        self.node = ros.add(radar_ros.nodes.baseband.make_node(parameter_overrides=overrides))
-        logger = self.node.get_logger()
-        self.node.get_logger = lambda: SimpleNamespace(error=self.errors.append, warning=self.cautions.append, info=logger.info)
-        self.clouds = ros.collect(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
-        self.statuses = ros.collect(StageStatusMsg, "stage_status", qos.sensor(reliable=True))
-        self.diagnostics = ros.collect(DiagnosticArray, "diagnostics")
-        self.infos = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
-        self.frames = ros.node.create_publisher(RadarFrameMsg, "radar/frame", qos.sensor(reliable=True))
-        self.client = ros.node.create_client(SetParametersAtomically, "baseband/set_parameters_atomically")
-        assert self.client.wait_for_service(10.0)
-        assert ros.spin_until(lambda: self.frames.get_subscription_count() and self.infos.get_subscription_count())
-        assert ros.spin_until(lambda: ros.node.count_publishers("radar/points") and ros.node.count_publishers("diagnostics"))
-
-    def start(self, info=INFO):
-        """Tell the node its radar and wait until it is ready for it."""
-        self.infos.publish(info_to_msg(info, 0))
-        assert self.ros.spin_until(lambda: any(s.header.stamp.sec == 0 for s in self.statuses)), self.errors
-        return self
-
-    def cloud(self, item):
-        """Send a frame and return its cloud."""
-        self.frames.publish(frame_to_msg(item) if isinstance(item, RadarFrame) else item)
-        wanted = item.sequence
-        assert self.ros.spin_until(lambda: any(c.sequence == wanted for c in self.clouds)), self.errors
-        return cloud_from_msg(next(c for c in self.clouds if c.sequence == wanted))
-
-    def refused(self, item):
-        """Send a frame that is to be refused, then a good one; return what the log says about the first."""
-        before, dropped, processed = len(self.errors), self.node.dropped, self.node.processed
-        self.frames.publish(frame_to_msg(item) if isinstance(item, RadarFrame) else item)
-        good = self.cloud(frame(item.sequence + 1))
-        assert len(good)
-        assert good.quality == Quality.GOOD
-        assert not any(c.sequence == item.sequence for c in self.clouds)
-        assert self.node.dropped == dropped + 1
-        assert self.node.processed == processed + 1
-        (error,) = self.errors[before:]
-        return error
-
-    def set(self, **values):
-        """Set parameters through the service, as ``ros2 param`` does."""
-        parameters = [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in values.items()]
-        future = self.client.call_async(SetParametersAtomically.Request(parameters=parameters))
-        assert self.ros.spin_until(future.done)
-        return future.result().result
-
-    def hold_diagnostics(self):
-        """From now on a period ends with `report`, not after a second, however slow this machine is."""
-        for timer in self.node.timers:
-            timer.cancel()
-        self.report()
-
-    def report(self):
-        """End the period and return level, message and values of the diagnostics that come."""
-        self.diagnostics.clear()
-        self.node._diagnose()
-        assert self.ros.spin_until(lambda: self.diagnostics)
-        (status,) = self.diagnostics[0].status
-        return status.level, status.message, {v.key: v.value for v in status.values}
 
 
 @pytest.fixture
@@ -261,95 +168,6 @@ def test_a_configuration_that_contradicts_itself_at_the_start(ros, parameters, m
     """The node does not start: `run` turns this into one line and status 2."""
     with pytest.raises(ConfigError, match=message):
         Bench(ros, **parameters)
-
-
-# --------------------------------------------------------------------------------------------------- parameters at run time
-
-
-def test_every_knob_may_be_set_at_run_time_and_nothing_else(bench):
-    """What the streams depend on stays as it was at the start."""
-    read_only = {name for name in bench.node._parameters if bench.node.describe_parameter(name).read_only}
-    assert "reliable" in read_only
-    assert not {name for name in read_only if "." in name or name in ("grouping", "refine", "max_detections", "min_snr", "backend")}
-    assert not bench.set(reliable=False).successful
-
-
-def test_a_change_takes_effect_from_the_next_frame_on(bench):
-    """Clouds before and after are those of the library with the old and the new configuration."""
-    new = BasebandConfig(cfar=CfarConfig(algorithm="ca", false_alarm=1e-2))
-    assert bench.set(cfar__algorithm="ca", cfar__false_alarm=1e-2) == SetParametersResult(successful=True)
-    bench.cloud(frame(0))
-    assert bench.clouds[-1] == cloud_to_msg(Baseband(new, INFO).process(frame(0)))
-    assert len(bench.clouds[-1].x) > len(Baseband(BasebandConfig(), INFO).process(frame(0)))
-
-
-SMALL = RadarInfo(waveform=Waveform(n_sample=16))
-TOO_WIDE = CfarConfig(window="range", guard_range=20)  # of 16 range cells, none lies beyond the guard
-
-
-@pytest.mark.parametrize(
-    ("values", "reason"),
-    [
-        ({"cfar__algorithm": "ca", "cfar__training_range": 0, "cfar__training_speed": 0}, "window '2d' needs training cells"),
-        ({"cfar__algorithm": "os", "cfar__window": "range", "cfar__guard_range": 20}, None),
-    ],
-    ids=["contradicts itself", "does not suit the radar"],
-)
-def test_a_bad_set_is_refused_with_the_reason_while_the_old_goes_on(ros, values, reason):
-    """The library's own words; not even the harmless part of the set is taken."""
-    bench = Bench(ros).start(SMALL)
-    if reason is None:
-        with pytest.raises(ConfigError) as error:
-            Baseband(BasebandConfig(cfar=TOO_WIDE), SMALL)
-        reason = str(error.value)
-    result = bench.set(**values)
-    assert not result.successful
-    assert reason in result.reason
-    assert "Traceback" not in result.reason
-    assert any(result.reason in text for text in bench.errors)
-    assert bench.node.get_parameter("cfar.algorithm").value == "os"
-    item = frame(0, cube(SMALL))
-    bench.cloud(item)
-    assert bench.clouds[-1] == cloud_to_msg(Baseband(BasebandConfig(), SMALL).process(item))
-
-
-def test_frames_that_come_during_a_change_are_not_mixed(bench):
-    """Frames and changes in quick turns: each cloud is wholly of one configuration, all in the order that was asked for."""
-    weak = BasebandConfig(min_snr=-100.0)
-    strict = BasebandConfig(min_snr=25.0)
-    libraries = [Baseband(config, INFO) for config in (weak, strict)]
-    future = None
-    for sequence in range(20):
-        if sequence % 5 == 0:
-            value = (weak, strict)[sequence // 5 % 2].min_snr
-            parameter = Parameter("min_snr", value=value).to_parameter_msg()
-            future = bench.client.call_async(SetParametersAtomically.Request(parameters=[parameter]))
-        bench.frames.publish(frame_to_msg(frame(sequence)))
-    assert bench.ros.spin_until(lambda: len(bench.clouds) == 20 and future.done()), (len(bench.clouds), bench.errors)
-    for msg in bench.clouds:
-        assert msg in [cloud_to_msg(library.process(frame(msg.sequence))) for library in libraries]
-
-
-def test_parameters_may_be_set_before_the_radar_is_known(ros):
-    """What comes then is made with them."""
-    bench = Bench(ros)
-    assert bench.set(doa__mode="void").successful
-    assert np.isnan(bench.start().cloud(frame(0)).x).all()
-
-
-def test_a_change_may_make_a_radar_usable(ros):
-    """A window too large for this radar: a smaller one is set, and frames are taken from then on."""
-    bench = Bench(ros, cfar__window="range", cfar__guard_range=20)
-    bench.infos.publish(info_to_msg(SMALL, 0))
-    assert ros.spin_until(lambda: bench.errors)
-    assert not bench.set(cfar__guard_range=19).successful
-    assert bench.set(cfar__guard_range=2).successful
-    item = frame(0, cube(SMALL))
-    bench.cloud(item)
-    suits = BasebandConfig(cfar=CfarConfig(window="range"))
-    assert bench.clouds[-1] == cloud_to_msg(Baseband(suits, SMALL).process(item))
-    bench.infos.publish(info_to_msg(RadarInfo(waveform=Waveform(bandwidth=1e9)), 0))  # and from then on it is the radar of this node
-    assert ros.spin_until(lambda: any("radar/info changed" in error for error in bench.errors))
 
 
 # ---------------------------------------------------------------------------------------------------------------- diagnostics

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from baseband_bench import frame
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarFrame as RadarFrameMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -13,7 +14,6 @@ from handwave.msg import StageBudget as StageBudgetMsg
 from handwave.msg import TrackArray as TrackArrayMsg
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from test_baseband_node import frame
 from test_tracking_node import cloud
 
 import radar_ros.nodes.baseband

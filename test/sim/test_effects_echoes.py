@@ -2,56 +2,34 @@
 
 import dataclasses
 import math
-import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy import optimize, stats
+from echo_settings import (
+    CHI_SQUARE,
+    MOMENT,
+    MOUNT,
+    N_POINTS,
+    POINTS,
+    SETTING,
+    SIDE,
+    TARGET,
+    echoes_at,
+    polar,
+    seen,
+    setting_of,
+)
+from scipy import stats
 
-from radar_core import SPEED_OF_LIGHT, AntennaArray, ConfigError, Pose, RadarInfo, Waveform
-from radar_core.geometry import spherical_to_cartesian
+from radar_core import SPEED_OF_LIGHT, ConfigError, Pose
 from radar_sim.effects import config, echo, multipath, physics, sight
 from radar_sim.effects.base import Moment, Setting
 from radar_sim.people import Person
-from radar_sim.propagation.base import IMPEDANCE, strength
+from radar_sim.propagation.base import IMPEDANCE
 from radar_sim.room import Things
 from radar_sim.scatterers import THING, Echoes, Motion, Scatterers
 from radar_sim.scene import Scene, SceneRadar
 from radar_sim.things import Corner, Point, Wall
-
-MOMENT = Moment(0, 0.0)
-
-
-def setting_of(mount: Pose | None = None, **scene) -> Setting:
-    radar = SceneRadar(mount=mount or Pose())
-    return Setting(Scene(radars=(radar,), **scene), radar)
-
-
-SETTING = setting_of()
-
-
-def echoes_at(position, velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), *, rcs=0.1, owner=THING) -> Echoes:
-    """Echoes at places of the sensor frame."""
-    position = np.atleast_2d(np.asarray(position, np.float64))
-    n = len(position)
-    motion = Motion(position, *(np.array(np.broadcast_to(v, (n, 3)), np.float64) for v in (velocity, acceleration)))
-    owners = np.array(np.broadcast_to(owner, n), np.int32)
-    sigma = strength(SETTING.info, np.full(n, rcs)).astype(np.complex128)
-    return Echoes(motion, motion, sigma, owners, np.arange(n, dtype=np.int32))
-
-
-def seen(setting: Setting, time=0.0) -> Echoes:
-    """Echoes of a scene's things, by the radar equation."""
-    things = Things(setting.scene, setting.radar).scatterers(time)
-    motion = things.motion.turned(setting.radar.mount.rotation, setting.radar.mount.origin)
-    return Echoes(motion, motion, strength(setting.info, things.rcs) + 0j, things.owner, np.arange(len(things), dtype=np.int32))
-
-
-def polar(azimuth, elevation, distance=3.0):
-    return spherical_to_cartesian(distance, np.radians(azimuth), np.radians(elevation))
-
 
 # The radar equation.
 
@@ -148,10 +126,6 @@ def test_losses():
 
 # Swerling.
 
-N_POINTS = 400
-POINTS = tuple(Point(position=(1.0 + 0.01 * k, 0.3, 1.2), velocity=(0.1, 0.0, 0.0)) for k in range(N_POINTS))
-CHI_SQUARE = {1: 2, 2: 2, 3: 4, 4: 4}
-
 
 def fluctuation(setting: Setting, case: int, of: str = "points", frames: int = 3) -> np.ndarray:
     """Factors on the power, shape (frame, n) or (frame, n_chirp, n_tx, n)."""
@@ -234,157 +208,6 @@ def test_swerling_knows_points_whatever_else_is_seen():
             np.testing.assert_array_equal(again.envelope, 2 * part.envelope)
 
 
-# Multipath.
-
-MOUNT = Pose(x=0.3, y=-0.4, z=1.3, yaw=0.35, tilt=-0.12)
-SIDE = Wall(start=(-2.0, 2.5), end=(6.0, 2.5), thickness=0.2, mirror=0.3)
-TARGET, SPEED, ACCELERATION = np.array([2.5, 0.9, 0.8]), np.array([0.6, -0.8, 0.4]), np.array([2.0, 3.0, -1.0])
-
-
-def room_echo(mount: Pose, place=TARGET) -> Echoes:
-    """One echo at a place of the room, moving in the room."""
-    motion = Motion(place[None].astype(float), SPEED[None], ACCELERATION[None]).turned(mount.rotation, mount.origin)
-    return Echoes(motion, motion, np.array([1.0 + 0j]), np.array([7], np.int32), np.array([3], np.int32))
-
-
-def shortest_by_way_of(surface, mount: Pose, place: np.ndarray):
-    """Length of the shortest way from radar to place that touches a surface (Fermat), and where; ``surface(a, b)`` gives its points."""
-    result = optimize.minimize(
-        lambda x: np.linalg.norm(surface(*x) - mount.origin) + np.linalg.norm(surface(*x) - place),
-        [1.0, 1.0],
-        method="BFGS",
-        options={"gtol": 1e-10},
-    )
-    return result.fun, surface(*result.x)
-
-
-SURFACES = {"floor": lambda a, b: np.array([a, b, 0.0]), "wall": lambda a, b: np.array([a, 2.4, b])}
-
-
-def ghosts_of(kind: str, **more) -> tuple[Echoes, float]:
-    """Echo and its three ghosts by way of one mirror, and that mirror's share."""
-    setting = setting_of(MOUNT, walls=() if kind == "floor" else (SIDE,))
-    chosen = config.MultipathConfig(floor=0.15 if kind == "floor" else 0.0, **more)
-    return multipath.Multipath(chosen, setting).process(room_echo(MOUNT), MOMENT), 0.15 if kind == "floor" else 0.3
-
-
-@pytest.mark.parametrize("kind", ["floor", "wall"])
-def test_ghosts_are_at_the_mirrored_place(kind):
-    """Length and direction of a mirrored leg are those of the shortest way that touches the mirror: 1e-6 m, 1e-4 rad (of the optimiser)."""
-    echoes, _ = ghosts_of(kind)
-    length, touch = shortest_by_way_of(SURFACES[kind], MOUNT, TARGET)
-    straight = np.linalg.norm(TARGET - MOUNT.origin)
-    np.testing.assert_allclose(echoes.range, [straight, (straight + length) / 2, (straight + length) / 2, length], atol=1e-6)
-    arrives = MOUNT.from_room(touch)
-    for leg, rows in ((echoes.out, [2, 3]), (echoes.back, [1, 3])):
-        unit = leg.position[rows] / np.linalg.norm(leg.position[rows], axis=-1, keepdims=True)
-        np.testing.assert_allclose(unit, np.tile(arrives / np.linalg.norm(arrives), (2, 1)), atol=1e-4)
-    mirrored = TARGET * [1, 1, -1] if kind == "floor" else TARGET * [1, -1, 1] + [0, 4.8, 0]
-    np.testing.assert_allclose(MOUNT.to_room(echoes.out.position[3]), mirrored, atol=1e-12)
-    np.testing.assert_array_equal(echoes.source, 3)
-    np.testing.assert_array_equal(echoes.owner, 7)
-
-
-@pytest.mark.parametrize("kind", ["floor", "wall"])
-def test_ghosts_move_as_the_way_changes(kind):
-    """Rate and second derivative of the mirrored way, from shortest ways of the moving target (differences: 1e-5 m/s, 1e-2 m/s^2)."""
-    echoes, _ = ghosts_of(kind)
-    step = 1e-2
-    lengths = [shortest_by_way_of(SURFACES[kind], MOUNT, TARGET + t * SPEED + t**2 / 2 * ACCELERATION)[0] for t in (-step, 0.0, step)]
-    assert echoes.range_rate[3] == pytest.approx((lengths[2] - lengths[0]) / (2 * step), abs=2e-3)
-    later = [np.linalg.norm(echoes.out.at(t)[3]) for t in (-step, 0.0, step)]
-    np.testing.assert_allclose(later, lengths, atol=1e-6)
-    straight = np.array([np.linalg.norm(echoes.out.at(t)[0]) for t in (-step, step)])
-    one_way = (np.diff(straight)[0] + lengths[2] - lengths[0]) / (4 * step)
-    np.testing.assert_allclose(echoes.range_rate[1:3], one_way, atol=2e-3)
-
-
-@pytest.mark.parametrize("kind", ["floor", "wall"])
-def test_ghosts_are_as_weak_as_the_mirror_and_the_way_make_them(kind):
-    """Each bounce: the root of the mirror's share, turned by pi; each leg spreads over its length: P ~ share^n / (R_out R_back)^2."""
-    echoes, share = ghosts_of(kind)
-    length, _ = shortest_by_way_of(SURFACES[kind], MOUNT, TARGET)
-    ratio = np.linalg.norm(TARGET - MOUNT.origin) / length
-    level = physics.amplitudes(echoes) / physics.amplitudes(echoes)[0]
-    np.testing.assert_allclose(level, [1.0, math.sqrt(share) * ratio, math.sqrt(share) * ratio, share * ratio**2], rtol=1e-6)
-    np.testing.assert_allclose(echoes.strength, [1.0, -math.sqrt(share), -math.sqrt(share), share], rtol=1e-12)
-
-
-def test_reciprocity():
-    """There mirrored and back mirrored are one way, walked in both senses."""
-    echoes, _ = ghosts_of("wall")
-    for name in ("position", "velocity", "acceleration"):
-        out, back = getattr(echoes.out, name), getattr(echoes.back, name)
-        np.testing.assert_array_equal(out[1], back[2])
-        np.testing.assert_array_equal(out[2], back[1])
-
-
-def test_two_mirrors_are_two_sets_of_ghosts():
-    """Mirrors do not mirror each other's images: 1 + 3 + 3 echoes, in the order floor, walls."""
-    setting = setting_of(MOUNT, walls=(SIDE,))
-    both = multipath.Multipath(config.MultipathConfig(), setting).process(room_echo(MOUNT), MOMENT)
-    floor, wall = ghosts_of("floor")[0], ghosts_of("wall")[0]
-    np.testing.assert_array_equal(both.out.position, np.concatenate([floor.out.position, wall.out.position[1:]]))
-    np.testing.assert_array_equal(both.strength, np.concatenate([floor.strength, wall.strength[1:]]))
-    assert len(multipath.Multipath(config.MultipathConfig(walls=False), setting).process(room_echo(MOUNT), MOMENT)) == 4
-
-
-@pytest.mark.parametrize(
-    ("wall", "count"),
-    [
-        (SIDE, 4),
-        (dataclasses.replace(SIDE, start=(6.0, 2.5), end=(-2.0, 2.5)), 4),  # drawn from the other end
-        (dataclasses.replace(SIDE, start=(-2.0, 2.5), end=(1.70, 2.5)), 1),  # ends before the mirror point, (1.733, 2.4, 0.974)
-        (dataclasses.replace(SIDE, start=(-2.0, 2.5), end=(1.77, 2.5)), 4),
-        (dataclasses.replace(SIDE, start=(1.77, 2.5), end=(6.0, 2.5)), 1),  # begins behind it
-        (dataclasses.replace(SIDE, height=0.95), 1),  # lower than the mirror point
-        (dataclasses.replace(SIDE, height=1.0), 4),
-        (dataclasses.replace(SIDE, mirror=0.0), 1),
-        (Wall(start=(-2.0, 0.2), end=(6.0, 0.2)), 1),  # between radar and target
-        (Wall(start=(0.25, -5.0), end=(0.25, 5.0)), 1),  # the radar hangs on it
-        (Wall(start=(4.0, -2.0), end=(4.0, 3.0)), 4),  # behind the target
-        (Wall(start=(1.0, 0.9 - 0.05), end=(4.0, 0.9 - 0.05)), 1),  # the target is part of its surface
-        (Wall(start=(-1.2, -5.0), end=(-1.2, 5.0)), 1),  # its images are behind the array
-    ],
-)
-def test_only_what_a_wall_can_show(wall, count):
-    """The mirror point lies on the wall, radar and target are on one side of it, the image in front of the array."""
-    effect = multipath.Multipath(config.MultipathConfig(floor=0.0), setting_of(MOUNT, walls=(wall,)))
-    assert len(effect.process(room_echo(MOUNT), MOMENT)) == count
-
-
-def test_weak_paths_are_left_out():
-    """By level against the straight path: floor at -8.2 dB a bounce and a little for the way; with both bounces twice that."""
-    assert len(ghosts_of("floor", level=-15.0)[0]) == 3
-    assert len(ghosts_of("floor", level=-5.0)[0]) == 1
-    echoes = room_echo(MOUNT)
-    assert multipath.Multipath(config.MultipathConfig(level=-5.0), setting_of(MOUNT)).process(echoes, MOMENT) is echoes
-
-
-def test_ghosts_fluctuate_with_their_echo():
-    """An envelope goes with every path."""
-    envelope = np.arange(1.0, 129.0, dtype=np.float32).reshape(64, 2, 1)
-    echoes = dataclasses.replace(room_echo(MOUNT), envelope=envelope)
-    both = multipath.Multipath(config.MultipathConfig(), setting_of(MOUNT)).process(echoes, MOMENT)
-    np.testing.assert_array_equal(both.envelope, np.repeat(envelope, 4, axis=2))
-
-
-@settings(max_examples=40, deadline=None)
-@given(x=st.floats(0.5, 5.0), y=st.floats(-2.0, 2.3), z=st.floats(0.05, 2.0), yaw=st.floats(-0.6, 0.6))
-def test_images_reflect_anywhere(x, y, z, yaw):
-    """Wherever target and radar are: image and echo are as far from the mirror, and the way is longer than the straight one."""
-    mount = Pose(z=1.2, yaw=yaw)
-    (mirror,) = multipath.Multipath(config.MultipathConfig(floor=0.0), setting_of(mount, walls=(SIDE,))).mirrors
-    echo = room_echo(mount, np.array([x, y, z])).out
-    image = mirror.image(echo)
-    sides = [(leg.position - mirror.start) @ mirror.normal for leg in (echo, image)]
-    np.testing.assert_allclose(sides[0], -sides[1], atol=1e-9)
-    assert np.linalg.norm(image.position) > np.linalg.norm(echo.position)
-    twice = mirror.image(image)
-    np.testing.assert_allclose(twice.position, echo.position, atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(image.velocity), np.linalg.norm(echo.velocity))
-
-
 # Clutter.
 
 
@@ -421,107 +244,6 @@ def test_clutter_behind_the_array_is_shielded():
     drawn = sight.Clutter(chosen, SETTING).scatterers
     assert 900 < len(drawn) < 1100  # 4.5 standard deviations
     assert (drawn.motion.position[:, 0] > 0).all()
-
-
-# Sizes.
-
-
-def number(text: str) -> float:
-    """First number of a line."""
-    return float(re.search(r"-?\d+\.?\d*(e-?\d+)?", text).group())
-
-
-def test_sizes_of_effects():
-    """One line each, in the unit that is natural to it."""
-    echoes = echoes_at([polar(0, 0), polar(60, 0), polar(70, 0, 6.0)])
-    assert (
-        echo.Pattern(config.PatternConfig(), SETTING).size(echoes.select(np.array([0, 1])))
-        == "-6.0 dB two-way at the echo farthest from boresight"
-    )
-    # Of three echoes of equal strength, the one beyond has (1/2)^4 of the power of each of the others: 1/33, -15.2 dB.
-    assert echo.FieldOfView(config.FieldOfViewConfig(), SETTING).size(echoes) == "1 of 3 echoes are beyond, with -15.2 dB of the power"
-    assert echo.FieldOfView(config.FieldOfViewConfig(), SETTING).size(echoes.select(np.array([0]))) == "none of 1 echoes is beyond"
-    assert echo.Losses(config.LossesConfig(level=25.0), SETTING).size(echoes) == "-25.0 dB on every echo"
-    assert echo.Losses(config.LossesConfig(level=0.0), SETTING).size(echoes) == "0.0 dB on every echo"
-    setting = setting_of(points=POINTS[:7])
-    assert echo.Swerling(config.SwerlingConfig(case=1), setting).size(echoes) == "5.6 dB rms from frame to frame: 7 points"
-    people = dataclasses.replace(setting, scene=dataclasses.replace(setting.scene, people=(Person(),)))
-    everybody = echo.Swerling(config.SwerlingConfig(case=4, of="all"), people)
-    assert everybody.size(echoes) == "3.5 dB rms from chirp to chirp: 7 points and 1 person"
-    assert echo.Swerling(config.SwerlingConfig(case=4), SETTING).size(echoes) == "nothing in the scene fluctuates"
-    assert echo.Swerling(config.SwerlingConfig(case=0), SETTING).size(echoes) == "steady (case 0)"
-
-
-def test_size_of_swerling_is_the_spread():
-    """Standard deviation of 10 log10 of the power."""
-    for case, spread in ((1, 5.6), (3, 3.5)):
-        factor = np.random.default_rng(2).chisquare(CHI_SQUARE[case], 200_000)
-        assert np.std(10 * np.log10(factor)) == pytest.approx(spread, abs=0.06)
-
-
-def test_size_of_multipath():
-    """Floor at 1.2 m, target at 3 m and the radar's height: image at 3.84 m, -8.24 - 2.15 dB, half of 0.84 m behind its echo."""
-    echoes = echoes_at([3.0, 0.0, 0.0])
-    assert multipath.Multipath(config.MultipathConfig(), SETTING).size(echoes) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
-    with_ghosts = multipath.Multipath(config.MultipathConfig(), SETTING).process(echoes, MOMENT)
-    assert multipath.Multipath(config.MultipathConfig(), SETTING).size(with_ghosts) == "strongest ghost -10.4 dB, 0.42 m behind its echo"
-    assert multipath.Multipath(config.MultipathConfig(floor=0.0), SETTING).size(echoes) == "no floor or wall mirrors"
-
-
-def test_size_of_clutter():
-    """Its power against that of the echoes; ten times the cross-section are 10 dB."""
-    echoes = echoes_at([3.0, 0.0, 0.0], rcs=1.0)
-    levels = [number(sight.Clutter(config.ClutterConfig(rcs=r), SETTING).size(echoes).split(", ")[1]) for r in (1e-3, 1e-2)]
-    assert levels[1] - levels[0] == pytest.approx(10.0, abs=0.11)
-    drawn = sight.Clutter(config.ClutterConfig(rcs=1e-3), SETTING).scatterers
-    distance = np.linalg.norm(drawn.motion.position - [0.0, 0.0, 1.2], axis=-1)
-    assert levels[0] == pytest.approx(10 * math.log10((drawn.rcs / distance**4).sum() * 81), abs=0.06)
-
-
-def test_sizes_of_physics():
-    """Against closed forms and exact phases of one echo 1.5 m away, at 40 degrees, crossing and receding."""
-    w = Waveform()
-    place, velocity, acceleration = polar(40, 10, 1.5), np.array([1.0, -2.0, 0.5]), np.array([5.0, 0.0, 3.0])
-    echoes = echoes_at(place, velocity, acceleration)
-    rate = abs(float(place @ velocity)) / 1.5
-    migrates, shifts = (number(physics.size(name, SETTING, echoes)) for name in ("range_migration", "doppler_in_chirp"))
-    assert migrates == pytest.approx(rate * w.acquisition_time / w.range_resolution, rel=0.05)
-    assert shifts == pytest.approx(2 * rate * w.carrier / SPEED_OF_LIGHT * 66e-6, rel=0.05)
-
-    half = w.acquisition_time / 2
-    distance = [np.linalg.norm(echoes.out.at(t)[0]) for t in (-half, 0.0, half)]
-    off = 2 / w.wavelength * 360 * (distance[0] - 2 * distance[1] + distance[2]) / 2  # the even part: no third derivative
-    assert number(physics.size("curvature", SETTING, echoes)) == pytest.approx(abs(off), rel=0.05)
-
-    tx, rx = (np.array([[0.0, *e] for e in elements]) for elements in (AntennaArray().tx, AntennaArray().rx))
-    u = place / 1.5
-    squint = max(abs((t + r) @ u) for t in tx for r in rx) * w.bandwidth / 2 / SPEED_OF_LIGHT * 360
-    assert number(physics.size("squint", SETTING, echoes)) == pytest.approx(squint, rel=0.05)
-    near = [np.linalg.norm(place - t) + t @ u + np.linalg.norm(place - r) + r @ u - 3.0 for t in tx for r in rx]
-    assert number(physics.size("near_field", SETTING, echoes)) == pytest.approx(max(near) / w.wavelength * 360, rel=0.05)
-
-
-def test_sizes_of_physics_read_well():
-    """Units, and digits that count."""
-    echoes = echoes_at([2.0, 1.0, 0.0], (0.05, 0.0, 0.0))
-    assert re.fullmatch(r"0\.00\d+ bins over a frame", physics.size("range_migration", SETTING, echoes))
-    assert re.fullmatch(r"0\.00\d+ bins", physics.size("doppler_in_chirp", SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the array's and sweep's ends", physics.size("squint", SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the frame's ends", physics.size("curvature", SETTING, echoes))
-    assert re.fullmatch(r"[\d.]+ deg at the array's ends", physics.size("near_field", SETTING, echoes))
-    still = echoes_at([2.0, 0.0, 0.0])
-    assert physics.size("range_migration", SETTING, still) == "0 bins over a frame"
-    assert physics.size("squint", SETTING, still) == "0 deg at the array's and sweep's ends"
-
-
-def test_a_tone_has_no_range_bins_and_no_sweep():
-    """CW: nothing migrates or squints."""
-    wave = Waveform(modulation="cw")
-    radar = SceneRadar.of(RadarInfo(waveform=wave))
-    setting = Setting(Scene(radars=(radar,)), radar)
-    echoes = echoes_at([2.0, 1.0, 0.0], (3.0, 0.0, 0.0))
-    assert physics.size("range_migration", setting, echoes) == "0 bins over a frame"
-    assert physics.size("squint", setting, echoes) == "0 deg at the array's and sweep's ends"
 
 
 def test_effects_do_not_change_what_they_are_given():
