@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from radar_app.view.feed import Feed
@@ -66,6 +67,7 @@ class LiveSource:
         self.feed = feed if feed is not None else Feed()
         self.taker = Taker(self.feed)
         self._given_file, self._graph_file = zones_file, ""
+        self._asked: Future[GetParameters.Response] | None = None
         self._context = Context()
         self._context.init(args=[])  # without signal handlers, which only rclpy.init installs
         self._node = Node("handwave_view", namespace=namespace, context=self._context, start_parameter_services=False)
@@ -140,10 +142,13 @@ class LiveSource:
             self.taker.reason = f"{topic}: {error}"
 
     def _find_zones_file(self) -> None:
-        """Ask the zones node where its zones are."""
+        """Ask the zones node where its zones are; a node that hangs never answers, so that an old question is taken back."""
+        if self._asked is not None:
+            self._ask.remove_pending_request(self._asked)
+            self._asked = None
         if self._ask.service_is_ready():
-            request = GetParameters.Request(names=["zones_file"])
-            self._ask.call_async(request).add_done_callback(self._found_zones_file)
+            self._asked = self._ask.call_async(GetParameters.Request(names=["zones_file"]))
+            self._asked.add_done_callback(self._found_zones_file)
 
     def _found_zones_file(self, future: Any) -> None:
         answer = future.result()
