@@ -38,7 +38,7 @@ _QUICK: Final = (28.0, 8.0)  # s with faults, and without
 _FAULTS: Final = 0.25  # share of the time in which nodes are killed and stopped
 _PAUSE: Final = (4.0, 25.0)  # s between the recovery from a fault and the next one, quick and not
 _LONGEST: Final = 40.0  # s for everything to come back
-_START: Final = 90.0  # s
+_START: Final = 180.0  # s: a busy machine takes its time to start nodes and a browser
 _SAMPLE: Final = (2.0, 10.0)  # s
 _VISIT: Final = 3.0  # s: how long a subscriber stays
 _SETTLED: Final = 600.0  # s: what a process grows by in its first ten minutes does not count
@@ -234,9 +234,11 @@ def live_through(soak: Soak, hours: float, folder: Path) -> dict[str, Any]:
             with page(folder) as (driver, (server, _)):
                 pids = {"view": server}
                 end = time.monotonic() + _START
-                soak.live(supervisor, ear, pids, lambda: not ear.missing(1.0) or time.monotonic() > end)
+                soak.live(supervisor, ear, pids, lambda: bool(not ear.missing(1.0) and pictures(driver)) or time.monotonic() > end)
                 if missing := ear.missing(1.0):
                     raise HandwaveError(f"within {_START:g} s nothing came of {', '.join(missing)}; look at: handwave up")
+                if not pictures(driver):
+                    raise HandwaveError(f"within {_START:g} s the browser showed nothing; look at: handwave view, beside handwave up")
                 began = time.monotonic()
                 while time.monotonic() - began < troubled:
                     rest = time.monotonic() + _PAUSE[not soak.quick]

@@ -97,7 +97,7 @@ def soak(found):
     assert found["segments_leaked"] == 0
     assert found["descriptors_drift"] <= 12  # in seconds, a node that starts again beside the others counts
     assert found["threads_drift"] <= 2
-    assert found["pictures"] >= 2  # the browser is shown what the graph says, all the time
+    assert found["pictures"] >= 1  # the browser is shown what the graph says
 
 
 def vital(found):
