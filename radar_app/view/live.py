@@ -68,6 +68,7 @@ class LiveSource:
         self.taker = Taker(self.feed)
         self._given_file, self._graph_file = zones_file, ""
         self._asked: Future[GetParameters.Response] | None = None
+        self._asked_at = 0.0  # on the monotonic clock [s]
         self._context = Context()
         self._context.init(args=[])  # without signal handlers, which only rclpy.init installs
         self._node = Node("handwave_view", namespace=namespace, context=self._context, start_parameter_services=False)
@@ -143,10 +144,14 @@ class LiveSource:
 
     def _find_zones_file(self) -> None:
         """Ask the zones node where its zones are; a node that hangs never answers, so that an old question is taken back."""
-        if self._asked is not None:
+        now = time.monotonic()
+        if self._asked is not None and not self._asked.done():
+            if now < self._asked_at + _ANSWER:
+                return
             self._ask.remove_pending_request(self._asked)
-            self._asked = None
+        self._asked = None
         if self._ask.service_is_ready():
+            self._asked_at = now
             self._asked = self._ask.call_async(GetParameters.Request(names=["zones_file"]))
             self._asked.add_done_callback(self._found_zones_file)
 

@@ -52,6 +52,14 @@ class Ros:
         known = all(one.get_subscription_count() >= len(readers) for one in senders)
         return bool(senders and readers) and known and all(one.get_publisher_count() >= len(senders) for one in readers)
 
+    def report(self, node, diagnostics):
+        """End a node's period and return level, message and values of the diagnostics that come."""
+        diagnostics.clear()
+        node._diagnose()
+        assert self.spin_until(lambda: diagnostics)
+        (status,) = diagnostics[0].status
+        return status.level, status.message, {v.key: v.value for v in status.values}
+
     def close(self):
         for node in self.nodes:
             getattr(node, "close", lambda: None)()

@@ -84,11 +84,7 @@ class Bench:
 
     def report(self):
         """End the period and return level, message and values of the diagnostics that come."""
-        self.diagnostics.clear()
-        self.node._diagnose()
-        assert self.ros.spin_until(lambda: self.diagnostics)
-        (status,) = self.diagnostics[0].status
-        return status.level, status.message, {v.key: v.value for v in status.values}
+        return self.ros.report(self.node, self.diagnostics)
 
 
 def test_tracks_are_the_library_s(ros):

@@ -19,23 +19,8 @@ from radar_sim.scatterers import Motion, Scatterers, Triangles
 
 
 @pytest.fixture(scope="module")
-def subject():
-    return Subject.of(Person())
-
-
-@pytest.fixture(scope="module")
-def skeleton(subject):
-    return Skeleton(subject)
-
-
-@pytest.fixture(scope="module")
 def ellipsoids(subject):
     return EllipsoidBody(subject, 0.4)
-
-
-@pytest.fixture(scope="module")
-def mesh(subject):
-    return MeshBody(subject, 0.4)
 
 
 # subjects

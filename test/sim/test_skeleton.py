@@ -10,26 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radar_sim.bodies.base import LEG, PARENTS, REACH
-from radar_sim.bodies.skeleton import STRAIGHT, Skeleton
-from radar_sim.bodies.skin import MeshBody
-from radar_sim.bodies.subject import MIRROR, Subject
-from radar_sim.people import Person
-
-
-@pytest.fixture(scope="module")
-def subject():
-    return Subject.of(Person())
-
-
-@pytest.fixture(scope="module")
-def skeleton(subject):
-    return Skeleton(subject)
-
-
-@pytest.fixture(scope="module")
-def mesh(subject):
-    return MeshBody(subject, 0.4)
-
+from radar_sim.bodies.skeleton import STRAIGHT
+from radar_sim.bodies.subject import MIRROR
 
 SMALL = st.floats(-0.5, 0.5)
 POINT = st.tuples(*[st.floats(-1.2, 1.2)] * 3)
