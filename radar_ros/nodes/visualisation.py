@@ -13,6 +13,7 @@ import rclpy
 from geometry_msgs.msg import Point, Vector3
 from numpy.typing import NDArray
 from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -22,7 +23,7 @@ from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg, from_time, points_to_cloud2, unpack
 from radar_ros.params import declare
 from radar_ros.stage import StageNode, run
-from radar_ros.sync import Subscriber, TimeSynchronizer
+from radar_ros.sync import SimpleFilter, Subscriber, TimeSynchronizer
 
 _HEIGHT = 1.7  # m: of the cylinder that stands for a person; the few points of a body do not tell how tall it is
 _WIDTH = 0.4  # m: of a cylinder whose track's extent is not known
@@ -36,7 +37,7 @@ _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("snr", "<f4"), ("r
 class VisualisationNode(StageNode):
     """Publishes one cylinder and one text per person and a sphere for the hand; namespace and id are stable, gone tracks are deleted.
 
-    Each cloud's points go out in the colours of their tracks, when somebody listens, in the frame of the cloud.
+    Each cloud's points go out in the colours of their tracks, in the frame of the cloud. Clouds are subscribed to while somebody listens.
     """
 
     gives_way = 5
@@ -53,11 +54,13 @@ class VisualisationNode(StageNode):
         self._hand: Any = None
         self._zones = [outline for name in _ZONES for outline in self._outlines(name)]
         self._markers = self.create_publisher(MarkerArray, "tracks/markers", qos.RESULT)
-        self._labelled = self.create_publisher(PointCloud2, "tracks/points2", qos.stream_out())
+        self._clouds = SimpleFilter()
+        self._clouds_in: Any = None
+        heard = PublisherEventCallbacks(matched=self._heard)
+        self._labelled = self.create_publisher(PointCloud2, "tracks/points2", qos.stream_out(), event_callbacks=heard)
         tracks = Subscriber(self, handwave.msg.TrackArray, "tracks", qos_profile=qos.RESULT)
         tracks.registerCallback(self._take)
-        clouds = Subscriber(self, handwave.msg.PointCloud, "radar/points", qos_profile=qos.sensor(reliable=self.reliable))
-        self._pairs = TimeSynchronizer([clouds, tracks], 10)
+        self._pairs = TimeSynchronizer([self._clouds, tracks], 10)
         self._pairs.registerCallback(self._label)
         self.create_subscription(handwave.msg.Gesture, "gestures", self._gesture, qos.RESULT)
         self.create_subscription(handwave.msg.HandTrack, "hand", self._take_hand, qos.RESULT)
@@ -78,9 +81,17 @@ class VisualisationNode(StageNode):
             result.append(marker)
         return result
 
+    def _heard(self, matched: Any) -> None:
+        """Somebody began or ceased to listen to the labelled points."""
+        if matched.current_count and self._clouds_in is None:
+            take = self._clouds.signalMessage
+            self._clouds_in = self.create_subscription(handwave.msg.PointCloud, "radar/points", take, qos.sensor(reliable=self.reliable))
+        elif not matched.current_count and self._clouds_in is not None:
+            self.destroy_subscription(self._clouds_in)
+            self._clouds_in = None
+
     def _label(self, cloud_msg: Any, tracks_msg: Any) -> None:
-        if self._labelled.get_subscription_count():
-            self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))
+        self._labelled.publish(labelled_cloud2(cloud_from_msg(cloud_msg), unpack(tracks_msg.point_track_id, np.int32)))
 
     def _gesture(self, msg: Any) -> None:
         if msg.label != handwave.msg.Gesture.RANDOM:

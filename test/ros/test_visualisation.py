@@ -150,8 +150,7 @@ def test_labelled_points_pair_cloud_and_tracks(ros):
     labelled = ros.collect(PointCloud2, "tracks/points2", qos.sensor(reliable=True))
     clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.sensor(reliable=True))
     arrays = ros.node.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
-    ends = (clouds, arrays, node._labelled)
-    assert ros.spin_until(lambda: all(p.get_subscription_count() for p in ends))
+    assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (clouds, arrays, node._labelled)))
     for k in range(1, 5):
         if k != 2:
             arrays.publish(tracks(k * TENTH, 3, points=(3, -1)))
@@ -160,6 +159,25 @@ def test_labelled_points_pair_cloud_and_tracks(ros):
     assert ros.spin_until(lambda: len(labelled) >= 3)
     assert [from_time(m.header.stamp) // TENTH for m in labelled] == [1, 3, 4]
     assert all(list(table(m)["track_id"]) == [3, -1] for m in labelled)
+
+
+def test_clouds_are_read_while_somebody_listens(ros):
+    """No cloud comes to the node before somebody listens to its points, nor afterwards; it comes back as often as they do."""
+    node = ros.add(make_node())
+    clouds = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.sensor())
+    arrays = ros.node.create_publisher(TrackArrayMsg, "tracks", qos.RESULT)
+    assert ros.spin_until(arrays.get_subscription_count)
+    ros.spin_until(lambda: False, 0.2)
+    assert clouds.get_subscription_count() == 0
+    for k in (1, 2):
+        heard = []
+        listener = ros.node.create_subscription(PointCloud2, "tracks/points2", heard.append, qos.sensor(depth=50))
+        assert ros.spin_until(lambda: clouds.get_subscription_count() and node._labelled.get_subscription_count())
+        clouds.publish(cloud_to_msg(cloud(k * TENTH, 2)))
+        arrays.publish(tracks(k * TENTH, 3, points=(3, -1)))
+        assert ros.spin_until(lambda heard=heard: heard)
+        ros.node.destroy_subscription(listener)
+        assert ros.spin_until(lambda: not clouds.get_subscription_count())
 
 
 def test_tentative_tracks_are_not_shown(shown):
