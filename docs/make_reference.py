@@ -235,8 +235,8 @@ def topics(ends: Ends, services: list[tuple[str, ...]]) -> str:
             "still misses nothing. With the parameter `reliable: true` the stages read them reliably too.",
             "`cloud2` reads the topic that its parameter `topic` names, `fusion` the namespaces in `radars` (here `left` and `right`). "
             "The driver publishes what its board gives: frames, points or tracks. `board/...` is what a board finds itself beside its "
-            "points, and `radar/pose` a measured mount. The recorder reads everything; `visualisation` reads `radar/points` too while somebody "
-            "listens to `tracks/points2`. What `bridge` publishes stands with [ROS](../how-to/ros.md).",
+            "points, and `radar/pose` a measured mount. The recorder reads everything; `visualisation` reads `radar/points` too while "
+            "somebody listens to `tracks/points2`. What `bridge` publishes stands with [ROS](../how-to/ros.md).",
             table(("topic", "type", "published by", "read by"), rows),
             "## Services",
             table(("service", "type", "node"), services),

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 from bokeh.models import FactorRange, Range1d
 
+from radar_app.view.colours import NOBODY, colour
 from radar_app.view.feed import Snapshot
 from radar_app.view.pictures import Pictures
-from radar_app.view.style import ACCENT, FAINT, FONT, LINE, NOBODY, TEXT, colour, plot
+from radar_app.view.style import ACCENT, FAINT, FONT, LINE, TEXT, plot
 from radar_gestures.recognizer import Gesture
 
 _SHOWN: Final = 6  # gestures in the list
@@ -41,23 +43,23 @@ class GesturePanel:
         if shown == self._shown:
             return
         self._shown = shown
-        self._pictures.write(self.list, _list([entry.value for entry in found], ago))
+        self._pictures.write(self.list, _list([entry.value for entry in found], ago, now.history.colours))
         if latest is not None:
-            self._show(latest)
+            self._show(latest, now.history.colours)
         else:
             self._pictures.put(self._source, {"label": [], "probability": [], "colour": []})
 
-    def _show(self, gesture: Gesture) -> None:
+    def _show(self, gesture: Gesture, colours: Mapping[int, int]) -> None:
         names = [label.replace("_", " ") for label in gesture.labels]
         if len(names) != len(gesture.probabilities):
             return
         if self._labels.factors != names[::-1]:
             self._labels.factors = names[::-1]
-        shades = [colour(gesture.track_id) if k == gesture.label else NOBODY for k in range(len(names))]
+        shades = [colour(colours, gesture.track_id) if k == gesture.label else NOBODY for k in range(len(names))]
         self._pictures.put(self._source, {"label": names, "probability": gesture.probabilities.tolist(), "colour": shades})
 
 
-def _list(gestures: list[Gesture], ago: list[int]) -> str:
+def _list(gestures: list[Gesture], ago: list[int], colours: Mapping[int, int]) -> str:
     """Write the last gestures down, the newest on top."""
     if not gestures:
         return f'<div style="color:{FAINT};font:14px {FONT}">none yet: push, pull, swipe, wave, or rotate an arm</div>'
@@ -67,7 +69,7 @@ def _list(gestures: list[Gesture], ago: list[int]) -> str:
         zones = f" in {html.escape(', '.join(gesture.zones))}" if gesture.zones else ""
         rows.append(
             f'<div style="display:flex;gap:10px;align-items:baseline;font:{size} {FONT};color:{TEXT};opacity:{1 - 0.11 * number:.2f}">'
-            f'<span style="color:{colour(gesture.track_id)}">●</span>'
+            f'<span style="color:{colour(colours, gesture.track_id)}">●</span>'
             f"<b>{html.escape(gesture.name.replace('_', ' '))}</b> {gesture.confidence:.0%}"
             f'<span style="color:{FAINT};font-size:13px">person {gesture.track_id}{zones}, {seconds} s ago</span></div>'
         )

@@ -13,9 +13,10 @@ from bokeh.models.widgets import Div, Select
 from bokeh.plotting import figure
 
 from radar_app.view.choices import Choice, default_folder, load_choices, on_front
+from radar_app.view.colours import NOBODY
 from radar_app.view.feed import Snapshot
 from radar_app.view.page import Context
-from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, NOBODY, TEXT, WIDE, card, grid, plot, stack
+from radar_app.view.style import ACCENT, DOUBTFUL, FAINT, FIELD, FONT, GROUND, TEXT, WIDE, card, grid, plot, stack
 from radar_app.view.table_panels import table
 from radar_core import HandwaveError
 

@@ -15,6 +15,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 
 import numpy as np
 
+from radar_app.view.colours import Colours
 from radar_app.view.records import EventMaps, NodeHealth, RangeDoppler, StageFigures
 from radar_app.watching.latency import Latency, latencies
 from radar_app.watching.reports import StageReport
@@ -90,6 +91,8 @@ class History:
         How the nodes are doing.
     radars : mapping of str to RadarInfo
         By their frames.
+    colours : mapping of int to int
+        Number of each person's colour, by their track, see `radar_app.view.colours`.
     silent : float
         How long nothing has come when this was made [s].
     """
@@ -106,6 +109,7 @@ class History:
     status: Sequence[Entry[StageReport]] = ()
     health: Sequence[Entry[NodeHealth]] = ()
     radars: Mapping[str, RadarInfo] = field(default_factory=lambda: MappingProxyType({}))
+    colours: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
     silent: float = 0.0
 
     @property
@@ -242,6 +246,7 @@ class Feed:
         self._number = 0
         self._channels: dict[Channel, deque[Entry[Any]]] = {name: deque() for name in _CHANNELS}
         self._radars: Mapping[str, RadarInfo] = MappingProxyType({})
+        self._colours = Colours()
         self._heard = time.monotonic()
         self._wanted: Counter[Channel] = Counter()
 
@@ -266,6 +271,7 @@ class Feed:
             if channel in _CLOCKS and entries and stamp_ns < entries[-1].stamp_ns - _BACK:
                 for others in self._channels.values():
                     others.clear()
+                self._colours = Colours()
             elif channel not in _CLOCKS:
                 stamp_ns = min(stamp_ns, self._now_ns(stamp_ns) + _BACK)
                 if entries and stamp_ns < entries[-1].stamp_ns - round(1e9 * self.keep):
@@ -278,6 +284,8 @@ class Feed:
                 entries.popleft()
             if channel in _CLOCKS:
                 self._heard = time.monotonic()
+            if channel == "tracks":
+                self._colours.see(track.id for track in value.people)
             self._changed.notify_all()
 
     def _now_ns(self, otherwise: int) -> int:
@@ -295,7 +303,8 @@ class Feed:
         """Freeze what is kept now."""
         with self._changed:
             kept: dict[str, Any] = {name: tuple(entries) for name, entries in self._channels.items()}
-            return History(self._number, radars=self._radars, silent=time.monotonic() - self._heard, **kept)
+            silent = time.monotonic() - self._heard
+            return History(self._number, radars=self._radars, colours=self._colours.numbers, silent=silent, **kept)
 
     def after(self, channel: Channel, number: int) -> tuple[Entry[Any], ...]:
         """Entries of a channel that are newer than a ``number``, in the order in which they came.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,10 +12,12 @@ from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.events import Tap
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, LinearColorMapper, Range1d
 from bokeh.models.annotations import LabelSet
+from numpy.typing import NDArray
 
+from radar_app.view.colours import NOBODY, PEOPLE, colour
 from radar_app.view.feed import Entry, Snapshot
 from radar_app.view.pictures import Pictures
-from radar_app.view.style import ACCENT, BAD, FONT, GOOD, GROUND, LINE, NOBODY, PEOPLE, TEXT, colour, plot
+from radar_app.view.style import ACCENT, BAD, FONT, GOOD, GROUND, LINE, TEXT, plot
 from radar_core import PointCloud, RadarInfo
 from radar_core.types import Float64Array
 from radar_tracking.fusion.clouds import sensors
@@ -107,7 +109,7 @@ class Plan:
         self._once("radars", tuple(now.history.radars.values()), self._show_radars)
         people = now.people
         self._put("points", _points(now))
-        self._put("people", _people(people, _names(now)))
+        self._put("people", _people(people, _names(now), now.history.colours))
         self._put("trails", _trails(now, people))
         hand = now.hand
         place = hand.position if hand is not None else None
@@ -229,9 +231,15 @@ def _points(now: Snapshot) -> dict[str, Any]:
         "x": np.concatenate([cloud.x for cloud in recent]),
         "y": np.concatenate([cloud.y for cloud in recent]),
         "size": 2.5 + 0.12 * seen,
-        "who": np.where(owner < 0, len(PEOPLE), owner % len(PEOPLE)),
+        "who": _shades(owner, now.history.colours),
         "alpha": np.clip(0.9 - 0.75 * age / _GLOW, 0.1, 0.9),
     }
+
+
+def _shades(owner: NDArray[np.int_], colours: Mapping[int, int]) -> NDArray[np.int_]:
+    """Numbers of the colours of points; one after the last: nobody's, or of somebody who is not believed yet."""
+    people, place = np.unique(owner, return_inverse=True)
+    return np.array([colours.get(person, len(PEOPLE)) for person in people.tolist()], int)[place]
 
 
 def _spaced(entries: Sequence[Entry[PointCloud]]) -> list[PointCloud]:
@@ -249,14 +257,14 @@ def _names(now: Snapshot) -> dict[int, str]:
     return {gesture.track_id: gesture.name.replace("_", " ") for gesture in recent if gesture.label}
 
 
-def _people(people: Tracks | None, names: dict[int, str]) -> dict[str, Any]:
+def _people(people: Tracks | None, names: Mapping[int, str], colours: Mapping[int, int]) -> dict[str, Any]:
     tracks = people.tracks if people is not None else ()
     ahead = [track.position + _SPEED * track.velocity for track in tracks]
     return {
         "x": [track.position[0] for track in tracks],
         "y": [track.position[1] for track in tracks],
         "radius": [_radius(track.extent) for track in tracks],
-        "colour": [colour(track.id) for track in tracks],
+        "colour": [colour(colours, track.id) for track in tracks],
         "alpha": [0.08 if track.status is TrackStatus.COASTING else 0.3 for track in tracks],
         "x_to": [place[0] for place in ahead],
         "y_to": [place[1] for place in ahead],
@@ -288,7 +296,7 @@ def _trails(now: Snapshot, people: Tracks | None) -> dict[str, Any]:
     return {
         "x": [[float(place[0]) for place in ways[number]] for number in alive],
         "y": [[float(place[1]) for place in ways[number]] for number in alive],
-        "colour": [colour(number) for number in alive],
+        "colour": [colour(now.history.colours, number) for number in alive],
         "alpha": [0.55] * len(alive),
     }
 

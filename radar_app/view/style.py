@@ -11,10 +11,6 @@ from bokeh.models.widgets import Div
 from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
-PEOPLE: Final = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442", "#D55E00", "#0072B2")
-"""Colours of people, of Okabe and Ito (2008); who comes after the last has the first again, and the number tells them apart."""
-
-NOBODY: Final = "#7d8794"
 GROUND, CARD, LINE, TEXT, FAINT = "#0e131a", "#161d27", "#2a3442", "#e8edf3", "#93a0b0"
 GOOD, DOUBTFUL, BAD = "#009E73", "#E69F00", "#D55E00"
 ACCENT: Final = "#56B4E9"
@@ -40,11 +36,6 @@ PAGE: Final = f"""
 {{% endblock %}}
 """
 """Template of the page: nothing is loaded from anywhere but its own server, and a phone shows it at its own width."""
-
-
-def colour(track_id: int) -> str:
-    """Colour of a person."""
-    return PEOPLE[track_id % len(PEOPLE)]
 
 
 def both_sides(n: int = 255) -> list[str]:

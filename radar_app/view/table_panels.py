@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from bokeh.models import DataRange1d, Range1d
 
+from radar_app.view.colours import colour
 from radar_app.view.feed import Snapshot
 from radar_app.view.pictures import Pictures
 from radar_app.view.records import NodeHealth, StageFigures
-from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, colour, plot
+from radar_app.view.style import ACCENT, BAD, DOUBTFUL, FAINT, FONT, GOOD, LINE, TEXT, plot
 from radar_app.watching.latency import Latency, latencies
 from radar_tracking.tracks import Tracks, TrackStatus
 from radar_tracking.zones import Presence, ZoneState, ZoneStates
@@ -49,7 +50,7 @@ class Tables:
         if now.newest and self._last_ns <= now.stamp_ns < self._due_ns:
             return
         self._due_ns, self._last_ns = now.stamp_ns + _EVERY_NS, now.stamp_ns
-        self._pictures.write(self.people, _people(now.people))
+        self._pictures.write(self.people, _people(now.people, now.history.colours))
         self._pictures.write(self.zones, _zones(now.zones))
         self._pictures.write(self.nodes, _nodes(now.stages, now.health))
         late = _worst(self._late.until(now), now.stamp_ns)
@@ -74,13 +75,13 @@ def _dot(shade: str, text: str) -> str:
     return f'<span style="color:{shade}">●</span> {text}'
 
 
-def _people(people: Tracks | None) -> str:
+def _people(people: Tracks | None, colours: Mapping[int, int]) -> str:
     rows = []
     for track in people.tracks if people is not None else ():
         x, y, _ = track.position
         speed = math.hypot(track.velocity[0], track.velocity[1])
         seen = "now" if track.status is not TrackStatus.COASTING else f"{track.unseen:.1f} s ago"
-        rows.append([_dot(colour(track.id), str(track.id)), f"{x:.2f}, {y:.2f}", f"{speed:.2f}", str(track.n_points), seen])
+        rows.append([_dot(colour(colours, track.id), str(track.id)), f"{x:.2f}, {y:.2f}", f"{speed:.2f}", str(track.n_points), seen])
     return table(("person", "x, y [m]", "speed [m/s]", "points", "seen"), rows, "nobody is there")
 
 
