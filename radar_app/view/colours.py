@@ -30,16 +30,20 @@ class Colours:
 
     def __init__(self) -> None:
         self.numbers: Mapping[int, int] = MappingProxyType({})
+        self._here: set[int] = set()
         self._free = list(range(len(PEOPLE)))  # unused for longest first
 
     def see(self, people: Iterable[int]) -> None:
-        """Take in who is there now, by their tracks."""
-        here = set(people)
-        for person in sorted(here, key=lambda person: (person not in self.numbers, person)):  # who has a colour keeps it from new ones
-            if person not in self.numbers:
+        """Take in who is there now, by their tracks; who comes back finds their colour if nobody has taken it."""
+        here, worn = set(people), set[int]()
+        for person in sorted(here, key=lambda person: (person not in self._here, person)):
+            if person not in self.numbers or (person not in self._here and self.numbers[person] in worn):
                 self._add(person, here)
-            self._free.remove(self.numbers[person])
-            self._free.append(self.numbers[person])
+            number = self.numbers[person]
+            worn.add(number)
+            self._free.remove(number)
+            self._free.append(number)
+        self._here = here
 
     def _add(self, person: int, here: set[int]) -> None:
         gone = [other for other in self.numbers if other not in here][-_GONE:]

@@ -40,10 +40,13 @@ def test_who_left_is_remembered_for_a_while():
 
 
 def test_more_people_than_colours():
-    """All of them have one."""
+    """All of them have one, and keep it."""
     colours = Colours()
     colours.see(range(20))
-    assert {colour(colours.numbers, person) for person in range(20)} == set(PEOPLE)
+    numbers = colours.numbers
+    assert {colour(numbers, person) for person in range(20)} == set(PEOPLE)
+    colours.see(range(20))
+    assert colours.numbers == numbers
 
 
 def test_the_feed_says_who_has_which():
