@@ -39,6 +39,7 @@ from benchmarks.tradeoff.document import machine
 from benchmarks.tradeoff.stages import STAGES
 
 _DATA: Final = ("baseband", "bodies", "gestures", "levels", "models", "scenes", "strokes", "tracking")  # of config/: what studies read
+_ENDS: Final = 30.0  # s for a study that was interrupted to stop what it started
 _NAMED: Final = 3  # as many modules a line names; of the others it says how many they are
 
 
@@ -133,20 +134,33 @@ def _write(path: Path, content: object, indent: int | None = None) -> None:
     partial.replace(path)
 
 
+def _output(command: Sequence[str]) -> tuple[int, str]:
+    """Run a command, which shows its progress itself; gives its status and what it said. Interrupted, it may stop what it started."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=checkout()) as running:
+        try:
+            said, _ = running.communicate()
+        except KeyboardInterrupt:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                running.wait(_ENDS)
+            running.kill()
+            raise
+    return running.returncode, said
+
+
 def make(name: str, results: Path, extra: Sequence[str] = ()) -> str:
     """Run a study and store its result with the code it was made by; returns why there is none, empty: it is stored."""
     study, now = STUDIES[name], code(STUDIES[name])
     keep = _keep(name, now)
     before = os.times()
     command = [sys.executable, *_command(study, keep), *extra]
-    done = subprocess.run(command, check=False, stdout=subprocess.PIPE, text=True, cwd=checkout())  # it shows its progress itself
+    status, said = _output(command)
     after = os.times()
-    if done.returncode:
-        return "left out" if done.returncode == os.EX_UNAVAILABLE else f"failed with status {done.returncode}"
+    if status:
+        return "left out" if status == os.EX_UNAVAILABLE else f"failed with status {status}"
     if study.command == TRADEOFF:
         result = {stage: json.loads((keep / f"{stage}.json").read_text(encoding="utf-8")) for stage in STAGES}
     else:
-        result = json.loads(done.stdout.splitlines()[-1])
+        result = json.loads(said.splitlines()[-1])
     used = after.children_user + after.children_system - before.children_user - before.children_system
     told = {"command": study.shown, "date": f"{datetime.now(UTC):%Y-%m-%d}", "on": machine(), "cpu_seconds": round(used, 1), "code": now}
     (results / "made" / f"{name}.json").unlink(missing_ok=True)  # stopped between the two: unknown code, not wrong code
