@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _WARM: Final = 5  # frames
 _REST: Final = 8  # parts of an interval; the next frame is made after the first one, so that the last can be published undisturbed
+_LEAD: Final = 2.5  # times what a frame takes to make, and a quarter of an interval: so late that those who work on the last one are done
 
 
 class Frames(Protocol):
@@ -47,8 +48,9 @@ class Frames(Protocol):
 class Paced:
     """Frames in their own time; a `radar_driver.sources.Source`. They begin again where they end.
 
-    A frame is given once its acquisition has ended. The next one is made while nothing else is to do; frames that are late by then are left
-    out and counted. A clock that stands at 0 (simulated time that nobody has told yet) or goes back makes no loss.
+    A frame is given once its acquisition has ended. The next one is made as late as is safe, because others work on the last one until
+    then. Frames that are late are left out and counted. A clock that stands at 0 (simulated time that nobody has told yet) or goes back
+    makes no loss.
 
     Parameters
     ----------
@@ -68,6 +70,7 @@ class Paced:
         self._state = "off"
         self._position = self._turn = 0  # which frame comes next, and how often they have begun again
         self._count = self._skipped = 0  # frames given or skipped, and skipped
+        self._span = 0.0  # what frames took lately at the most [ns]
         self._start = self._done = 0  # when `resume` was, and frames due since then that were given or skipped
         self._ready: tuple[int, tuple[RadarFrame, Truth | None] | HandwaveError] | None = None  # place, frame or why there is none
 
@@ -101,7 +104,8 @@ class Paced:
                 return self._give(due)
             wait = (self._done + 1) * self._interval - elapsed
             if self._ready is None or self._ready[0] != self._position:
-                wait = self._done * self._interval + self._interval // _REST - elapsed
+                lead = max(self._interval / 4, _LEAD * self._span) if self._span else self._interval
+                wait = self._done * self._interval + round(max(self._interval / _REST, self._interval - lead)) - elapsed
                 if wait <= 0:
                     self._ready = (self._position, self._make(self._position))
                     continue
@@ -139,10 +143,13 @@ class Paced:
 
     def _make(self, position: int) -> tuple[RadarFrame, Truth | None] | HandwaveError:
         """Make a frame; an error is for when the frame is due, so that it comes once."""
+        began = time.monotonic_ns()
         try:
             return self._frames.frame(position)
         except HandwaveError as error:
             return error
+        finally:
+            self._span = max(time.monotonic_ns() - began, 0.98 * self._span)
 
     def _advance(self, count: int) -> None:
         self._count += count

@@ -1,6 +1,7 @@
 """Recordings and scenes in their own time: each frame when it has ended, late ones left out, on whatever clock."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -30,15 +31,16 @@ class Clock:
 class Numbers:
     """Frames that say their place; those named in ``broken`` cannot be read."""
 
-    def __init__(self, n_frames=10, *, interval=0.02, delay=0.0, broken=()):
+    def __init__(self, n_frames=10, *, interval=0.02, delay=0.0, broken=(), takes=0.0):
         self.info = RadarInfo()
-        self.n_frames, self.interval, self.delay, self.broken = n_frames, interval, delay, broken
+        self.n_frames, self.interval, self.delay, self.broken, self.takes = n_frames, interval, delay, broken, takes
         self.made, self.closed = [], 0
 
     def frame(self, number):
         if number in self.broken:
             raise DataError(f"frame {number} is broken")
         self.made.append(number)
+        time.sleep(self.takes)
         return RadarFrame(np.full((1, 1, 1, 1), number, np.complex64), number * 20 * MS, number, "radar"), None
 
     def close(self):
@@ -73,9 +75,25 @@ def test_each_frame_comes_when_it_has_ended():
         assert frames.made == list(range(number + 1))
 
 
-def test_the_next_frame_waits_until_the_last_is_published():
-    """For an eighth of the interval nothing is made."""
+def test_the_next_frame_is_made_late():
+    """In the last quarter of the interval where it takes no time: until then others work on the one before."""
     frames = Numbers()
+    source, clock = paced(frames)
+    clock.now += 20 * MS
+    assert source.read(0.0) is not None
+    frames.made.clear()
+    clock.now += 15 * MS - 1
+    assert source.read(0.0) is None
+    assert frames.made == []
+    clock.now += 1
+    assert source.read(0.0) is None
+    assert frames.made == [1]
+
+
+@pytest.mark.parametrize(("takes", "latest"), [(0.004, 10 * MS), (0.05, int(2.5 * MS))])
+def test_a_frame_that_takes_long_is_made_sooner(takes, latest):
+    """So that it is there when it is due; but for an eighth of the interval, in which the last one is published, nothing is made."""
+    frames = Numbers(takes=takes)
     source, clock = paced(frames)
     clock.now += 20 * MS
     assert source.read(0.0) is not None
@@ -83,7 +101,7 @@ def test_the_next_frame_waits_until_the_last_is_published():
     clock.now += int(2.5 * MS) - 1
     assert source.read(0.0) is None
     assert frames.made == []
-    clock.now += 1
+    clock.now += 1 + latest - int(2.5 * MS)
     assert source.read(0.0) is None
     assert frames.made == [1]
 
