@@ -12,7 +12,7 @@ from radar_tracking.people.zones import View, Zones
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares, hidden
 from radar_tracking.poisson.motion import Update, resting
-from radar_tracking.poisson.person import MOVED_TIME, person_odds, went
+from radar_tracking.poisson.person import MOVED_TIME, faint, person_odds, went
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
 from radar_tracking.tracks import Deleted, Reason
@@ -154,6 +154,7 @@ class Decisions:
         rows, config, found = table.rows, self._config, []
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
+        ready &= ~faint(table, self._view.origin, config.body_height)
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
         near = self._near(table, gaps, way, now)
         for row in np.flatnonzero(ready).tolist():

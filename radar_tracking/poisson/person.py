@@ -27,6 +27,7 @@ _LONGEST: Final = 0.4  # s: range rates say no more about what came before
 _WEAK: Final = (0.0, 6.0)  # dB: weaker than a body by less is no image, by more may be one
 _CLOSE: Final = 0.8  # m: images by way of walls are farther from their cause
 _LAW: Final = (-10.0, 20.0)  # dB: how much weaker than a body; what is beyond says no more
+_FAINT: Final = -10.0  # dB at 2 m: echoes that would be weaker from there are no body's, but interference or an insect before the sensor
 _ALONE: Final = (0.02, 5.0, 0.3)  # m: least and largest way alone that says anything, and the one that says nothing
 
 FEATURES: Final = ("points", "snr", "height", "tall", "fast", "behind", "same", "floor", "law", "alone", "hits", "went", "stuck", "creep")
@@ -77,6 +78,12 @@ def _strength(table: Table) -> Float64Array:
     return np.asarray(snr / np.maximum(points, 1e-9) + 10.0 * np.log10(np.maximum(points, 1e-3)))
 
 
+def faint(table: Table, origin: Float64Array, body_height: float) -> BoolArray:
+    """Which tracks echo too weakly for bodies so near to the sensor at ``origin``, shape (n_tracks,)."""
+    flat = np.hypot(*(table.mean[:, :2] - origin[:2]).T)
+    return np.asarray(_strength(table) < _FAINT + 40.0 * np.log10(2.0 / np.maximum(np.hypot(flat, origin[2] - body_height), 0.1)))
+
+
 def features(table: Table) -> Float64Array:
     """`FEATURES` of all tracks, shape (n_tracks, 14)."""
     rows = table.rows
@@ -124,8 +131,7 @@ def person_odds(table: Table) -> Float64Array:
 
 def _stuck(table: Table) -> Float64Array:
     """How far range rates say that tracks went, beyond what people do on the spot, who stay where they are, shape (n_tracks,) [m]."""
-    step = table.mean[:, :2] - table.rows["haunt"]
-    on_the_spot = table.rows["moved"] / (1.0 + 2.0 * np.hypot(step[:, 0], step[:, 1]))
+    on_the_spot = table.rows["moved"] / (1.0 + 2.0 * np.hypot(*(table.mean[:, :2] - table.rows["haunt"]).T))
     return np.asarray(np.clip(on_the_spot - _ON_THE_SPOT, 0.0, _MOST_STUCK))
 
 
@@ -140,5 +146,4 @@ def _creep(table: Table) -> Float64Array:
 
 def went(table: Table) -> Float64Array:
     """How far tracks are from where they began, shape (n_tracks,) [m]."""
-    step = table.mean[:, :2] - table.rows["birthplace"]
-    return np.asarray(np.hypot(step[:, 0], step[:, 1]))
+    return np.asarray(np.hypot(*(table.mean[:, :2] - table.rows["birthplace"]).T))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from radar_core import PointCloud
+from radar_core import PointCloud, Pose, RadarInfo
 from radar_tracking import TrackerConfig
 from radar_tracking.poisson.person import FEATURES, features, person_odds
 from radar_tracking.poisson.table import N_STATES, RECORD, Table
@@ -125,6 +125,19 @@ def test_ways_that_tell_people_from_reflections():
     assert person["alone"] > 3.0
     assert copy["alone"] < 0.5
     assert copy["law"] > person["law"] + 3.0
+
+
+@pytest.mark.parametrize(("snr", "people"), [(35.0, 1), (4.0, 0), (math.nan, 1)])
+def test_what_is_faint_before_the_sensor_is_nobody(snr, people):
+    """Somebody 0.4 m away echoes strongly; interference there does not. Where no strength is measured it does not count."""
+    tracker = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli"), RadarInfo(mount=Pose(z=1.1)))
+    rng = np.random.default_rng(7)
+    for k in range(80):
+        t = 0.05 * k
+        points = (np.array([0.4 + 0.1 * np.sin(2 * t), 0.0, 1.1]) + rng.normal(0, [0.04, 0.04, 0.1], (8, 3))).astype(np.float32)
+        columns = {"radial_speed": (0.2 * np.cos(2 * t) + rng.normal(0, 0.2, 8)).astype(np.float32), "snr": np.full(8, snr, np.float32)}
+        tracks = tracker.process(PointCloud(k * 50_000_000, k, "room", *points.T.copy(), **columns))
+    assert len(tracks.people) == people
 
 
 def test_who_is_no_person_any_more_is_tentative_and_keeps_its_points():
