@@ -13,7 +13,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +29,7 @@ from radar_lab.pipeline import Pipeline
 from radar_sim import Simulator, load_scene
 
 SCENE: Final = "demo"
+_TURNS: Final = 3
 _HOP: Final = """
 import array, sys, time
 import rclpy
@@ -109,49 +112,80 @@ def library_cores(n_frames: int | None = None) -> float:
     return (time.thread_time() - started) / (n * simulator.info.waveform.frame_interval)
 
 
+@dataclass(frozen=True)
+class Turn:
+    """The demo graph, both ways, with bare references before and after it: the speed of a shared machine changes within a minute."""
+
+    library: float  # processors that the library alone keeps busy
+    hops: Sequence[float]  # one bare hop of a frame [ms]
+    demo: Load
+    composed: Load
+
+    def ratios(self) -> dict[str, float]:
+        """Give the graph's figures over those of the references."""
+        return {
+            "cpu_over_library": self.demo.cores / self.library,
+            "composed_cpu_over_library": self.composed.cores / self.library,
+            "latency_p99_over_hop": float(np.percentile(self.demo.latencies_ms, 99) / np.percentile(self.hops, 99)),
+        }
+
+
+def turn(folder: Path, seconds: float, n_frames: int | None, domain: int) -> Turn:
+    """Measure the demo graph once, and the references before, between and after."""
+    library, hops, found = [library_cores(n_frames)], hop(min(seconds, 10.0), domain), []
+    for name, run_graph in (("demo", separate), ("composed", composed)):
+        (folder / name).mkdir(parents=True)
+        found.append(run_graph(demo_nodes(folder / name), seconds, domain))
+        hops += hop(min(seconds, 10.0), domain) if name == "demo" else []
+        library.append(library_cores(n_frames))
+    return Turn(float(np.mean(library)), hops, *found)
+
+
+def pooled(loads: Sequence[Load]) -> Load:
+    """Put several windows of one graph together."""
+    cpu: Counter[str] = Counter()
+    for load in loads:
+        cpu.update(load.cpu)
+    late = [value for load in loads for value in load.latencies_ms]
+    return Load(late, sum(load.due for load in loads), sum(load.lost for load in loads), sum(load.seconds for load in loads), cpu)
+
+
 def measure(quick: bool, domain: int) -> dict[str, Any]:
     """Measure everything, one after the other; each window is one turn of the scene."""
     os.environ.update(environment(domain))
-    scene = load_scene(SCENE)
-    seconds = 4.0 if quick else scene.duration
-    library = library_cores(100 if quick else None)
-    hops = hop(min(seconds, 15.0), domain)
-    live = graph("live", parameters={"driver": {"scene": SCENE, "at_end": "loop"}})
-    two = graph("two_radars", parameters={f"{side}/driver": {"at_end": "loop"} for side in ("left", "right")})
-    found: dict[str, Load] = {}
+    seconds, n_frames, turns = (4.0, 100, 1) if quick else (load_scene(SCENE).duration, None, _TURNS)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        for prefix, run_graph in (("demo", separate), ("demo_composed", composed)):
-            folder = Path(name) / prefix
-            folder.mkdir()
-            found[prefix] = run_graph(demo_nodes(folder), seconds, domain)
+        made = [turn(Path(name) / str(number), seconds, n_frames, domain) for number in range(turns)]
+    found: dict[str, Load] = {}
     if not quick:
+        live = graph("live", parameters={"driver": {"scene": SCENE, "at_end": "loop"}})
         with busy_core():
             found["busy"] = separate(live, seconds, domain)
+        two = graph("two_radars", parameters={f"{side}/driver": {"at_end": "loop"} for side in ("left", "right")})
         found["two_radars"] = separate(two, seconds, domain, "left/driver")
-    hops += hop(min(seconds, 15.0), domain)
-    return figures(library, hops, found)
+    return figures(made, found)
 
 
-def figures(library: float, hops: Sequence[float], found: Mapping[str, Load]) -> dict[str, Any]:
-    """Put the figures together."""
+def figures(turns: Sequence[Turn], found: Mapping[str, Load]) -> dict[str, Any]:
+    """Put the figures together: ratios are medians over turns, each of which has references of its own; all turns stand beside."""
+    hops = [value for turn in turns for value in turn.hops]
     result: dict[str, Any] = {
-        "library_cores": library,
+        "library_cores": float(np.mean([turn.library for turn in turns])),
         "hop_ms_median": float(np.median(hops)),
         "hop_ms_p99": float(np.percentile(hops, 99)),
     }
-    for name, load in found.items():
+    demo = {"demo": pooled([turn.demo for turn in turns]), "demo_composed": pooled([turn.composed for turn in turns])}
+    for name, load in (demo | dict(found)).items():
         result[f"{name}_cores"] = load.cores
         result[f"{name}_cores_by_node"] = {node: round(used / load.seconds, 3) for node, used in load.cpu.items()}
         result[f"{name}_dropped_fraction"] = load.dropped
         result[f"{name}_frames"] = load.due
         if load.latencies_ms:
             result[f"{name}_latency_ms_median"], result[f"{name}_latency_ms_p99"] = map(float, np.percentile(load.latencies_ms, (50, 99)))
-    demo = found["demo"]
-    result |= {
-        "cpu_over_library": demo.cores / library,
-        "composed_cpu_over_library": found["demo_composed"].cores / library,
-        "latency_p99_over_hop": result["demo_latency_ms_p99"] / result["hop_ms_p99"],
-    }
+    ratios = [turn.ratios() for turn in turns]
+    for name in ratios[0]:
+        values = [one[name] for one in ratios]
+        result |= {name: float(np.median(values)), f"{name}_by_turn": values}
     if "two_radars" in found:
         result["two_radars_dropped"] = found["two_radars"].dropped
     return result

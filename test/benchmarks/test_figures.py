@@ -1,8 +1,11 @@
 """What makes figures: a result is out of date when its code changed, and only then; what is done is not done again."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -15,6 +18,30 @@ import importlib, json, sys
 importlib.import_module(sys.argv[1])
 print(json.dumps([name for name in sys.modules if name.split(".")[0].startswith(("radar_", "benchmarks"))]))
 """
+
+
+STUDY = """
+import pathlib, sys, time
+folder = pathlib.Path(sys.argv[1])
+(folder / "begun").touch()
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    time.sleep(1)
+    (folder / "tidied").touch()
+"""
+
+
+def test_an_interrupted_study_may_stop_what_it_started(tmp_path):
+    """Ctrl-C reaches both: the study is not killed while it still tidies up."""
+    told = f"import sys; from benchmarks.figures import _output; _output([sys.executable, '-c', {STUDY!r}, {str(tmp_path)!r}])"
+    with subprocess.Popen([sys.executable, "-c", told], cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL) as running:
+        end = time.monotonic() + 60.0
+        while not (tmp_path / "begun").exists() and time.monotonic() < end:
+            time.sleep(0.05)
+        os.killpg(running.pid, signal.SIGINT)
+        assert running.wait(30.0) != 0
+    assert (tmp_path / "tidied").exists()
 
 
 def test_comments_change_nothing(tmp_path):

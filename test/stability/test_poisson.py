@@ -13,6 +13,7 @@ from radar_core.config import load
 from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 from radar_tracking.people.points import Admission
 from radar_tracking.people.zones import View
+from radar_tracking.poisson.person import faint
 from radar_tracking.poisson.points import Measure
 from radar_tracking.poisson.tracker import PoissonTracker
 
@@ -169,6 +170,18 @@ def test_lines_of_sight_that_cancel():
     assert tracks.tracks[0].dof > 0
     assert np.diagonal(tracks.tracks[0].covariance)[:2].min() > 1e-4
     np.testing.assert_allclose(np.hypot(*tracker.table.rows["sight"].T), 1.0)
+
+
+def test_a_track_at_the_sensor():
+    """A body infinitely near would be infinitely strong: what is there has a finite strength to reach."""
+    tracker = with_somebody()
+    tracker._table.mean[:] = 0.0
+    with np.errstate(all="raise"):
+        weak = faint(tracker._table, np.array([0.0, 0.0, 1.1]), 1.1)
+        tracker._table.rows["look"][:, 1] = 80.0 * tracker._table.rows["look"][:, 0]
+        strong = faint(tracker._table, np.array([0.0, 0.0, 1.1]), 1.1)
+    assert weak.all()
+    assert not strong.any()
 
 
 def test_a_radar_that_looks_backwards():
