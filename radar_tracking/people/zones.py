@@ -96,9 +96,9 @@ class Zones:
         floor = np.asarray(points)[..., :2]
         return np.asarray(_in_boxes(floor, self.boundaries).any(axis=-1) | _in_areas(floor, polygons))
 
-    def excluded(self, position: NDArray[np.floating]) -> bool:
-        """Whether nothing may begin at a place, shape (2,) or (3,) in ``room`` [m], because a fan or a curtain moves there."""
-        return bool(_in_areas(position, self._areas.get("exclusion", ())))
+    def excluded(self, points: NDArray[np.floating]) -> BoolArray:
+        """Whether nothing may begin at places, shape (..., 2) or (..., 3) in ``room`` [m], because a fan or a curtain moves there."""
+        return _in_areas(points, self._areas.get("exclusion", ()))
 
     def may_enter(self, position: NDArray[np.floating], age: float) -> bool:
         """Whether a new track may begin at a place, shape (2,) or (3,) in ``room`` [m], ``age`` [s] after the tracker's first cloud.
@@ -106,7 +106,7 @@ class Zones:
         Never outside the boundaries, nor where it is `excluded`. Elsewhere anywhere without entries and during the first ``settle``
         seconds, else in an entry.
         """
-        if not bool(self.inside(position)) or self.excluded(position):
+        if not bool(self.inside(position)) or bool(self.excluded(position)):
             return False
         entrances = self._areas.get("entrance", ())
         if not (len(self.entries) or entrances) or age <= self.config.settle:

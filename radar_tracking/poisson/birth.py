@@ -32,7 +32,7 @@ class Birth:
 
     def process(self, table: Table, measured: Measured, shares: Shares | None, clutter: Float64Array, now: float) -> None:
         """Add the tracks that a cloud starts, ``now`` [s] after the first cloud."""
-        free = np.ones(len(measured)) if shares is None else 1.0 - shares.torso.sum(axis=1)
+        free = np.where(self._zones.excluded(measured.points.position), 0.0, 1.0 if shares is None else 1.0 - shares.torso.sum(axis=1))
         expected = clutter if shares is None else clutter + shares.limb_density
         for _ in range(_AT_ONCE):
             score, middle, members = densest(measured, free, expected)

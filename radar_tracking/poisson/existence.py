@@ -136,8 +136,7 @@ class Decisions:
             return (), new
         ended = [(rows[row], why) for row, why in ends.items()]
         deleted = tuple(Deleted(abs(int(row["id"])), why, bool(row["confirmed"] and row["id"] > 0)) for row, why in ended)
-        stay = np.setdiff1d(np.arange(len(table)), list(ends))
-        stay = stay[np.argsort(rows["id"][stay], kind="stable")]
+        stay = np.array(sorted(set(range(len(table))) - ends.keys(), key=lambda row: int(rows["id"][row])), np.int64)
         table.keep(stay)
         renamed = {old: position for position, old in enumerate(stay.tolist())}
         return deleted, [renamed[row] for row in new if row in renamed]
@@ -156,6 +155,7 @@ class Decisions:
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
         ready &= ~faint(table, self._view.origin, config.body_height)
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
+        ready &= ~self._zones.excluded(np.column_stack([table.mean[:, :2], rows["height"]]))
         near = self._near(table, gaps, way, now)
         for row in np.flatnonzero(ready).tolist():
             own = near[row]

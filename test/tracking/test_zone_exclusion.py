@@ -42,6 +42,13 @@ def test_nothing_starts_where_it_is_excluded(tracker):
     assert not any(follow(make_tracker(config_of(tracker, AROUND)), scene(PACING), 10 * SECOND))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_echoes_that_scatter_over_the_side_of_a_zone_are_nobody(seed):
+    """A curtain at the side of its zone: the middle of its echoes is outside now and then."""
+    blobs = Blobs([Person(walking((2.95, 2.2), (3.05, 2.05), 0.5))], seed=seed, frame_ns=100_000_000, clutter=0.2)
+    assert not any(follow(make_tracker(config_of("poisson_bernoulli", AROUND)), blobs, 20 * SECOND))
+
+
 @TRACKERS
 def test_who_walks_through_is_kept(tracker):
     """One identity from before the zone to behind it, to and fro."""
