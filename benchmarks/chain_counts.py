@@ -1,9 +1,10 @@
 """Operations of each stage of the default chain: closed forms of the configuration, and of what a frame holds.
 
 One addition, multiplication, comparison, division, root or transcendental function of real numbers counts as one operation, as in
-`GestureModel.flop`. A transform of length n counts 5 n log2 n (radix 2; other lengths are counted as if they were one). Transform, CFAR and
-directions are counted loop by loop. Of tracking, gestures and hand only what grows with points and tracks is, and the matrices of the
-filters; of the classifier everything. What Python itself does for each call is no operation here, and is most of the time of the last four.
+`radar_lab.training.operations`. A transform of length n counts 5 n log2 n (radix 2; other lengths are counted as if they were one).
+Transform, CFAR and directions are counted loop by loop. Of tracking, gestures and hand only what grows with points and tracks is, and the
+matrices of the filters; of the classifier everything. What Python itself does for each call is no operation here, and is most of the time
+of the last four.
 """
 
 from __future__ import annotations

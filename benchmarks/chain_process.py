@@ -26,10 +26,11 @@ from benchmarks.chain_counts import STAGES, Load
 from benchmarks.report import measure
 from radar_core import RadarFrame, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import load_perceptron
+from radar_gestures.classifiers.loading import load_perceptron
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.pipeline import PipelineResult
+from radar_lab.training.operations import operations, rejection_operations
 from radar_sim import Simulator, load_scene
 from radar_tracking import HandTracker, TrackedCloud, make_tracker
 
@@ -203,7 +204,7 @@ def flop(chain: Chain, info: RadarInfo, load: Load) -> dict[str, float]:
         counts.directions_flop(channels, n_grid, chain.baseband._finder.steps, load.located),
         counts.tracking_flop(load),
         counts.gestures_flop(load),
-        float(chain.model.flop + chain.model.rejector.flop),
+        float(operations(chain.model) + rejection_operations(chain.model.rejector)),
         counts.hand_flop(load),
     )
     return dict(zip(STAGES, found, strict=True)) | {"features_of_an_event": counts.features_flop(load)}

@@ -26,6 +26,7 @@ from radar_lab.datasets.readings import Cubes, cubes, network_maps
 from radar_lab.datasets.samples import SampleSet
 from radar_lab.training.cnn import CnnConfig, CnnModel, export
 from radar_lab.training.networks import cnn_judge, train_cnn
+from radar_lab.training.operations import operations
 from radar_lab.training.training import fit, validate
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out
 
@@ -81,7 +82,7 @@ def table_4_2(samples: SampleSet, judged: Judged, quick: bool) -> dict[str, Any]
     """
     mlp = fit(samples, np.ones(len(samples.label), np.bool_), CONFIG)
     found = {"features": validate(samples, leave_subjects_out(samples.person), CONFIG)}
-    sizes = {"features": (len(model_file(mlp)), mlp.flop)}
+    sizes = {"features": (len(model_file(mlp)), operations(mlp))}
     calls = {"features": functools.partial(mlp.probabilities, samples.features[0])}
     why: dict[str, str] = {}
     try:

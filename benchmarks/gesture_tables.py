@@ -23,6 +23,7 @@ from radar_lab.datasets.readings import collect
 from radar_lab.datasets.samples import MANIFEST, SampleSet, read_manifest, sample_files
 from radar_lab.datasets.synthesis import synthesise
 from radar_lab.datasets.synthesis_plan import Plan, named_plan
+from radar_lab.training.operations import operations
 from radar_lab.training.training import TrainingConfig, fit, train_on, validate
 from radar_lab.training.validation import Validation, leave_subjects_out, random_split
 from radar_sim import Action, Person, Scene, Simulator
@@ -149,7 +150,7 @@ def hidden_neurons(samples: SampleSet, quick: bool) -> list[dict[str, Any]]:
         found = validate(samples, leave_subjects_out(samples.person), config)
         model = fit(samples, np.ones(len(samples.label), np.bool_), config)
         times = measure_together({"": functools.partial(model.probabilities, samples.features[0])}, repeat=200, warmup=10)[""]
-        rows[f"hidden={'-'.join(map(str, hidden))}, {model.flop} FLOP"] = found.accuracy, times
+        rows[f"hidden={'-'.join(map(str, hidden))}, {operations(model)} FLOP"] = found.accuracy, times
     return against_first("perceptron", "held-out accuracy", rows)
 
 

@@ -25,6 +25,7 @@ from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.training.networks import CurveTraining
+from radar_lab.training.operations import operations
 from radar_lab.training.validation import Mask, Validation, leave_subjects_out
 
 REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states
@@ -160,7 +161,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     moved = part("transfer", lambda: transfer(shared, sets["mtranssee"]))
     result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
     model = part("model", first.fit)
-    result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": model.flop}
+    result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": operations(model)}
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
     result["learning_curve"] = part("learning_curve", lambda: learning_curve(first, counts, (1,)))
     simulated = part("simulated", lambda: gestures_transfer.figures(first, quick, keep))

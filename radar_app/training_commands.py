@@ -35,23 +35,36 @@ def train(
     lost: Annotated[float, typer.Option(help="share of known gestures given up to reject unknown ones", min=0.0, max=1.0)] = 0.05,
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
     scenes: Annotated[int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s each", min=0)] = 0,
-    jobs: Annotated[int, typer.Option(help="with --scenes: processes that simulate", min=1)] = 2,
-    model: Annotated[str, typer.Option(help="perceptron: on thirteen features; curves: a network on curves (PyTorch)")] = "perceptron",
-    passes: Annotated[int, typer.Option(help="model curves: over the samples", min=1)] = 60,
+    lives: Annotated[int, typer.Option(help="model stream: first simulate until the folder holds so many lives, 10 s each", min=0)] = 0,
+    jobs: Annotated[int, typer.Option(help="with --scenes or --lives: processes that simulate", min=1)] = 2,
+    model: Annotated[
+        str, typer.Option(help="perceptron: on thirteen features; curves: a network on curves; stream: one on streams of slots (PyTorch)")
+    ] = "perceptron",
+    passes: Annotated[int, typer.Option(help="models curves and stream: over the samples", min=1)] = 60,
 ) -> None:
-    """Train the model that names gestures: the perceptron on the thirteen features, or a network on curves.
+    """Train the model that names gestures: the perceptron on the thirteen features, or a network on curves or on streams of slots.
 
     Its accuracy, its calibration and the limit for rejecting unknown gestures are measured on people left out of the training, two or more
     at a time; the model itself is then trained on everybody. The same samples and seed give the same file.
 
     The network on curves takes single samples only, and also radars with ten clouds a second; the model brings its events and features.
+    That on streams takes one folder of simulated lives, half minutes of people in front of any of our radars: a fifth of them is left out
+    for the figures.
 
     Use the model with: `handwave up --param gestures.model=gestures.npz`, or in a running graph: `handwave gesture use gestures.npz`
 
     Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
+    · `handwave train lives --model stream --lives 1000 -o stream.npz`
     """
-    if model not in ("perceptron", "curves"):
-        raise ConfigError(f"--model {model}: choose perceptron or curves")
+    if model not in ("perceptron", "curves", "stream"):
+        raise ConfigError(f"--model {model}: choose perceptron, curves or stream")
+    if lives and model != "stream":
+        raise ConfigError(f"--lives {lives}: goes with --model stream only")
+    if model == "stream":
+        if labels or scenes or len(folders) != 1:
+            raise ConfigError("--model stream: give one folder of lives, and neither --labels nor --scenes")
+        _train_stream(folders[0], out, lost, seed, passes, lives, jobs)
+        return
     if model == "curves":
         _train_curves(folders, out, comma_separated(labels), lost, seed, passes)
         return
@@ -104,6 +117,32 @@ def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost:
     print(f"model in {out}, its card in {out.with_suffix('.md')}")
 
 
+def _train_stream(folder: Path, out: Path, lost: float, seed: int, passes: int, lives: int, jobs: int) -> None:
+    from radar_lab.datasets.lives import generate_lives
+    from radar_lab.training.card import card, write_card
+    from radar_lab.training.networks import need_torch
+    from radar_lab.training.stream_figures import as_text
+    from radar_lab.training.stream_training import StreamTraining, train_streams
+
+    if out.suffix != ".npz":
+        raise ConfigError(f"--out {out}: give a file that ends in .npz")
+    need_torch("the network on streams")  # before hours of simulation
+    if lives:
+        generate_lives(folder, lives, seed=seed, n_jobs=jobs)
+    report = train_streams(folder, out, StreamTraining(seed=seed, passes=passes), lost=lost, n_jobs=jobs)
+    print(as_text(report.model))
+    simulated = f"--lives {lives} " if lives else ""
+    text = card(
+        report.model,
+        [],
+        data={"data set": folder.name, **report.model.figures},
+        command=f"handwave train {folder} --model stream {simulated}--out {out} --passes {passes} --lost {lost} --seed {seed}",
+        n_bytes=out.stat().st_size,
+    )
+    write_card(text, out.with_suffix(".md"))
+    print(f"model in {out}, its card in {out.with_suffix('.md')}")
+
+
 def evaluate(
     model: Annotated[str, typer.Argument(help="model file, or one of ours by name, e.g. gestures")],
     folder: Annotated[Path, typer.Argument(help="folder of a data set")],
@@ -122,7 +161,7 @@ def evaluate(
     """
     import json
 
-    from radar_gestures.classifiers.model import load_perceptron
+    from radar_gestures.classifiers.loading import load_perceptron
     from radar_lab.training.training import of_labels, read_folder
     from radar_lab.training.validation import as_text
 

@@ -79,11 +79,6 @@ class MotionSample:
     body: tuple[float, float, float]
 
 
-def weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:
-    """Median of ``values`` with non-negative ``weights`` (shape (n,) each), leaving non-finite values out; NaN when none is left."""
-    return weighted_medians(np.asarray(values)[None], weights)[0]
-
-
 def weighted_medians(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> list[float]:
     """Weighted median of every row, shape (n_rows, n), between the values where it falls between two; NaN where nothing is left.
 

@@ -61,6 +61,8 @@ def needs(model: _Model) -> Needs:
     ConfigError
         When the settings are none of events and features.
     """
+    if "needs" in model.settings:
+        return load(Needs, model.settings["needs"], "needs of the gesture model")
     events = load(EventConfig, model.settings.get("events"), "events of the gesture model")
     features = load(FeatureConfig, model.settings.get("features"), "features of the gesture model")
     sides = any(word in name for name in model.names for word in ("azimuth", "side"))

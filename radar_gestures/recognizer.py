@@ -153,8 +153,11 @@ class GestureRecognizer:
         tuple of Gesture
             In the order of the tracks; mostly empty. Without the random ones when ``publish_random`` is off.
         """
-        named = (self.name(event, tracked.tracks.stamp_ns) for event in self.find(tracked))
-        return tuple(gesture for gesture in named if self.wanted(gesture))
+        return tuple(gesture for _, gesture in self.decide(tracked) if self.wanted(gesture))
+
+    def decide(self, tracked: TrackedCloud) -> tuple[tuple[TrackEvent, Gesture], ...]:
+        """Take one cloud with its tracks and return the events that ended with it, with their maps, and what each is, `wanted` or not."""
+        return tuple((event, self.name(event, tracked.tracks.stamp_ns)) for event in self.find(tracked))
 
     def find(self, tracked: TrackedCloud) -> tuple[TrackEvent, ...]:
         """Take one cloud with its tracks and return the events that ended with it, with their maps; for who names them later."""

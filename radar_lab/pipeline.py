@@ -9,8 +9,9 @@ from radar_core.config import config, knob
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
 from radar_gestures.classifiers.model import model_of
+from radar_gestures.make import make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig, config_for
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
 
@@ -86,7 +87,7 @@ class Pipeline:
         self._baseband = Baseband(config.baseband, known)
         self._tracker = make_tracker(config.tracking, known)
         model = model_of(config.gestures.model, config.gestures.person)
-        self._recognizer = GestureRecognizer(config_for(model.settings, config.gestures), model, known.mount)
+        self._recognizer = make_recognizer(config_for(model.settings, config.gestures), model, known)
         self._hand = HandTracker(config.hand, known)
         self.warning = warning(lacks(needs(model), known), config.gestures.model)
 

@@ -112,19 +112,6 @@ class CurveNet(Rejecting):
         ):
             raise ConfigError(f"{_KIND}: its memory of {self.memory.shape} does not fit {n} labels; {_ADVICE}")
 
-    @property
-    def flop(self) -> int:
-        """Floating point operations of one classification.
-
-        Two for each weight each time it is used, two for each sum (bias and ReLU), two for each input's standardisation and five for each
-        label's softmax.
-        """
-        length, total = self.steps, 2 * len(self.names)
-        for number, kernel in enumerate(self.kernels):
-            length = length if number == 0 else -(-length // 2)
-            total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))
-        return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in self.weights) + 5 * len(self.labels)
-
     def inputs(self, features: NDArray[np.floating]) -> Float32Array:
         """Compute what the dense layers take, shape (n, n_inputs), of features of shape (..., n_features); errors as `probabilities`."""
         x = np.asarray(features)

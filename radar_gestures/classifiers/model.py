@@ -21,6 +21,8 @@ CURVE_NETWORK = "curve network"
 
 ENROLLED = "enrolled model"
 """Kind of the files of `enrolled.Enrolled`."""
+STREAM_NETWORK = "stream network"
+"""Kind of the files of `radar_gestures.stream.network.StreamNet`."""
 
 
 class Classifier(Protocol):
@@ -119,6 +121,10 @@ def load_model(name_or_path: str | Path = "gestures") -> Classifier:
             from radar_gestures.classifiers.enrolled import Enrolled
 
             return Enrolled.from_arrays(about, arrays)
+        if about["kind"] == STREAM_NETWORK:
+            from radar_gestures.stream.network import StreamNet
+
+            return StreamNet.from_arrays(about, arrays)
         raise ConfigError(f"holds a {about['kind']}, which this version of Handwave does not know; {ADVICE}")
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
@@ -134,11 +140,3 @@ def model_of(name_or_path: str | Path, person: str = "") -> Classifier:
     if not isinstance(model, Enrolled):
         raise ConfigError(f"{name_or_path}: nobody is enrolled in this model; handwave gesture enrol does it")
     return model.of(person)
-
-
-def load_perceptron(name_or_path: str | Path = "gestures") -> GestureModel:
-    """Read a model that has to be a perceptron; parameters and errors as in `load_model`."""
-    model = load_model(name_or_path)
-    if not isinstance(model, GestureModel):
-        raise ConfigError(f"{name_or_path}: the model takes {model.extractor}, but a perceptron is needed here; name another model")
-    return model

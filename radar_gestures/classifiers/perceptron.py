@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numba
@@ -104,19 +103,6 @@ class GestureModel(Rejecting):
         object.__setattr__(self, "_layers", tuple(layers))
         object.__setattr__(self, "_packed", np.concatenate([part for w, b in layers for part in (w.ravel(), b)]))
         object.__setattr__(self, "_sizes", np.array([len(self.names), *(len(b) for b in self.biases)], np.int64))
-
-    @property
-    def flop(self) -> int:
-        """Floating point operations of one classification (Table 4.2).
-
-        Each neuron counts as many multiplications as it has inputs and as many additions, that of the bias included; each hidden one also
-        a comparison (ReLU); the softmax of k labels counts k - 1 comparisons, k subtractions, k exponentials, k - 1 additions and k
-        divisions. Standardisation and temperature cost nothing: they are part of the first and the last layer. What rejection takes is
-        apart (``rejector.flop``).
-        """
-        sizes = [int(size) for size in self._sizes]
-        layers = sum(2 * a * b for a, b in pairwise(sizes))
-        return layers + sum(sizes[1:-1]) + 5 * sizes[-1] - 2
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, see `Classifier`; features beyond 1e12 count as not finite."""

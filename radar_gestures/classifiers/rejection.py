@@ -29,11 +29,6 @@ class Rejector(Protocol):
 
     name: ClassVar[str]
 
-    @property
-    def flop(self) -> int:
-        """Floating point operations of one event, beside those of the perceptron."""
-        ...
-
     def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """Score events.
 
@@ -91,11 +86,6 @@ class ByProbability:
 
     name: ClassVar[str] = "probability"
 
-    @property
-    def flop(self) -> int:
-        """None: the probabilities are there."""
-        return 0
-
     def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """See `Rejector`."""
         return np.asarray(_gestures(probabilities, random).max(axis=-1))
@@ -144,12 +134,6 @@ class ByDistance:
         full = np.zeros((len(self.factors), n, n))
         full[(slice(None), *np.tril_indices(n))] = self.factors
         return full
-
-    @property
-    def flop(self) -> int:
-        """Only the most probable gesture costs: n subtractions, n (n + 1) for the triangle, 2 n - 1 for the square, 3 for the score."""
-        n = int(self.means.shape[-1])
-        return n + n * (n + 1) + 2 * n - 1 + 3
 
     def score(self, standard: Float64Array, probabilities: Float64Array, random: int | None) -> Float64Array:
         """See `Rejector`."""

@@ -137,7 +137,7 @@ def _is_left(partial: Path) -> bool:
     return begun_by is not None and not psutil.pid_exists(int(begun_by[1]))
 
 
-def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH) -> dict[str, NDArray[Any]]:
+def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH, fields: Sequence[str] = CLOUD_FIELDS) -> dict[str, NDArray[Any]]:
     """Lay clouds out as flat arrays.
 
     Parameters
@@ -146,21 +146,23 @@ def pack_clouds(clouds: Sequence[PointCloud], kind: str = BOTH) -> dict[str, NDA
         In order of time, in the sensor frame.
     kind : str
         How the columns begin: `BOTH` or `ONE`.
+    fields : sequence of str
+        What to keep of the points.
 
     Returns
     -------
     dict of ndarray
         ``<kind>_offset``, int64 (n_clouds + 1,): points of cloud ``i`` are ``offset[i]`` to ``offset[i + 1]``; and ``<kind>_<field>``,
-        float32 (n_points,), for each of `CLOUD_FIELDS`.
+        float32 (n_points,), for each of ``fields``.
     """
     offset = np.zeros(len(clouds) + 1, np.int64)
     offset[1:] = np.cumsum([len(cloud) for cloud in clouds])
     empty = np.empty(0, np.float32)
-    points = {name: np.concatenate([empty, *(getattr(cloud, name) for cloud in clouds)]) for name in CLOUD_FIELDS}
+    points = {name: np.concatenate([empty, *(getattr(cloud, name) for cloud in clouds)]) for name in fields}
     return {f"{kind}_offset": offset, **{f"{kind}_{name}": array for name, array in points.items()}}
 
 
-def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[PointCloud]:
+def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH, fields: Sequence[str] = CLOUD_FIELDS) -> list[PointCloud]:
     """Clouds of a sample, in the sensor frame, as `pack_clouds` laid them out; fields that are not kept are NaN.
 
     Raises `DataError` when the sample does not hold them.
@@ -169,9 +171,9 @@ def unpack_clouds(sample: Mapping[str, NDArray[Any]], kind: str = BOTH) -> list[
         how = " with only one transmitter; generate with --one-tx" if kind == ONE else "; make the data set again"
         raise DataError(f"sample {int(sample['number'])} holds no clouds{how}")
     offset, frame_id = sample[f"{kind}_offset"], info_of(sample).frame_id
-    fields = {name: sample[f"{kind}_{name}"] for name in CLOUD_FIELDS}
+    points = {name: sample[f"{kind}_{name}"] for name in fields}
     rows = [slice(first, end) for first, end in pairwise(offset)]
-    own: list[dict[str, Any]] = [{name: array[part] for name, array in fields.items()} for part in rows]
+    own: list[dict[str, Any]] = [{name: array[part] for name, array in points.items()} for part in rows]
     return [PointCloud(int(stamp), k, frame_id, **own[k]) for k, stamp in enumerate(sample["stamp_ns"])]
 
 

@@ -12,7 +12,9 @@ from radar_core import DataError
 from radar_core.files import write_whole
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import FORMAT, GestureModel
+from radar_gestures.stream.network import StreamNet
 from radar_lab.training.calibration import calibration_error
+from radar_lab.training.operations import operations, rejection_operations
 from radar_lab.training.validation import Validation
 
 _SPLITS: Final[dict[str, str]] = {
@@ -25,10 +27,14 @@ _LIMITS: Final[tuple[str, ...]] = (
     "The model sees events; gestures too slow or too weak to be an event are lost before it and are not counted here.",
     "One event has one label: two gestures without a pause between them are one event.",
 )
+_STREAM_LIMITS: Final[tuple[str, ...]] = (
+    "The figures hold for people, radars, rooms and settings like those of the data set; strokes that no track follows count as missed.",
+    "A gesture is known some tenths of a second after its end: the network waits for what comes next.",
+)
 
 
 def card(
-    model: GestureModel | CurveNet,
+    model: GestureModel | CurveNet | StreamNet,
     validations: Sequence[Validation],
     *,
     data: Mapping[str, Any],
@@ -40,7 +46,7 @@ def card(
 
     Parameters
     ----------
-    model : GestureModel or CurveNet
+    model : GestureModel, CurveNet or StreamNet
         The model.
     validations : sequence of Validation
         Each a section with accuracy, recall and precision.
@@ -51,9 +57,8 @@ def card(
     limits : sequence of str
         Known limits beside the general ones.
     """
-    sizes = "-".join(str(n) for n in (len(model.names), *(len(bias) for bias in model.biases)))
     lines = [
-        f"# Gesture model {sizes}",
+        f"# Gesture model {'-'.join(map(str, _sizes(model)))}",
         "",
         f"A {_kind(model)} that tells {len(model.labels)} labels apart: {', '.join(model.labels)}.",
         "",
@@ -67,21 +72,36 @@ def card(
     ]
     for validation in validations:
         lines += _section(validation)
-    lines += ["## Limits", "", *(f"* {text}" for text in (*_LIMITS, *limits)), ""]
+    general = _STREAM_LIMITS if isinstance(model, StreamNet) else _LIMITS
+    lines += ["## Limits", "", *(f"* {text}" for text in (*general, *limits)), ""]
     lines += ["## Make it again", "", f"    {command}", "", "The same data and seed give the same file, bit for bit, on one machine.", ""]
     return "\n".join(lines)
 
 
-def _kind(model: GestureModel | CurveNet) -> str:
+def _sizes(model: GestureModel | CurveNet | StreamNet) -> list[int]:
+    """Numbers that come in, and those that each layer gives."""
+    if isinstance(model, StreamNet):
+        return [len(model.names), *[len(model.first[1])] * (1 + len(model.blocks)), len(model.labels)]
+    return [len(model.names), *(len(bias) for bias in model.biases)]
+
+
+def _kind(model: GestureModel | CurveNet | StreamNet) -> str:
+    if isinstance(model, StreamNet):
+        return "network on streams of slots"
     return "perceptron" if isinstance(model, GestureModel) else "network on curves"
 
 
-def _decision(model: GestureModel | CurveNet) -> list[str]:
+def _decision(model: GestureModel | CurveNet | StreamNet) -> list[str]:
     """Rows that say what a decision costs, and how it is made."""
+    if isinstance(model, StreamNet):
+        return [
+            f"| operations of one slot | {operations(model):,} FLOP |",
+            f"| rejection | by mean probability, below {model.reject:.4g} |",
+        ]
     if not isinstance(model, GestureModel):
-        return [f"| operations of one event | {model.flop:,} FLOP |", f"| rejection | by probability, below {model.reject:.4g} |"]
+        return [f"| operations of one event | {operations(model):,} FLOP |", f"| rejection | by probability, below {model.reject:.4g} |"]
     return [
-        f"| operations of one event | {model.flop:,} FLOP, and {model.rejector.flop:,} for the rejection |",
+        f"| operations of one event | {operations(model):,} FLOP, and {rejection_operations(model.rejector):,} for the rejection |",
         f"| temperature | {model.temperature:.3f} |",
         f"| rejection | by {model.rejector.name}, below {model.reject:.4g} |",
     ]

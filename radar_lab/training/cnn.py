@@ -205,7 +205,7 @@ def _nodes(network: Network) -> tuple[list[tuple[tuple[Any, ...], dict[str, Any]
 
 
 def count_flop(model: Any, shape: tuple[int, int, int]) -> int:
-    """Count the floating point operations of one cube (its shape given) from the graph, as `GestureModel.flop` does for the perceptron.
+    """Count the floating point operations of one cube (its shape given) from the graph, as `operations` does for the perceptron.
 
     A convolution counts for every output cell twice the size of its filter (multiplications, additions with that of the bias), a dense
     layer for every neuron twice its inputs; ReLU one comparison a cell, maxima of 4 cells 3 comparisons, other arithmetic one operation a

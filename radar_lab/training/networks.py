@@ -1,4 +1,7 @@
-"""Training networks with PyTorch (extra ``train``), which nothing else of Handwave needs: the convolutional one, and the one on curves."""
+"""Training networks with PyTorch (extra ``train``), which nothing else of Handwave needs: the convolutional one, and the one on curves.
+
+That on streams of slots is trained in `radar_lab.training.stream_training`.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +66,7 @@ def train_cnn(cubes: Float32Array, label: IndexArray, config: CnnConfig | None =
             f"{len(config.channels)} times 2 x 2 maxima leave nothing of {cubes.shape[2]} x {cubes.shape[3]} cells: use fewer"
         )
     mean, scale = _spread(cubes)
-    torch = _torch("the convolutional network")
+    torch = need_torch("the convolutional network")
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         net = _network(torch, config, cubes.shape[1:], len(labels))
@@ -139,7 +142,8 @@ def _optimise(torch: Any, net: Any, modules: Any, loss: Any, batches: Iterable[t
     modules.eval()
 
 
-def _torch(what: str) -> Any:
+def need_torch(what: str) -> Any:
+    """Import PyTorch. Raises `ConfigError`, which says that training ``what`` needs it, when it is not installed."""
     try:
         import torch
     except ImportError:
@@ -184,7 +188,7 @@ def train_net(
         raise DataError(
             f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {len(names)} names), with at least two samples"
         )
-    torch = _torch("the network on curves")
+    torch = need_torch("the network on curves")
     mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
@@ -196,8 +200,8 @@ def train_net(
         scale,
         tuple(half(kernel) for kernel in kernels),
         offsets,
-        tuple(half(_array(layer.weight.T)) for layer in net.dense),
-        tuple(_array(layer.bias) for layer in net.dense),
+        tuple(half(as_array(layer.weight.T)) for layer in net.dense),
+        tuple(as_array(layer.bias) for layer in net.dense),
         names=tuple(names),
         labels=tuple(labels),
         steps=steps,
@@ -248,11 +252,12 @@ def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label
 
 def _folded(convolution: Any, norm: Any) -> tuple[Float32Array, Float32Array]:
     """Kernel and offset of a convolution with its batch normalisation put in, which is linear once training is over."""
-    factor = _array(norm.weight) / np.sqrt(_array(norm.running_var) + np.float32(norm.eps))
-    kernel = np.transpose(_array(convolution.weight), (2, 1, 0)) * factor
-    offset = (_array(convolution.bias) - _array(norm.running_mean)) * factor + _array(norm.bias)
+    factor = as_array(norm.weight) / np.sqrt(as_array(norm.running_var) + np.float32(norm.eps))
+    kernel = np.transpose(as_array(convolution.weight), (2, 1, 0)) * factor
+    offset = (as_array(convolution.bias) - as_array(norm.running_mean)) * factor + as_array(norm.bias)
     return np.ascontiguousarray(kernel, np.float32), np.asarray(offset, np.float32)
 
 
-def _array(tensor: Any) -> Float32Array:
+def as_array(tensor: Any) -> Float32Array:
+    """Take a tensor out of the training."""
     return np.ascontiguousarray(tensor.detach().numpy(), np.float32)

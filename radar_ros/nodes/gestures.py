@@ -15,9 +15,10 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, HandwaveError, RadarInfo
 from radar_core.config import flat
 from radar_gestures.classifiers.model import Classifier, model_of
+from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.recognizer import Gesture, GestureRecognizer
-from radar_gestures.stage import GestureConfig, config_for
+from radar_gestures.recognizer import Gesture
+from radar_gestures.stage import GestureConfig, TrackEvent, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
@@ -45,7 +46,7 @@ class GesturesNode(StageNode):
         base = config_for(self._model.settings, GestureConfig())
         self._config = declare_config(self, GestureConfig, changeable=_comes_with_model, base=base)
         self._chosen = {"model": model, "person": person}
-        self._pending: tuple[dict[str, str], Classifier, GestureConfig, GestureRecognizer | None] | None = None
+        self._pending: tuple[dict[str, str], Classifier, GestureConfig, Recognizer] | None = None
         self._adopting = False
         self._lacks = ""  # what the radar does not give of what the model needs
         self.add_on_set_parameters_callback(self._check)
@@ -65,7 +66,7 @@ class GesturesNode(StageNode):
         self.commands.add(self.create_subscription(handwave.msg.ZoneArray, "zones", self._take_zones, qos.LATCHED).topic_name)
 
     def _configure(self, info: RadarInfo) -> None:
-        self._recognizer = GestureRecognizer(self._config, self._model, info.mount)
+        self._recognizer = make_recognizer(self._config, self._model, info)
         self._compare(info)
 
     def _compare(self, info: RadarInfo) -> None:
@@ -93,18 +94,18 @@ class GesturesNode(StageNode):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _prepared(self, chosen: dict[str, str]) -> tuple[dict[str, str], Classifier, GestureConfig, GestureRecognizer | None]:
+    def _prepared(self, chosen: dict[str, str]) -> tuple[dict[str, str], Classifier, GestureConfig, Recognizer]:
         model, usual = _ready(**chosen), GestureConfig()
         bare = dataclasses.replace(self._config, **{name: getattr(usual, name) for name in _MODELS_OWN})
         config = config_for(model.settings, bare)
-        return chosen, model, config, GestureRecognizer(config, model, self._info.info.mount if self._info.info else None)
+        return chosen, model, config, make_recognizer(config, model, self._info.info)
 
     def _put_in_place(self, _: Sequence[Any]) -> None:
         """Work with the model that was prepared, and show its features among the parameters."""
         if self._pending is None or self._adopting:
             return
         (self._chosen, self._model, self._config, recognizer), self._pending = self._pending, None
-        if self._info.info is not None and recognizer is not None:
+        if self._info.info is not None:
             self._recognizer = recognizer
             self._compare(self._info.info)
         values = {name: value for name, value in flat(self._config).items() if _comes_with_model(name)}
@@ -127,16 +128,15 @@ class GesturesNode(StageNode):
         tracked = TrackedCloud(cloud_from_msg(cloud_msg).to_room(info.mount), tracks_from_msg(tracks_msg))
         if self.went_back(tracked.cloud.stamp_ns):
             self._configure(info)
-        events = self._recognizer.find(tracked)
-        gestures = [self._recognizer.name(event, tracked.tracks.stamp_ns) for event in events]
-        for gesture in filter(self._recognizer.wanted, gestures):
+        decided = self._recognizer.decide(tracked)
+        for gesture in filter(self._recognizer.wanted, (gesture for _, gesture in decided)):
             self._last = gesture if gesture.label else self._last
             zones = tuple(name for name, area in self._zones if area.inside(gesture.position))
             self._gestures.publish(gesture_to_msg(dataclasses.replace(gesture, zones=zones)))
         self.finish(tracked.cloud.stamp_ns, tracked.cloud.sequence, started)
-        if events and self._maps.get_subscription_count():
-            for event in events:
-                if event.maps is not None:
+        if decided and self._maps.get_subscription_count():
+            for event, _ in decided:
+                if isinstance(event, TrackEvent) and event.maps is not None:
                     self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:

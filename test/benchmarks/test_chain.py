@@ -12,8 +12,9 @@ from radar_core import RadarInfo
 from radar_dsp import BasebandConfig, kernels
 from radar_dsp.cfar import TrainingWindow
 from radar_dsp.doa import DirectionFinder
-from radar_gestures.classifiers.model import load_perceptron
+from radar_gestures.classifiers.loading import load_perceptron
 from radar_lab.pipeline import Pipeline
+from radar_lab.training.operations import operations, rejection_operations
 from radar_sim import Simulator, load_scene
 
 INFO = RadarInfo()
@@ -47,7 +48,7 @@ def test_the_classifier_counts_every_neuron_and_the_rejection():
     neurons, relu, softmax = 2 * 13 * 32 + 2 * 32 * 10, 32, 5 * 10 - 2
     rejection = 13 + 13 * 14 + 2 * 13 - 1 + 3
     model = load_perceptron()
-    assert model.flop + model.rejector.flop == neurons + relu + softmax + rejection == 1775
+    assert operations(model) + rejection_operations(model.rejector) == neurons + relu + softmax + rejection == 1775
 
 
 def test_directions_take_beams_on_the_grid_and_two_steps():

@@ -14,6 +14,7 @@ from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.curves import TOTALS
 from radar_lab.training.networks import CurveTraining, train_net
+from radar_lab.training.operations import operations
 
 STEPS, WIDTH = 7, 3
 NAMES = (*(f"s{k}_{step:02d}" for step in range(STEPS) for k in range(WIDTH)), *TOTALS)
@@ -86,7 +87,7 @@ def test_flop_is_counted_layer_by_layer() -> None:
     inputs = 2 * len(NAMES)
     convolutions = 7 * (2 * 45 + 2 * 5) + 4 * (2 * 60 + 2 * 4)
     dense = 2 * 18 * 6 + 2 * 6 + 2 * 6 * 4 + 2 * 4
-    assert small_net().flop == inputs + convolutions + dense + 5 * 4
+    assert operations(small_net()) == inputs + convolutions + dense + 5 * 4
 
 
 def test_file_gives_the_same_network_back(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from radar_core import ConfigError, DataError
 from radar_gestures.classifiers.rejection import ByDistance, ByProbability, make_rejector
 from radar_lab.training.calibration import calibration_error, choose_reject, fit_distance, fit_temperature, log_loss, reliability, soften
+from radar_lab.training.operations import rejection_operations
 
 
 def honest(n=20_000, n_labels=5, seed=0):
@@ -134,8 +135,8 @@ def test_a_feature_that_never_varies_gives_finite_scores():
 
 def test_operations_of_the_distance_are_those_of_one_triangle():
     x, label, _, _ = cloud(40)
-    assert fit_distance(x, label, 2).flop == 3 + 12 + 5 + 3
-    assert ByProbability().flop == 0
+    assert rejection_operations(fit_distance(x, label, 2)) == 3 + 12 + 5 + 3
+    assert rejection_operations(ByProbability()) == 0
 
 
 def test_a_rejector_is_made_again_from_its_arrays():

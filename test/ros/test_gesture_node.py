@@ -25,7 +25,10 @@ from radar_core.paths import find_config
 from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, load_model, save_model
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
 from radar_gestures.curves import CURVE_NAMES, TOTALS, CurveConfig, Curves
+from radar_gestures.make import make_recognizer
 from radar_gestures.stage import EventStage, feature_settings
+from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.slots import NAMES
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_from_msg
@@ -123,6 +126,26 @@ def test_gestures_are_the_library_s(ros, tmp_path):
         assert 0.25 <= msg.latency_s <= 0.25 + STEP * 1e-9
 
 
+def test_a_stream_network_runs_in_the_node(ros, tmp_path):
+    """What slots say, named as the library names it; there are no maps."""
+    n, k = len(NAMES), len(GESTURES)
+    first, last, none = np.zeros((n, 2), np.float32), np.zeros((2, k), np.float32), np.zeros(k, np.float32)
+    first[NAMES.index("strength at 1.7"), 0] = first[NAMES.index("strength at -1.7"), 1] = 1.0
+    last[0, GESTURES.index("pull")], last[1, GESTURES.index("push")], none[0] = 10.0, 10.0, 5.0
+    standard = (np.zeros(n, np.float32), np.ones(n, np.float32))
+    model = StreamNet(*standard, (first, np.zeros(2, np.float32)), (), (last, none), NAMES, GESTURES, 0)
+    bench, items = Bench(ros, tmp_path, model), strokes()
+    recognizer = make_recognizer(GestureConfig(), model, INFO)
+    wanted = [gesture for tracked in items for gesture in recognizer.process(tracked)]
+    assert {g.track_id: g.name for g in wanted} == {1: "pull", 2: "push"}
+    maps = ros.collect(GestureMapsMsg, "gestures/maps", qos.sensor())
+    assert ros.spin_until(lambda: bench.node._maps.get_subscription_count())
+    bench.send(items)
+    assert ros.spin_until(lambda: len(bench.gestures) >= 2)
+    assert bench.gestures == [gesture_to_msg(gesture) for gesture in wanted]
+    assert not maps
+
+
 def test_gestures_say_where(ros, tmp_path):
     """The position is the track's, and the zones are those of the topic that hold it."""
     bench, items = Bench(ros, tmp_path), strokes()
@@ -193,10 +216,10 @@ def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
 
 @pytest.mark.long
 def test_curve_code_is_loaded_for_a_model_that_needs_it_only():
-    """A node with the shipped perceptron holds nothing of the curves."""
+    """A node with the shipped perceptron holds nothing of curves or streams."""
     code = (
         "import sys, rclpy; rclpy.init(); from radar_ros.nodes.gestures import make_node; make_node();"
-        "print([name for name in sys.modules if name.startswith('radar_gestures') and 'curve' in name])"
+        "print([name for name in sys.modules if name.startswith('radar_gestures') and ('curve' in name or 'stream' in name)])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

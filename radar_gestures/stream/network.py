@@ -1,0 +1,201 @@
+"""A temporal convolutional network over slots: of every slot, how probable each gesture is; numpy runs it, one slot after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radar_core import ConfigError, DataError
+from radar_core.arrays import description
+from radar_core.types import Float32Array, Float64Array
+from radar_gestures.classifiers.curve_net import half
+from radar_gestures.classifiers.perceptron import FORMAT
+
+_KIND: Final = "stream network"
+_ADVICE: Final = "train it again"
+_TAPS: Final = 3
+CLIP: Final = 8.0
+"""Standardised inputs are cut off beyond this: what is so far out says no more than that it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A residual block: what three slots hold, ``dilation`` apart, changes what is known of the last.
+
+    Attributes
+    ----------
+    kernel : ndarray of float32, shape (3, width, width)
+        Taps are two dilations before, one before, and at the slot.
+    offset : ndarray of float32, shape (width,)
+        Added before a ReLU.
+    mix : ndarray of float32, shape (width, width)
+        From there to what is added.
+    mix_offset : ndarray of float32, shape (width,)
+        Added as well.
+    dilation : int
+        Slots from one tap to the next.
+    """
+
+    kernel: Float32Array
+    offset: Float32Array
+    mix: Float32Array
+    mix_offset: Float32Array
+    dilation: int
+
+
+@dataclass(frozen=True, eq=False)
+class StreamNet:
+    """A trained network: standardise, a dense layer with ReLU, blocks, ReLU, a dense layer, softmax (Bai et al. 2018, simplified).
+
+    What it says of a slot is said ``delay`` slots later, so that it also knows what came after.
+
+    Attributes
+    ----------
+    mean, scale : ndarray of float32, shape (n_features,)
+        Standardisation.
+    first, last : tuple of ndarray of float32
+        Weights, shape (n_in, n_out), and biases, shape (n_out,), of the dense layers.
+    blocks : tuple of Block
+        In this order.
+    names, labels : tuple of str
+        What inputs and outputs mean; the first label is ``random``: no gesture.
+    delay : int
+        Slots by which the outputs are late.
+    reject : float
+        A gesture whose mean probability is below this is unknown.
+    settings, figures : mapping
+        ``needs``: what the poorest radar of the training gave (`radar_gestures.needs.Needs`); and what training measured.
+
+    Raises
+    ------
+    ConfigError
+        When shapes do not fit or a number is not finite.
+    """
+
+    extractor: ClassVar[str] = "stream"
+    mean: Float32Array
+    scale: Float32Array
+    first: tuple[Float32Array, Float32Array]
+    blocks: tuple[Block, ...]
+    last: tuple[Float32Array, Float32Array]
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    delay: int
+    reject: float = 0.0
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, width, m = len(self.names), len(self.first[1]), len(self.labels)
+        wanted = [("mean", self.mean, (n,)), ("scale", self.scale, (n,)), ("first", self.first[0], (n, width))]
+        wanted += [("first_offset", self.first[1], (width,)), ("last", self.last[0], (width, m)), ("last_offset", self.last[1], (m,))]
+        for number, block in enumerate(self.blocks):
+            square = (width, width)
+            shapes = {"kernel": (_TAPS, *square), "offset": (width,), "mix": square, "mix_offset": (width,)}
+            wanted += [(f"{name}_{number}", getattr(block, name), shape) for name, shape in shapes.items()]
+            if block.dilation < 1:
+                raise ConfigError(f"{_KIND}: block {number} has a dilation of {block.dilation}; {_ADVICE}")
+        for name, array, shape in wanted:
+            if array.shape != shape or array.dtype != np.float32 or not np.isfinite(array).all():
+                raise ConfigError(f"{_KIND}: {name} is {array.dtype} {array.shape}, expected finite float32 {shape}; {_ADVICE}")
+        if not (self.scale > 0).all() or self.delay < 0 or m < 2:
+            raise ConfigError(f"{_KIND}: {m} labels, a delay of {self.delay}, or a scale that is not positive; {_ADVICE}")
+
+    def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
+        """Probability of every label, slot by slot, from nothing known before the first.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n_slots, n_features) or (n_features,)
+            Of successive slots.
+
+        Returns
+        -------
+        ndarray of float64, shape (n_slots, n_labels) or (n_labels,)
+            The row of a slot is about the slot ``delay`` before it; sums to 1 along the last axis.
+
+        Raises
+        ------
+        DataError
+            When a feature is not finite, or their number is wrong.
+        """
+        rows, state = np.asarray(features), Memory(self)
+        if rows.ndim == 1:
+            return state.process(rows)
+        return np.array([state.process(row) for row in rows]).reshape(len(rows), len(self.labels))
+
+    def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
+        """Probability of the most probable gesture, shape (...), of probabilities of shape (..., n_labels)."""
+        return np.asarray(np.asarray(probabilities, np.float64)[..., 1:].max(axis=-1))
+
+    def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
+        """Whether one event, by its mean probabilities, is a gesture that the model knows."""
+        return bool(self.score(features, probabilities) >= self.reject)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Give everything that the model file must keep; see `from_arrays`. Numbers take two bytes where that loses nothing."""
+        about = {
+            "kind": _KIND, "names": list(self.names), "labels": list(self.labels), "delay": self.delay, "reject": self.reject,
+            "dilations": [block.dilation for block in self.blocks], "settings": dict(self.settings), "figures": dict(self.figures),
+        }  # fmt: skip
+        held = {"mean": self.mean, "scale": self.scale, "first": self.first[0], "first_offset": self.first[1]}
+        held |= {"last": self.last[0], "last_offset": self.last[1]}
+        for number, block in enumerate(self.blocks):
+            held |= {f"{name}_{number}": getattr(block, name) for name in ("kernel", "offset", "mix", "mix_offset")}
+        return description(FORMAT, about) | {name: a.astype(np.float16) if (half(a) == a).all() else a for name, a in held.items()}
+
+    @classmethod
+    def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> StreamNet:
+        """Make the network of a file again; parameters and errors as in `GestureModel.from_arrays`."""
+        try:
+            held = {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in arrays.items()}
+            blocks = tuple(
+                Block(held[f"kernel_{k}"], held[f"offset_{k}"], held[f"mix_{k}"], held[f"mix_offset_{k}"], int(dilation))
+                for k, dilation in enumerate(about["dilations"])
+            )
+            return cls(
+                held["mean"], held["scale"], (held["first"], held["first_offset"]), blocks, (held["last"], held["last_offset"]),
+                tuple(map(str, about["names"])), tuple(map(str, about["labels"])), int(about["delay"]), float(about["reject"]),
+                dict(about["settings"]), dict(about["figures"]),
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(f"not a {_KIND} ({error}); {_ADVICE}") from None
+
+
+class Memory:
+    """What a network remembers of one stream: the slots that its taps still reach."""
+
+    def __init__(self, net: StreamNet) -> None:
+        self._net = net
+        width = len(net.first[1])
+        self._rings = [np.zeros((2 * block.dilation, width), np.float32) for block in net.blocks]
+        self._count = 0
+
+    def process(self, features: NDArray[np.floating]) -> Float64Array:
+        """Take the features of the next slot, shape (n_features,); return the probability of every label, shape (n_labels,)."""
+        net = self._net
+        x = np.asarray(features)
+        if x.shape != net.mean.shape:
+            raise DataError(f"features has shape {x.shape}, expected ({len(net.mean)},): {', '.join(net.names[:3])}, ...")
+        if not np.isfinite(x).all():
+            raise DataError("features has non-finite values; leave such a slot out")
+        value = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
+        value = np.maximum(value @ net.first[0] + net.first[1], 0.0)
+        for block, ring in zip(net.blocks, self._rings, strict=True):
+            value = self._step(block, ring, value)
+        self._count += 1
+        score = (np.maximum(value, 0.0) @ net.last[0] + net.last[1]).astype(np.float64)
+        score = np.exp(score - score.max())
+        return np.asarray(score / score.sum())
+
+    def _step(self, block: Block, ring: Float32Array, value: Float32Array) -> Float32Array:
+        """Run one block; ``ring`` holds its inputs of the last slots, the oldest where the newest goes."""
+        at, d = self._count % len(ring), block.dilation
+        taps: Sequence[Float32Array] = (ring[at], ring[(at + d) % len(ring)], value)
+        inner = sum((tap @ kernel for tap, kernel in zip(taps, block.kernel, strict=True)), start=block.offset)
+        ring[at] = value
+        return np.asarray(value + np.maximum(inner, 0.0) @ block.mix + block.mix_offset)

@@ -1,0 +1,150 @@
+"""What a network on streams of slots makes of lives that it has not seen: events, found as at run time, against what was performed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from radar_core import GESTURES
+from radar_core.types import Float64Array, IndexArray
+from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.recognizer import LEAST, MOST, OFF, ON
+from radar_lab.training.calibration import choose_reject
+from radar_lab.training.slot_sequences import LifeSlots, SlotSequence
+
+
+@dataclass(frozen=True)
+class StrokeEvent:
+    """An event, and the stroke that it was."""
+
+    life: int  # its number
+    stroke: int  # index into the strokes of the life; -1: the person performed nothing
+    label: int  # the most probable gesture
+    score: float  # its mean probability
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Events that a network found in lives, and what there was to find."""
+
+    lives: tuple[LifeSlots, ...]
+    events: tuple[StrokeEvent, ...]
+    named: dict[str, float]  # of strokes on a track: share that has the right name by the mean over its true slots, by kind of radar
+
+    def scores(self) -> dict[tuple[int, int], float]:
+        """Score of the best event that names a stroke right, for each stroke that has one, by life and stroke."""
+        best: dict[tuple[int, int], float] = {}
+        truth = {life.number: [stroke.label for stroke in life.strokes] for life in self.lives}
+        for event in self.events:
+            if event.stroke >= 0 and truth[event.life][event.stroke] == event.label:
+                key = (event.life, event.stroke)
+                best[key] = max(event.score, best.get(key, 0.0))
+        return best
+
+
+def judge(model: StreamNet, lives: Sequence[LifeSlots]) -> Judged:
+    """Run a network over the streams of lives that were not in its training."""
+    events: list[StrokeEvent] = []
+    named: list[tuple[str, bool]] = []
+    for life in lives:
+        for sequence in life.sequences:
+            told = model.probabilities(sequence.features)[model.delay :]  # each row about the slot that stands there
+            own = sequence.stroke[: len(told)]
+            events += (_event(life, own[a:b], told[a:b]) for a, b in spans(told))
+            named += ((life.kind, right) for right in _named(life, sequence, told))
+    return Judged(tuple(lives), tuple(events), _shares(named))
+
+
+def spans(probabilities: Float64Array) -> Iterator[tuple[int, int]]:
+    """Find the events in probabilities, shape (n_slots, n_labels), as `StreamRecognizer` does; gives first slot and one after the last."""
+    gesture, begun = 1.0 - probabilities[:, 0], -1
+    for slot, value in enumerate([*gesture.tolist(), 0.0]):
+        if begun >= 0 and (value <= OFF or slot - begun >= MOST):
+            if slot - begun >= LEAST:
+                yield begun, slot
+            begun = -1
+        if begun < 0 and value > ON:
+            begun = slot
+
+
+def limit_and_figures(judged: Judged, lost: float) -> tuple[float, dict[str, Any]]:
+    """Choose the limit for rejection as `fit_lives` says, and count what is right and wrong with it.
+
+    Returns
+    -------
+    reject : float
+        For `StreamNet.reject`.
+    figures : dict
+        ``lives``, ``strokes``: what was tested; ``accuracy``: share of the strokes performed, tracked or not, that an event names right;
+        ``right``: the same by kind of radar; ``recall``: by gesture; ``wrong``: share that only events of other names overlap;
+        ``false_per_minute``: events without a stroke; ``lost``: share of those named right that the limit rejects; ``named``: see `Judged`.
+    """
+    best = judged.scores()
+    reject = choose_reject(np.array(sorted(best.values())), lost)
+    kept = {key for key, score in best.items() if score >= reject}
+    performed = [
+        (life.kind, GESTURES[stroke.label], (life.number, k))
+        for life in judged.lives
+        for k, stroke in enumerate(life.strokes)
+        if stroke.label
+    ]
+    told = {(event.life, event.stroke) for event in judged.events if event.score >= reject}
+    false = sum(event.score >= reject and event.stroke < 0 for event in judged.events)
+    minutes = sum(life.minutes for life in judged.lives)
+    return reject, {
+        "lives": len(judged.lives),
+        "strokes": len(performed),
+        "accuracy": _share([key in kept for _, _, key in performed]),
+        "right": _shares((kind, key in kept) for kind, _, key in performed),
+        "recall": _shares((name, key in kept) for _, name, key in performed),
+        "wrong": _share([key in told and key not in kept for _, _, key in performed]),
+        "false_per_minute": round(false / minutes, 4) if minutes else 0.0,
+        "lost": _share([score < reject for score in best.values()]),
+        "named": judged.named,
+    }
+
+
+def as_text(model: StreamNet) -> str:
+    """Write the figures of a network that `fit_lives` trained."""
+    figures = model.figures
+    return "\n".join(
+        [
+            f"{figures['strokes']} strokes in {figures['lives']} lives left out of the training",
+            f"named right {figures['accuracy']:.1%}, wrong {figures['wrong']:.1%}; {figures['false_per_minute']:.2f} false ones a minute",
+            "named right by radar: " + ", ".join(f"{kind} {share:.1%}" for kind, share in figures["right"].items()),
+            "named right by gesture: " + ", ".join(f"{name} {share:.1%}" for name, share in figures["recall"].items()),
+            f"rejected below {model.reject:.3g}, which loses {figures['lost']:.1%} of those named right",
+        ]
+    )
+
+
+def _event(life: LifeSlots, own: IndexArray, told: Float64Array) -> StrokeEvent:
+    """Name an event; it was the stroke that most of its slots belong to, of those that are a gesture."""
+    mean = told.mean(axis=0)
+    label = 1 + int(mean[1:].argmax())
+    real = [k for k in own.tolist() if k >= 0 and life.strokes[k].label]
+    stroke = max(sorted(set(real)), key=real.count) if real else -1
+    return StrokeEvent(life.number, stroke, label, float(mean[label]))
+
+
+def _named(life: LifeSlots, sequence: SlotSequence, told: Float64Array) -> Iterator[bool]:
+    own = sequence.stroke[: len(told)]
+    for k in np.unique(own[own >= 0]).tolist():
+        if life.strokes[k].label:
+            yield bool(told[own == k].mean(axis=0).argmax() == life.strokes[k].label)
+
+
+def _shares(found: Iterable[tuple[str, bool]]) -> dict[str, float]:
+    """Share of what is true, by name."""
+    held: dict[str, list[bool]] = {}
+    for name, true in found:
+        held.setdefault(name, []).append(true)
+    return {name: _share(held[name]) for name in sorted(held)}
+
+
+def _share(found: Sequence[bool]) -> float:
+    """Share of what is true; of nothing it is 0."""
+    return round(float(np.mean(found)), 4) if found else 0.0
