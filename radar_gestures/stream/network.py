@@ -18,6 +18,7 @@ from radar_gestures.classifiers.perceptron import FORMAT
 _KIND: Final = "stream network"
 _ADVICE: Final = "train it again"
 _TAPS: Final = 3
+_OF_BLOCK: Final = ("kernel", "offset", "mix", "mix_offset")  # the arrays of a block, in this order
 CLIP: Final = 8.0
 """Standardised inputs are cut off beyond this: what is so far out says no more than that it is."""
 
@@ -48,19 +49,59 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class StreamNet:
-    """A trained network: standardise, a dense layer with ReLU, blocks, ReLU, a dense layer, softmax (Bai et al. 2018, simplified).
+class Member:
+    """One network of several: a dense layer with ReLU, blocks, ReLU, a dense layer, softmax (Bai et al. 2018, simplified).
 
-    What it says of a slot is said ``delay`` slots later, so that it also knows what came after.
+    Attributes
+    ----------
+    first, last : tuple of ndarray of float32
+        Weights, shape (n_in, n_out), and biases, shape (n_out,), of the dense layers.
+    blocks : tuple of Block
+        In this order.
+    """
+
+    first: tuple[Float32Array, Float32Array]
+    blocks: tuple[Block, ...]
+    last: tuple[Float32Array, Float32Array]
+
+    def arrays(self) -> dict[str, Float32Array]:
+        """Name all numbers."""
+        held = {"first": self.first[0], "first_offset": self.first[1], "last": self.last[0], "last_offset": self.last[1]}
+        for number, block in enumerate(self.blocks):
+            held |= {f"{name}_{number}": getattr(block, name) for name in _OF_BLOCK}
+        return held
+
+    def stacked(self) -> dict[str, Float32Array]:
+        """Name all numbers, those of the same kind in all blocks together: files hold few arrays."""
+        own = self.arrays()
+        held = {name: own[name] for name in ("first", "first_offset", "last", "last_offset")}
+        return held | {name: np.stack([getattr(block, name) for block in self.blocks]) for name in _OF_BLOCK if self.blocks}
+
+    def shapes(self, n_features: int, n_labels: int) -> dict[str, tuple[int, ...]]:
+        """Say which shapes the arrays must have."""
+        width = len(self.first[1])
+        found: dict[str, tuple[int, ...]] = {
+            "first": (n_features, width), "first_offset": (width,), "last": (width, n_labels), "last_offset": (n_labels,)
+        }  # fmt: skip
+        square = (width, width)
+        own = ((_TAPS, *square), (width,), square, (width,))
+        for number in range(len(self.blocks)):
+            found |= {f"{name}_{number}": shape for name, shape in zip(_OF_BLOCK, own, strict=True)}
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class StreamNet:
+    """Trained networks: inputs are standardised, and what the members say is averaged.
+
+    What is said of a slot is said ``delay`` slots later, so that they also know what came after.
 
     Attributes
     ----------
     mean, scale : ndarray of float32, shape (n_features,)
         Standardisation.
-    first, last : tuple of ndarray of float32
-        Weights, shape (n_in, n_out), and biases, shape (n_out,), of the dense layers.
-    blocks : tuple of Block
-        In this order.
+    members : tuple of Member
+        At least one; more are surer, and each takes as long.
     names, labels : tuple of str
         What inputs and outputs mean; the first label is ``random``: no gesture.
     delay : int
@@ -79,9 +120,7 @@ class StreamNet:
     extractor: ClassVar[str] = "stream"
     mean: Float32Array
     scale: Float32Array
-    first: tuple[Float32Array, Float32Array]
-    blocks: tuple[Block, ...]
-    last: tuple[Float32Array, Float32Array]
+    members: tuple[Member, ...]
     names: tuple[str, ...]
     labels: tuple[str, ...]
     delay: int
@@ -90,20 +129,23 @@ class StreamNet:
     figures: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        n, width, m = len(self.names), len(self.first[1]), len(self.labels)
-        wanted = [("mean", self.mean, (n,)), ("scale", self.scale, (n,)), ("first", self.first[0], (n, width))]
-        wanted += [("first_offset", self.first[1], (width,)), ("last", self.last[0], (width, m)), ("last_offset", self.last[1], (m,))]
-        for number, block in enumerate(self.blocks):
-            square = (width, width)
-            shapes = {"kernel": (_TAPS, *square), "offset": (width,), "mix": square, "mix_offset": (width,)}
-            wanted += [(f"{name}_{number}", getattr(block, name), shape) for name, shape in shapes.items()]
-            if block.dilation < 1:
-                raise ConfigError(f"{_KIND}: block {number} has a dilation of {block.dilation}; {_ADVICE}")
-        for name, array, shape in wanted:
-            if array.shape != shape or array.dtype != np.float32 or not np.isfinite(array).all():
-                raise ConfigError(f"{_KIND}: {name} is {array.dtype} {array.shape}, expected finite float32 {shape}; {_ADVICE}")
-        if not (self.scale > 0).all() or self.delay < 0 or m < 2:
-            raise ConfigError(f"{_KIND}: {m} labels, a delay of {self.delay}, or a scale that is not positive; {_ADVICE}")
+        n, m = len(self.names), len(self.labels)
+        self._check("", {"mean": self.mean, "scale": self.scale}, {"mean": (n,), "scale": (n,)})
+        for number, member in enumerate(self.members):
+            self._check(f"network {number}: ", member.arrays(), member.shapes(n, m))
+            if any(block.dilation < 1 for block in member.blocks):
+                raise ConfigError(f"{_KIND}: network {number}: a dilation is not positive; {_ADVICE}")
+        if not self.members or not (self.scale > 0).all() or self.delay < 0 or m < 2:
+            what = f"{len(self.members)} networks, {m} labels, a delay of {self.delay}, or a scale that is not positive"
+            raise ConfigError(f"{_KIND}: {what}; {_ADVICE}")
+
+    @staticmethod
+    def _check(where: str, held: Mapping[str, Float32Array], shapes: Mapping[str, tuple[int, ...]]) -> None:
+        for name, array in held.items():
+            if array.shape != shapes[name] or array.dtype != np.float32 or not np.isfinite(array).all():
+                raise ConfigError(
+                    f"{_KIND}: {where}{name} is {array.dtype} {array.shape}, expected finite float32 {shapes[name]}; {_ADVICE}"
+                )
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, slot by slot, from nothing known before the first.
@@ -140,39 +182,44 @@ class StreamNet:
         """Give everything that the model file must keep; see `from_arrays`. Numbers take two bytes where that loses nothing."""
         about = {
             "kind": _KIND, "names": list(self.names), "labels": list(self.labels), "delay": self.delay, "reject": self.reject,
-            "dilations": [block.dilation for block in self.blocks], "settings": dict(self.settings), "figures": dict(self.figures),
+            "dilations": [[block.dilation for block in member.blocks] for member in self.members],
+            "settings": dict(self.settings), "figures": dict(self.figures),
         }  # fmt: skip
-        held = {"mean": self.mean, "scale": self.scale, "first": self.first[0], "first_offset": self.first[1]}
-        held |= {"last": self.last[0], "last_offset": self.last[1]}
-        for number, block in enumerate(self.blocks):
-            held |= {f"{name}_{number}": getattr(block, name) for name in ("kernel", "offset", "mix", "mix_offset")}
+        held = {"mean": self.mean, "scale": self.scale}
+        for number, member in enumerate(self.members):
+            held |= {f"{number}_{name}": array for name, array in member.stacked().items()}
         return description(FORMAT, about) | {name: a.astype(np.float16) if (half(a) == a).all() else a for name, a in held.items()}
 
     @classmethod
     def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> StreamNet:
-        """Make the network of a file again; parameters and errors as in `GestureModel.from_arrays`."""
+        """Make the networks of a file again; parameters and errors as in `GestureModel.from_arrays`."""
         try:
             held = {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in arrays.items()}
-            blocks = tuple(
-                Block(held[f"kernel_{k}"], held[f"offset_{k}"], held[f"mix_{k}"], held[f"mix_offset_{k}"], int(dilation))
-                for k, dilation in enumerate(about["dilations"])
-            )
+            members = tuple(_member(held, number, dilations) for number, dilations in enumerate(about["dilations"]))
             return cls(
-                held["mean"], held["scale"], (held["first"], held["first_offset"]), blocks, (held["last"], held["last_offset"]),
-                tuple(map(str, about["names"])), tuple(map(str, about["labels"])), int(about["delay"]), float(about["reject"]),
-                dict(about["settings"]), dict(about["figures"]),
+                held["mean"], held["scale"], members, tuple(map(str, about["names"])), tuple(map(str, about["labels"])),
+                int(about["delay"]), float(about["reject"]), dict(about["settings"]), dict(about["figures"]),
             )  # fmt: skip
-        except (KeyError, TypeError, ValueError) as error:
+        except (IndexError, KeyError, TypeError, ValueError) as error:
             raise ConfigError(f"not a {_KIND} ({error}); {_ADVICE}") from None
 
 
+def _member(held: Mapping[str, Float32Array], number: int, dilations: Sequence[int]) -> Member:
+    """Take a member out of the arrays of a file."""
+    own = ({name: held[f"{number}_{name}"][k] for name in _OF_BLOCK} for k in range(len(dilations)))
+    blocks = tuple(Block(**arrays, dilation=int(dilation)) for arrays, dilation in zip(own, dilations, strict=True))
+    first, last = ((held[f"{number}_{name}"], held[f"{number}_{name}_offset"]) for name in ("first", "last"))
+    return Member(first, blocks, last)
+
+
 class Memory:
-    """What a network remembers of one stream: the slots that its taps still reach."""
+    """What the networks remember of one stream: the slots that their taps still reach."""
 
     def __init__(self, net: StreamNet) -> None:
         self._net = net
-        width = len(net.first[1])
-        self._rings = [np.zeros((2 * block.dilation, width), np.float32) for block in net.blocks]
+        self._rings = [
+            [np.zeros((2 * block.dilation, len(member.first[1])), np.float32) for block in member.blocks] for member in net.members
+        ]
         self._count = 0
 
     def process(self, features: NDArray[np.floating]) -> Float64Array:
@@ -183,12 +230,17 @@ class Memory:
             raise DataError(f"features has shape {x.shape}, expected ({len(net.mean)},): {', '.join(net.names[:3])}, ...")
         if not np.isfinite(x).all():
             raise DataError("features has non-finite values; leave such a slot out")
-        value = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
-        value = np.maximum(value @ net.first[0] + net.first[1], 0.0)
-        for block, ring in zip(net.blocks, self._rings, strict=True):
-            value = self._step(block, ring, value)
+        standard = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
+        told = [self._of(member, rings, standard) for member, rings in zip(net.members, self._rings, strict=True)]
         self._count += 1
-        score = (np.maximum(value, 0.0) @ net.last[0] + net.last[1]).astype(np.float64)
+        return told[0] if len(told) == 1 else np.asarray(np.mean(told, axis=0))
+
+    def _of(self, member: Member, rings: Sequence[Float32Array], standard: Float32Array) -> Float64Array:
+        """Probability of every label that one member gives, shape (n_labels,)."""
+        value = np.maximum(standard @ member.first[0] + member.first[1], 0.0)
+        for block, ring in zip(member.blocks, rings, strict=True):
+            value = self._step(block, ring, value)
+        score = (np.maximum(value, 0.0) @ member.last[0] + member.last[1]).astype(np.float64)
         score = np.exp(score - score.max())
         return np.asarray(score / score.sum())
 

@@ -81,13 +81,14 @@ def card(
 def _sizes(model: GestureModel | CurveNet | StreamNet) -> list[int]:
     """Numbers that come in, and those that each layer gives."""
     if isinstance(model, StreamNet):
-        return [len(model.names), *[len(model.first[1])] * (1 + len(model.blocks)), len(model.labels)]
+        one = model.members[0]
+        return [len(model.names), *[len(one.first[1])] * (1 + len(one.blocks)), len(model.labels)]
     return [len(model.names), *(len(bias) for bias in model.biases)]
 
 
 def _kind(model: GestureModel | CurveNet | StreamNet) -> str:
     if isinstance(model, StreamNet):
-        return "network on streams of slots"
+        return f"set of {len(model.members)} networks on streams of slots"
     return "perceptron" if isinstance(model, GestureModel) else "network on curves"
 
 

@@ -56,6 +56,9 @@ def _of_curves(model: CurveNet) -> int:
 
 
 def _of_streams(model: StreamNet) -> int:
-    weights = model.first[0].size + model.last[0].size + sum(block.kernel.size + block.mix.size for block in model.blocks)
-    sums = len(model.first[1]) * (1 + 2 * len(model.blocks)) + len(model.labels)
-    return 2 * len(model.names) + 2 * weights + 2 * sums + 5 * len(model.labels)
+    total = 2 * len(model.names)
+    for member in model.members:
+        weights = member.first[0].size + member.last[0].size + sum(block.kernel.size + block.mix.size for block in member.blocks)
+        sums = len(member.first[1]) * (1 + 2 * len(member.blocks)) + len(model.labels)
+        total += 2 * weights + 2 * sums + 5 * len(model.labels)
+    return total

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from radar_core import GESTURES, DataError, RadarInfo
 from radar_core.types import Float32Array, Float64Array, IndexArray
-from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, Slot, SlotStreams
+from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS, SPLIT, Slot, SlotStreams
 from radar_lab.datasets.lives import Life, life_files, read_life
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_tracking import TrackerConfig, make_tracker
@@ -28,7 +28,8 @@ EDGE_WEIGHT: Final = 0.3
 _LEAST: Final = 10  # slots: shorter sequences teach nothing
 _STRETCH: Final = 0.2  # of the logarithm of speed, at most
 _GAIN, _LEVEL, _WEAKEST = 0.5, 0.08, 0.01  # spread of the logarithm of amplitudes, of heights [m]; no strength vanishes by it
-_OFTEN, _LOST = 0.3, 0.15  # how often slots are lost, or heights unknown; the largest share of slots that is lost
+_OFTEN, _LOST = 0.3, 0.15  # how often slots are lost, heights unknown or faint echoes missing; the largest share of slots that is lost
+_SIZE, _FAINT = 0.15, 2.0  # by how much larger or smaller motions are, at most; strength up to which echoes may be missing
 _SWIPES: Final = ("swipe_right", "swipe_left")
 
 
@@ -39,6 +40,7 @@ def _places(name: str) -> IndexArray:
 _SIDES: Final = np.concatenate([_places("side"), _places("azimuth")])
 _STRENGTHS: Final = np.concatenate([_places("strength"), _places("slow strength")])  # at single speeds first
 _HEIGHTS: Final = _places("height")
+_PLACES: Final = np.concatenate([_HEIGHTS, _places("side"), _places("range")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,8 +191,8 @@ def mirrored_labels(label: IndexArray, labels: Sequence[str] = GESTURES) -> Inde
 def varied(sequence: SlotSequence, rng: np.random.Generator, labels: Sequence[str] = GESTURES) -> SlotSequence:
     """Change a sequence as another person, place or radar could have: what was performed stays the same.
 
-    Half of the time in a mirror; a little faster or slower; with more or less amplitude; a little higher or lower; and now and then with
-    slots lost, or as a radar sees it that tells no heights.
+    Half of the time in a mirror; a little faster or slower, larger or smaller; with more or less amplitude; a little higher or lower; and
+    now and then without faint echoes, with slots lost, or as a radar sees it that tells no heights.
     """
     n = len(sequence.label)
     at = np.minimum((np.arange(n) * np.exp(rng.uniform(-_STRETCH, _STRETCH))).astype(np.int64), n - 1)
@@ -201,11 +203,20 @@ def varied(sequence: SlotSequence, rng: np.random.Generator, labels: Sequence[st
     louder = np.maximum(strength + np.float32(rng.normal(0.0, _GAIN)), np.float32(_WEAKEST))
     x[:, _STRENGTHS] = np.where(strength > 0.0, louder, 0.0)
     x[:, _HEIGHTS] += np.float32(rng.normal(0.0, _LEVEL)) * (strength[:, : len(_HEIGHTS)] > 0.0)
+    x[:, _PLACES] *= np.float32(rng.uniform(1.0 - _SIZE, 1.0 + _SIZE))
+    if rng.random() < _OFTEN:
+        _weaken(x, rng.uniform(0.0, _FAINT))
     if rng.random() < _OFTEN:
         x = _with_losses(x, rng)
     if rng.random() < _OFTEN:
         x[:, _HEIGHTS], x[:, ELEVATION] = 0.0, 0.0
     return SlotSequence(x, label, sequence.weight[at], sequence.stroke[at])
+
+
+def _weaken(x: Float32Array, least: float) -> None:
+    """Take all away that is known of speeds with less strength than that."""
+    each = x[:, :SPLIT].reshape(len(x), len(SPEEDS), -1)
+    each[each[..., 0] < least] = 0.0
 
 
 def _with_losses(x: Float32Array, rng: np.random.Generator) -> Float32Array:

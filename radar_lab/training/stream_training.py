@@ -17,7 +17,7 @@ from radar_core.types import Float32Array, IndexArray
 from radar_gestures.classifiers.curve_net import half
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.needs import Needs
-from radar_gestures.stream.network import CLIP, Block, StreamNet
+from radar_gestures.stream.network import CLIP, Block, Member, StreamNet
 from radar_gestures.stream.slots import NAMES
 from radar_lab.training.networks import as_array, need_torch
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_lives, varied
@@ -36,12 +36,13 @@ class StreamTraining:
     width: int = knob(64, low=1, high=1024, doc="numbers that are known of a slot in each layer")
     dilations: tuple[int, ...] = knob((1, 2, 4, 8, 16), low=1, high=1024, doc="slots between the three taps of each block")
     delay: int = knob(8, low=0, high=100, doc="slots that the network sees after the one it judges")
-    dropout: float = knob(0.15, low=0.0, high=0.95, doc="in training, of what each block adds")
+    dropout: float = knob(0.3, low=0.0, high=0.95, doc="in training, of what each block adds")
+    members: int = knob(3, low=1, high=100, doc="networks that are trained apart and averaged")
     passes: int = knob(60, low=1, high=10_000, doc="over the sequences, each time changed otherwise")
     batch: int = knob(16, low=1, high=65_536, doc="pieces of sequences a step")
     length: int = knob(256, low=2, high=100_000, doc="slots of a piece")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
-    weight_decay: float = knob(1e-3, low=0.0, high=10.0, doc="decoupled L2 penalty")
+    weight_decay: float = knob(2e-2, low=0.0, high=10.0, doc="decoupled L2 penalty")
     smoothing: float = knob(0.03, low=0.0, high=0.9, doc="share of each label that is spread over all: for labels that may be wrong")
     seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order, changes and dropout")
 
@@ -156,11 +157,15 @@ def train_stream_net(
         )
     torch = need_torch("the network on streams")
     mean, scale = _spread(sequences)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(config.seed)
-        net = _Network(torch, config, len(NAMES), len(labels))
-        _fit(torch, net, sequences, mean, scale, labels, config)
-    return net.exported(mean, scale, labels)
+    members = []
+    for number in range(config.members):
+        own = dataclasses.replace(config, seed=config.seed + number)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(own.seed)
+            net = _Network(torch, own, len(NAMES), len(labels))
+            _fit(torch, net, sequences, mean, scale, labels, own)
+        members.append(net.exported())
+    return StreamNet(mean, scale, tuple(members), NAMES, tuple(labels), config.delay)
 
 
 def _spread(sequences: Sequence[SlotSequence]) -> tuple[Float32Array, Float32Array]:
@@ -172,7 +177,7 @@ def _spread(sequences: Sequence[SlotSequence]) -> tuple[Float32Array, Float32Arr
 
 
 class _Network:
-    """The layers of `StreamNet` with dropout, which training needs and the finished network does not."""
+    """The layers of a `Member` with dropout, which training needs and the finished network does not."""
 
     def __init__(self, torch: Any, config: StreamTraining, n_features: int, n_labels: int) -> None:
         nn, width = torch.nn, config.width
@@ -192,13 +197,13 @@ class _Network:
             value = value + self._drop(mix(inner))
         return self._last(torch.relu(value))
 
-    def exported(self, mean: Float32Array, scale: Float32Array, labels: Sequence[str]) -> StreamNet:
+    def exported(self) -> Member:
         """Make the finished network."""
         blocks = tuple(
             Block(half(as_array(taps.weight.permute(2, 1, 0))), as_array(taps.bias), *_dense(mix), dilation)
             for taps, mix, dilation in zip(self._taps, self._mixes, self._config.dilations, strict=True)
         )
-        return StreamNet(mean, scale, _dense(self._first), blocks, _dense(self._last), NAMES, tuple(labels), self._config.delay)
+        return Member(_dense(self._first), blocks, _dense(self._last))
 
 
 def _dense(layer: Any) -> tuple[Float32Array, Float32Array]:

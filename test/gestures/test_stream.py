@@ -16,7 +16,7 @@ from radar_gestures.make import make_recognizer
 from radar_gestures.needs import needs
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
-from radar_gestures.stream.network import Block, Memory, StreamNet
+from radar_gestures.stream.network import Block, Member, Memory, StreamNet
 from radar_gestures.stream.recognizer import StreamRecognizer
 from radar_gestures.stream.slots import FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams, spread
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
@@ -131,29 +131,36 @@ def test_frame_rates_give_the_same_slots():
     assert_allclose(often[0].features, one_slot([person()], point), atol=1e-6)
 
 
-def random_net(seed=0, width=8, labels=GESTURES, **knobs):
+def random_net(seed=0, width=8, labels=GESTURES, n_members=2, **knobs):
     rng = np.random.default_rng(seed)
 
     def f32(*shape):
         return rng.normal(0.0, 0.3, shape).astype(np.float32)
 
-    blocks = tuple(Block(f32(3, width, width), f32(width), f32(width, width), f32(width), d) for d in (1, 2, 4))
-    dense = (f32(len(NAMES), width), f32(width)), (f32(width, len(labels)), f32(len(labels)))
-    return StreamNet(f32(len(NAMES)), np.ones(len(NAMES), np.float32), dense[0], blocks, dense[1], NAMES, tuple(labels), 3, **knobs)
+    def member():
+        blocks = tuple(Block(f32(3, width, width), f32(width), f32(width, width), f32(width), d) for d in (1, 2, 4))
+        return Member((f32(len(NAMES), width), f32(width)), blocks, (f32(width, len(labels)), f32(len(labels))))
+
+    standard, members = (f32(len(NAMES)), np.ones(len(NAMES), np.float32)), tuple(member() for _ in range(n_members))
+    return StreamNet(*standard, members, NAMES, tuple(labels), 3, **knobs)
 
 
-def test_slot_by_slot_is_as_the_whole_sequence():
+def whole(net, member, x):
     """Convolutions over the whole sequence with zeros before its begin."""
-    net, x = random_net(), np.random.default_rng(1).normal(0.0, 1.0, (40, len(NAMES)))
-    wave = np.maximum((x - net.mean) / net.scale @ net.first[0] + net.first[1], 0.0)
-    for block in net.blocks:
+    wave = np.maximum((x - net.mean) / net.scale @ member.first[0] + member.first[1], 0.0)
+    for block in member.blocks:
         padded = np.concatenate([np.zeros((2 * block.dilation, wave.shape[1])), wave])
         inner = sum(padded[k * block.dilation : k * block.dilation + len(wave)] @ block.kernel[k] for k in range(3)) + block.offset
         wave = wave + np.maximum(inner, 0.0) @ block.mix + block.mix_offset
-    score = np.maximum(wave, 0.0) @ net.last[0] + net.last[1]
-    whole = np.exp(score) / np.exp(score).sum(axis=1, keepdims=True)
+    score = np.exp(np.maximum(wave, 0.0) @ member.last[0] + member.last[1])
+    return score / score.sum(axis=1, keepdims=True)
+
+
+def test_slot_by_slot_is_as_the_whole_sequence():
+    """The mean of two networks, each by the definition of its convolutions."""
+    net, x = random_net(), np.random.default_rng(1).normal(0.0, 1.0, (40, len(NAMES)))
     found = net.probabilities(x)
-    assert_allclose(found, whole, atol=1e-4)
+    assert_allclose(found, np.mean([whole(net, member, x) for member in net.members], axis=0), atol=1e-4)
     assert_allclose(found.sum(axis=1), 1.0)
     memory = Memory(net)
     assert_allclose(np.array([memory.process(row) for row in x]), found)
@@ -161,7 +168,7 @@ def test_slot_by_slot_is_as_the_whole_sequence():
 
 def test_a_file_gives_the_same_network(tmp_path):
     """To the last bit, and the kind is recognised."""
-    net = random_net(reject=0.4, settings={"needs": {"interval": 0.1, "speed_step": 1.0, "max_speed": 2.0}})
+    net = random_net(n_members=5, reject=0.4, settings={"needs": {"interval": 0.1, "speed_step": 1.0, "max_speed": 2.0}})
     save_model(net, tmp_path / "net.npz")
     again = load_model(tmp_path / "net.npz")
     assert isinstance(again, StreamNet)
@@ -174,12 +181,19 @@ def test_a_file_gives_the_same_network(tmp_path):
 def test_bad_networks_and_features_are_refused():
     """With a word about what is wrong."""
     net = random_net()
-    with pytest.raises(ConfigError, match="first is float32"):
-        dataclasses.replace(net, first=(net.first[0][:-1], net.first[1]))
-    with pytest.raises(ConfigError, match="kernel_1"):
-        dataclasses.replace(
-            net, blocks=(net.blocks[0], dataclasses.replace(net.blocks[1], kernel=net.blocks[1].kernel * np.float32(np.nan)))
-        )
+    one, other = net.members
+    cut = dataclasses.replace(one, first=(one.first[0][:-1], one.first[1]))
+    lost = dataclasses.replace(one.blocks[1], kernel=one.blocks[1].kernel * np.float32(np.nan))
+    still = dataclasses.replace(one.blocks[0], dilation=0)
+    for member, wrong in (
+        (cut, "network 1: first is float32"),
+        (dataclasses.replace(one, blocks=(one.blocks[0], lost)), "kernel_1"),
+        (dataclasses.replace(one, blocks=(still,)), "dilation"),
+    ):
+        with pytest.raises(ConfigError, match=wrong):
+            dataclasses.replace(net, members=(other, member))
+    with pytest.raises(ConfigError, match="0 networks"):
+        dataclasses.replace(net, members=())
     with pytest.raises(DataError, match="non-finite"):
         net.probabilities(np.full(len(NAMES), np.nan))
     with pytest.raises(DataError, match="expected"):
@@ -194,7 +208,8 @@ def push_net(**knobs):
     first, last, offset = np.zeros((n, 1), np.float32), np.zeros((1, k), np.float32), np.zeros(k, np.float32)
     first[at("strength at -1"), 0], last[0, PUSH], offset[0] = 1.0, 10.0, 5.0
     zeros = np.zeros(1, np.float32)
-    return StreamNet(np.zeros(n, np.float32), np.ones(n, np.float32), (first, zeros), (), (last, offset), NAMES, GESTURES, 0, **knobs)
+    standard, member = (np.zeros(n, np.float32), np.ones(n, np.float32)), Member((first, zeros), (), (last, offset))
+    return StreamNet(*standard, (member,), NAMES, GESTURES, 0, **knobs)
 
 
 def stroke(begin, end, length=3.0, position=(2.0, 0.0, 1.0)):

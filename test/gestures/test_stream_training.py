@@ -15,7 +15,7 @@ from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.needs import Needs, lacks, needs
-from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.network import Member, StreamNet
 from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS
 from radar_lab.datasets.lives import Life, life_columns, life_path, manifest
 from radar_lab.datasets.samples import open_folder, write_chunk
@@ -97,7 +97,7 @@ def test_changed_copies_keep_what_was_performed_and_what_was_not_seen():
     sequence = random_sequence()
     sequence.features[::2, : 5 * 3] = 0.0  # nothing at the first three speeds
     sequence.features[:, NAMES.index("points")] = np.arange(80)  # tells where a slot comes from, unless it was lost
-    mirrors = still = heightless = 0
+    mirrors = still = heightless = faint = 0
     for seed in range(200):
         copy = varied(sequence, np.random.default_rng(seed))
         again = varied(sequence, np.random.default_rng(seed))
@@ -110,7 +110,9 @@ def test_changed_copies_keep_what_was_performed_and_what_was_not_seen():
         np.testing.assert_array_equal(copy.stroke[fresh], sequence.stroke[came[fresh]])
         np.testing.assert_array_equal(copy.weight[fresh], sequence.weight[came[fresh]])
         empty = sequence.features[came, NAMES.index("strength at -2.8")] == 0.0
-        np.testing.assert_array_equal(copy.features[:, NAMES.index("strength at -2.8")] == 0.0, empty)
+        found = copy.features[:, NAMES.index("strength at -2.8")] == 0.0
+        assert found[empty].all()
+        faint += bool((found & ~empty).any())
         assert not copy.features[empty][:, NAMES.index("height at -2.8")].any()
         if not copy.features[:, ELEVATION].any():
             assert not copy.features[:, [NAMES.index(f"height at {speed:g}") for speed in SPEEDS]].any()
@@ -119,6 +121,7 @@ def test_changed_copies_keep_what_was_performed_and_what_was_not_seen():
     assert 70 <= mirrors <= 130  # of 200 at one half; standard deviation 7
     assert 35 <= heightless <= 85  # at 0.3; standard deviation 6.5
     assert still >= 120  # at 0.7 and more
+    assert 25 <= faint <= 85  # at 0.3, and not for every limit
 
 
 def pattern(kind, n, rng):
@@ -179,7 +182,7 @@ def test_the_file_gives_the_same_network_back(report, tmp_path):
     assert (again.reject, again.figures, again.delay) == (report.model.reject, report.model.figures, 4)
     assert lacks(needs(again), RadarInfo()) == ()
     with np.load(tmp_path / "net.npz") as file:
-        assert {file[name].dtype for name in ("first", "last", "kernel_1", "mix_0")} == {np.dtype(np.float16)}
+        assert {file[name].dtype for name in ("0_first", "1_last", "0_kernel", "2_mix")} == {np.dtype(np.float16)}
 
 
 def test_training_twice_gives_the_same_bytes(report, tmp_path):
@@ -189,7 +192,7 @@ def test_training_twice_gives_the_same_bytes(report, tmp_path):
     known = [life.sequences[0] for life in made_lives(4)]
     short = dataclasses.replace(QUICK, passes=1)
     one, other = (train_stream_net(known, config=dataclasses.replace(short, seed=seed)) for seed in (1, 2))
-    assert not np.array_equal(one.first[0], other.first[0])
+    assert not np.array_equal(one.members[0].first[0], other.members[0].first[0])
 
 
 def test_numpy_gives_what_pytorch_gives():
@@ -207,7 +210,7 @@ def test_numpy_gives_what_pytorch_gives():
     standard = np.clip((x - mean) / scale, -CLIP, CLIP).astype(np.float32)
     with torch.no_grad():
         expected = torch.softmax(net(torch.from_numpy(standard.T[None].copy()))[0], dim=0).numpy().T
-    found = net.exported(mean, scale, GESTURES).probabilities(x)
+    found = StreamNet(mean, scale, (net.exported(),), NAMES, GESTURES, config.delay).probabilities(x)
     # half precision moves each weight by up to 2^-12 of it, and some hundred products of order 1 add up to a score
     np.testing.assert_allclose(found, expected, atol=5e-3)
 
@@ -270,7 +273,7 @@ def test_events_belong_to_the_stroke_that_most_of_their_slots_are_of():
     bias = np.zeros(10, np.float32)
     bias[0] = 10.0
     zero, one = np.zeros(len(NAMES), np.float32), np.ones(len(NAMES), np.float32)
-    net = StreamNet(zero, one, (first, zero), (), (says, bias), NAMES, GESTURES, 0)
+    net = StreamNet(zero, one, (Member((first, zero), (), (says, bias)),), NAMES, GESTURES, 0)
     judged = judge(net, [life])
     assert [(event.stroke, event.label) for event in judged.events] == [(0, PUSH), (-1, PUSH)]
     assert judged.named == {"design": 1.0}
@@ -338,7 +341,7 @@ def test_the_command_trains_a_model_and_writes_its_card(folder, tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     text = (tmp_path / "a.md").read_text(encoding="utf-8")
     assert "# Gesture model 66-64-64-64-64-64-64-10" in text
-    assert "network on streams of slots" in text
+    assert "networks on streams of slots" in text
     assert f"| false_per_minute | {model.figures['false_per_minute']} |" in text
     assert f"handwave train {folder} --model stream --out {tmp_path / 'a.npz'} --passes 1 --lost 0.05 --seed 4" in text
 

@@ -27,7 +27,7 @@ from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
 from radar_gestures.curves import CURVE_NAMES, TOTALS, CurveConfig, Curves
 from radar_gestures.make import make_recognizer
 from radar_gestures.stage import EventStage, feature_settings
-from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.network import Member, StreamNet
 from radar_gestures.stream.slots import NAMES
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg
@@ -133,7 +133,8 @@ def test_a_stream_network_runs_in_the_node(ros, tmp_path):
     first[NAMES.index("strength at 1.7"), 0] = first[NAMES.index("strength at -1.7"), 1] = 1.0
     last[0, GESTURES.index("pull")], last[1, GESTURES.index("push")], none[0] = 10.0, 10.0, 5.0
     standard = (np.zeros(n, np.float32), np.ones(n, np.float32))
-    model = StreamNet(*standard, (first, np.zeros(2, np.float32)), (), (last, none), NAMES, GESTURES, 0)
+    member = Member((first, np.zeros(2, np.float32)), (), (last, none))
+    model = StreamNet(*standard, (member,), NAMES, GESTURES, 0)
     bench, items = Bench(ros, tmp_path, model), strokes()
     recognizer = make_recognizer(GestureConfig(), model, INFO)
     wanted = [gesture for tracked in items for gesture in recognizer.process(tracked)]
