@@ -104,7 +104,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "vital_sitting": Study("vital --parts sitting"),
     "waveforms": Study("waveforms"),
     "zones_latency": Study("zones --parts latency", keep="rooms"),
-    "zones_nights": Study("zones --parts nights", LONG, keep="rooms"),
+    "zones_nights": Study("zones --parts nights", keep="rooms"),
     "zones_rooms": Study("zones --parts rooms", keep="rooms"),
     "zones_stale": Study("zones --parts stale", GRAPH),
 }
