@@ -24,7 +24,8 @@ from benchmarks.stores import PACKAGES, digest, kept, once, sources
 from radar_core import GESTURES, RadarInfo
 from radar_core.config import plain
 from radar_gestures.classifiers.model import load_model
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.make import Recognizer, make_recognizer
+from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
@@ -38,7 +39,7 @@ TI: Final = ("xwr18xx", "xwr68xx")
 _RANDOM: Final = GESTURES.index("random")
 _DRAWS: Final = 1000  # of rooms, for an interval
 Fate = Literal["right", "other name", "called random", "no event", "no track"]
-Recogniser = Callable[[RadarInfo], GestureRecognizer]
+Recogniser = Callable[[RadarInfo], Recognizer]
 
 
 @dataclass(frozen=True)
@@ -74,10 +75,10 @@ class Scored:
     times_ms: tuple[float, ...] = ()
 
 
-def shipped(info: RadarInfo) -> GestureRecognizer:
-    """Make the recogniser as it is by default."""
-    model = load_model()
-    return GestureRecognizer(config_for(model.settings, GestureConfig()), model, info.mount)
+def shipped(info: RadarInfo, model: str = "gestures") -> Recognizer:
+    """Make a recogniser with a model of ours, by its name; as it is by default."""
+    chosen = load_model(model)
+    return make_recognizer(config_for(chosen.settings, GestureConfig()), chosen, info)
 
 
 def judge(own: KeptRoom, levels: Mapping[str, float], make: Recogniser = shipped, tracking: TrackerConfig | None = None) -> Scored:
@@ -247,8 +248,9 @@ CHOICES: Final[Mapping[str, Graph]] = {
     "default": Graph(),
     "people": Graph(baseband="people"),
     "group_clustering": Graph(tracking=TrackerConfig(tracker="group_clustering")),
+    "stream": Graph(make=functools.partial(shipped, model="stream")),
 }
-"""By name: the default graph, the preset of the baseband, and the thesis's tracker."""
+"""By name: the default graph, the preset of the baseband, the thesis's tracker, and the networks on streams of slots."""
 
 
 def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path, graph: Graph | None = None) -> list[Scored]:

@@ -18,6 +18,7 @@ from radar_gestures.classifiers.perceptron import FORMAT
 _KIND: Final = "stream network"
 _ADVICE: Final = "train it again"
 _TAPS: Final = 3
+_WIDEST: Final = 1024  # slots from tap to tap: a file cannot ask for memory without bound
 _OF_BLOCK: Final = ("kernel", "offset", "mix", "mix_offset")  # the arrays of a block, in this order
 CLIP: Final = 8.0
 """Standardised inputs are cut off beyond this: what is so far out says no more than that it is."""
@@ -133,8 +134,8 @@ class StreamNet:
         self._check("", {"mean": self.mean, "scale": self.scale}, {"mean": (n,), "scale": (n,)})
         for number, member in enumerate(self.members):
             self._check(f"network {number}: ", member.arrays(), member.shapes(n, m))
-            if any(block.dilation < 1 for block in member.blocks):
-                raise ConfigError(f"{_KIND}: network {number}: a dilation is not positive; {_ADVICE}")
+            if not all(1 <= block.dilation <= _WIDEST for block in member.blocks):
+                raise ConfigError(f"{_KIND}: network {number}: dilations are from 1 to {_WIDEST}; {_ADVICE}")
         if not self.members or not (self.scale > 0).all() or self.delay < 0 or m < 2:
             what = f"{len(self.members)} networks, {m} labels, a delay of {self.delay}, or a scale that is not positive"
             raise ConfigError(f"{_KIND}: {what}; {_ADVICE}")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, Pose, RadarInfo, merge
+from radar_core.paths import find_config, share_dir
 from radar_gestures import load_model, save_model
 from radar_gestures.make import make_recognizer
 from radar_gestures.needs import needs
@@ -19,6 +20,7 @@ from radar_gestures.stage import GestureConfig
 from radar_gestures.stream.network import Block, Member, Memory, StreamNet
 from radar_gestures.stream.recognizer import StreamRecognizer
 from radar_gestures.stream.slots import FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams, spread
+from radar_lab.training.operations import operations
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 INFO = RadarInfo()
@@ -188,7 +190,8 @@ def test_bad_networks_and_features_are_refused():
     for member, wrong in (
         (cut, "network 1: first is float32"),
         (dataclasses.replace(one, blocks=(one.blocks[0], lost)), "kernel_1"),
-        (dataclasses.replace(one, blocks=(still,)), "dilation"),
+        (dataclasses.replace(one, blocks=(still,)), "dilations"),
+        (dataclasses.replace(one, blocks=(dataclasses.replace(still, dilation=10**9),)), "dilations"),
     ):
         with pytest.raises(ConfigError, match=wrong):
             dataclasses.replace(net, members=(other, member))
@@ -280,3 +283,16 @@ def test_an_endless_gesture_is_cut():
     recognizer = make_recognizer(GestureConfig(), push_net(), INFO)
     found = [g for item in stroke(0.0, 99.0, length=16.0) for g in recognizer.process(item)]
     assert [round((g.end_ns - g.start_ns) / SLOT_NS) for g in found] == [100, 100, 100]
+
+
+def test_our_networks_are_of_this_format_and_their_card_is_theirs():
+    """As far as a model says how it was trained, and its card what it measured."""
+    path = find_config("stream", "models", ".npz")
+    model, card = load_model(path), (share_dir() / "docs" / "research" / "model-card-stream.md").read_text(encoding="utf-8")
+    assert isinstance(model, StreamNet)
+    assert (model.labels, model.names) == (GESTURES, NAMES)
+    assert operations(model) <= 600_000
+    assert path.stat().st_size <= 700_000
+    assert f"{path.stat().st_size:,} bytes" in card
+    assert f"{operations(model):,} FLOP" in card
+    assert f"| false_per_minute | {model.figures['false_per_minute']} |" in card
