@@ -18,7 +18,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "dsp"))
 from echoes import frame, noise
 
-from radar_core import HandwaveError, PointCloud, Pose, RadarFrame, RadarInfo, merge
+from radar_core import GESTURES, HandwaveError, PointCloud, Pose, RadarFrame, RadarInfo, merge
 from radar_core.cloud import ARRAY_FIELDS
 from radar_core.governor import Governor
 from radar_core.ladder import Level
@@ -34,6 +34,8 @@ from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.curves import CurveConfig, EventMaps
 from radar_gestures.one_channel import ChannelGestures
 from radar_gestures.stage import EventStage
+from radar_gestures.stream.network import Member, Memory, StreamNet
+from radar_gestures.stream.slots import NAMES, SlotStreams
 from radar_lab.alignment import Trajectory, align_points
 from radar_lab.alignment.pair import PairConfig, Walker
 from radar_lab.arrays.calibration import Calibration, Calibrator, Snapshots
@@ -111,6 +113,15 @@ def model(**fields: object) -> GestureModel:
     n, k = len(FEATURE_NAMES), 10
     usual = {"mean": np.zeros(n), "scale": np.ones(n), "weights": (np.zeros((n, k)),), "biases": (np.zeros(k),)}
     return GestureModel(**(usual | fields))
+
+
+def stream_net(**fields: np.ndarray) -> StreamNet:
+    """Of one network without blocks that knows nothing."""
+    n, k = len(NAMES), 10
+    usual = {"mean": np.zeros(n, np.float32), "scale": np.ones(n, np.float32), "weights": np.zeros((n, k), np.float32)} | fields
+    last = (np.eye(k, dtype=np.float32), np.zeros(k, np.float32))
+    member = Member((usual["weights"], np.zeros(k, np.float32)), (), last)
+    return StreamNet(usual["mean"], usual["scale"], (member,), NAMES, GESTURES, 0)
 
 
 def samples(bad: float) -> SampleSet:
@@ -211,6 +222,10 @@ REFUSED: dict[str, Callable[[float], object]] = {
     "ReferenceSample": lambda bad: ReferenceSample(0, np.array([0.0, bad, 0.0])),
     "HandTracker track": lambda bad: HandTracker().process(tracked(bad)),
     "GestureRecognizer track": lambda bad: EventStage(GestureConfig(), Pose()).process(tracked(bad)),
+    "SlotStreams track": lambda bad: SlotStreams(INFO).process(tracked(bad)),
+    "Memory": lambda bad: Memory(stream_net()).process(spoilt(np.zeros(len(NAMES)), bad)),
+    "StreamNet scale": lambda bad: stream_net(scale=spoilt(np.ones(len(NAMES), np.float32), bad)),
+    "StreamNet weights": lambda bad: stream_net(weights=spoilt(np.zeros((len(NAMES), 10), np.float32), bad)),
     "PostureTracker track": lambda bad: postures(bad),
     "GestureModel one": lambda bad: model().probabilities(spoilt(np.zeros(13), bad)),
     "GestureModel many": lambda bad: model().probabilities(spoilt(np.zeros((2, 13)), bad)),
@@ -325,6 +340,7 @@ BEHIND = {
     **dict.fromkeys(("SyntheticCamera", "MarkerFinder", "MediapipePose"), "images of 8 bits, which have no NaN"),
     "CameraTruth": "DepthReader",
     "GestureRecognizer": "EventStage",
+    "StreamRecognizer": "SlotStreams, Memory",
     "EventDetector": "its own test above",
     "EventStage": "GestureRecognizer track",
     "DepthReader": "its own test above",
