@@ -91,18 +91,7 @@ class StreamRecognizer:
         return self._slots.track_ids
 
     def process(self, tracked: TrackedCloud) -> tuple[Gesture, ...]:
-        """Take one cloud with its tracks and return the gestures that were decided with it; `find` and `name` in one.
-
-        Parameters
-        ----------
-        tracked : TrackedCloud
-            A cloud in ``room`` and the tracks made from it.
-
-        Returns
-        -------
-        tuple of Gesture
-            In the order of their ends; mostly empty. Without the random ones when ``publish_random`` is off.
-        """
+        """Take one cloud with its tracks; return the gestures that were decided with it, by their ends, as `GestureRecognizer.process`."""
         return tuple(gesture for _, gesture in self.decide(tracked) if self.wanted(gesture))
 
     def decide(self, tracked: TrackedCloud) -> tuple[tuple[StreamEvent, Gesture], ...]:
