@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from radar_gestures.stream.network import StreamNet
 from radar_gestures.stream.recognizer import LEAST, MOST, OFF, ON
 from radar_lab.training.calibration import choose_reject
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence
+
+_DRAWS: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -70,20 +73,25 @@ def spans(probabilities: Float64Array) -> Iterator[tuple[int, int]]:
             begun = slot
 
 
-def limit_and_figures(judged: Judged, lost: float) -> tuple[float, dict[str, Any]]:
-    """Choose the limit for rejection as `fit_lives` says, and count what is right and wrong with it.
+def choose_limit(judged: Judged, lost: float) -> float:
+    """Choose `StreamNet.reject`: the highest limit that gives up at most a share of ``lost`` of the strokes that were named right."""
+    return choose_reject(np.array(sorted(judged.scores().values())), lost)
+
+
+def figures_of(judged: Judged, reject: float) -> dict[str, Any]:
+    """Count what is right and wrong with a limit.
+
+    Intervals are of 95 % over lives: those of one life are of one room, one radar and the same people.
 
     Returns
     -------
-    reject : float
-        For `StreamNet.reject`.
-    figures : dict
+    dict
         ``lives``, ``strokes``: what was tested; ``accuracy``: share of the strokes performed, tracked or not, that an event names right;
         ``right``: the same by kind of radar; ``recall``: by gesture; ``wrong``: share that only events of other names overlap;
-        ``false_per_minute``: events without a stroke; ``lost``: share of those named right that the limit rejects; ``named``: see `Judged`.
+        ``false_per_minute``: events without a stroke; ``lost``: share of those named right that the limit rejects; ``named``: see `Judged`;
+        ``accuracy_interval``, ``false_per_minute_interval``.
     """
     best = judged.scores()
-    reject = choose_reject(np.array(sorted(best.values())), lost)
     kept = {key for key, score in best.items() if score >= reject}
     performed = [
         (life.kind, GESTURES[stroke.label], (life.number, k))
@@ -92,16 +100,20 @@ def limit_and_figures(judged: Judged, lost: float) -> tuple[float, dict[str, Any
         if stroke.label
     ]
     told = {(event.life, event.stroke) for event in judged.events if event.score >= reject}
-    false = sum(event.score >= reject and event.stroke < 0 for event in judged.events)
-    minutes = sum(life.minutes for life in judged.lives)
-    return reject, {
+    false = Counter(event.life for event in judged.events if event.score >= reject and event.stroke < 0)
+    minutes = [life.minutes for life in judged.lives]
+    right, strokes = (Counter(number for number, _ in keys) for keys in (kept, (key for _, _, key in performed)))
+    numbers = [life.number for life in judged.lives]
+    return {
         "lives": len(judged.lives),
         "strokes": len(performed),
         "accuracy": _share([key in kept for _, _, key in performed]),
+        "accuracy_interval": _interval([right[k] for k in numbers], [strokes[k] for k in numbers]),
         "right": _shares((kind, key in kept) for kind, _, key in performed),
         "recall": _shares((name, key in kept) for _, name, key in performed),
         "wrong": _share([key in told and key not in kept for _, _, key in performed]),
-        "false_per_minute": round(false / minutes, 4) if minutes else 0.0,
+        "false_per_minute": round(false.total() / sum(minutes), 4) if sum(minutes) else 0.0,
+        "false_per_minute_interval": _interval([false[k] for k in numbers], minutes),
         "lost": _share([score < reject for score in best.values()]),
         "named": judged.named,
     }
@@ -110,10 +122,12 @@ def limit_and_figures(judged: Judged, lost: float) -> tuple[float, dict[str, Any
 def as_text(model: StreamNet) -> str:
     """Write the figures of a network that `fit_lives` trained."""
     figures = model.figures
+    (low, high), (fewest, most) = figures["accuracy_interval"], figures["false_per_minute_interval"]
     return "\n".join(
         [
-            f"{figures['strokes']} strokes in {figures['lives']} lives left out of the training",
-            f"named right {figures['accuracy']:.1%}, wrong {figures['wrong']:.1%}; {figures['false_per_minute']:.2f} false ones a minute",
+            f"{figures['strokes']} strokes in {figures['lives']} lives that nothing was learned or chosen on",
+            f"named right {figures['accuracy']:.1%} ({low:.1%} to {high:.1%}), wrong {figures['wrong']:.1%}",
+            f"{figures['false_per_minute']:.2f} false ones a minute ({fewest:.2f} to {most:.2f})",
             "named right by radar: " + ", ".join(f"{kind} {share:.1%}" for kind, share in figures["right"].items()),
             "named right by gesture: " + ", ".join(f"{name} {share:.1%}" for name, share in figures["recall"].items()),
             f"rejected below {model.reject:.3g}, which loses {figures['lost']:.1%} of those named right",
@@ -148,3 +162,13 @@ def _shares(found: Iterable[tuple[str, bool]]) -> dict[str, float]:
 def _share(found: Sequence[bool]) -> float:
     """Share of what is true; of nothing it is 0."""
     return round(float(np.mean(found)), 4) if found else 0.0
+
+
+def _interval(part: Sequence[float], whole: Sequence[float]) -> list[float]:
+    """Interval of 95 % of a ratio of sums over lives, which are drawn anew (Efron 1979); of nothing it is (0, 0)."""
+    table = np.column_stack([part, whole]).astype(np.float64)
+    if not len(table):
+        return [0.0, 0.0]
+    drawn = table[np.random.default_rng(1).integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
+    ratio = np.divide(drawn[:, 0], drawn[:, 1], out=np.zeros(len(drawn)), where=drawn[:, 1] > 0)
+    return [round(float(value), 4) for value in np.percentile(ratio, (2.5, 97.5))]

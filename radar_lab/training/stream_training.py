@@ -21,9 +21,10 @@ from radar_gestures.stream.network import CLIP, Block, Member, StreamNet
 from radar_gestures.stream.slots import NAMES
 from radar_lab.training.networks import as_array, need_torch
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_lives, varied
-from radar_lab.training.stream_figures import Judged, judge, limit_and_figures
+from radar_lab.training.stream_figures import Judged, choose_limit, figures_of, judge
 
-_HELD_OUT: Final = 5  # every so many lives the last is kept for the figures
+_PARTS: Final = 10  # lives are counted off in so many parts
+_CHOOSE, _FIGURES = 4, 9  # the part that the limit is chosen on, and the one that gives the figures: networks learn from the others
 _FLATTEST: Final = 0.05  # inputs that hardly change are not blown up further
 _APART: Final = 1e-6  # m: antennas nearer to each other than this stand in one place
 _NORM: Final = 1.0  # longest gradient of a step
@@ -52,7 +53,7 @@ class StreamReport:
     """What training found out."""
 
     model: StreamNet
-    judged: Judged  # events of the lives left out
+    judged: Judged  # events of the lives for the figures
 
 
 def train_streams(
@@ -74,7 +75,7 @@ def train_streams(
     Raises
     ------
     ConfigError, DataError
-        Without PyTorch; when there are no lives, or too few to keep one for the figures.
+        Without PyTorch; when there are no lives, or too few to keep one to choose on and one for the figures.
     """
     need_torch("the network on streams")  # before minutes of reading
     report = fit_lives(read_lives(folder, n_jobs=n_jobs), config, lost=lost)
@@ -84,16 +85,17 @@ def train_streams(
 
 
 def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, *, lost: float = 0.05) -> StreamReport:
-    """Train a network on four of five lives, measure on the fifth what it is worth, and choose there what it rejects.
+    """Train a network on eight of ten lives, choose on the fifth of ten what it rejects, and measure on the tenth what it is worth.
 
-    Events of the lives left out are found as at run time: gestures begin and end where the network says so, and have the label with the
-    largest mean probability over their slots. ``StreamNet.reject`` is the highest limit of that probability that gives up at most a share
-    of ``lost`` of the strokes that were named right: what is called a gesture in between, or named wrong, mostly lies below.
+    The three kinds of lives are disjoint, and the last is looked at once, when all is chosen. Events of the lives left out are found as at
+    run time: gestures begin and end where the network says so, and have the label with the largest mean probability over their slots.
+    ``StreamNet.reject`` is the highest limit of that probability that gives up at most a share of ``lost`` of the strokes that were named
+    right: what is called a gesture in between, or named wrong, mostly lies below.
 
     Parameters
     ----------
     lives : sequence of LifeSlots
-        Numbered from 0; those with ``number % 5 == 4`` are left out.
+        Numbered from 0; of ``number % 10``, 4 is to choose on, 9 for the figures.
     config : StreamTraining or None
         None: the defaults.
     lost : float
@@ -105,16 +107,16 @@ def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, 
         As `train_streams`.
     """
     config = config or StreamTraining()
-    held = [life for life in lives if life.number % _HELD_OUT == _HELD_OUT - 1]
-    learned = [life for life in lives if life.number % _HELD_OUT != _HELD_OUT - 1]
-    known = [sequence for life in learned for sequence in life.sequences]
-    if not held or not known:
-        raise DataError(
-            f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_HELD_OUT}: simulate more"
-        )
+    parts = {part: [life for life in lives if life.number % _PARTS == part] for part in range(_PARTS)}
+    choose, measure = parts.pop(_CHOOSE), parts.pop(_FIGURES)
+    learned = [life for part in parts.values() for life in part]
+    known = [sequence for life in sorted(learned, key=lambda life: life.number) for sequence in life.sequences]
+    if not choose or not measure or not known:
+        raise DataError(f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_PARTS}: simulate more")
     model = train_stream_net(known, config=config)
-    judged = judge(model, held)
-    reject, figures = limit_and_figures(judged, lost)
+    reject = choose_limit(judge(model, choose), lost)
+    judged = judge(model, measure)
+    figures = figures_of(judged, reject)
     figures |= {"trained_lives": len(learned), "training": json.loads(json.dumps(dataclasses.asdict(config)))}
     settings = {"needs": dataclasses.asdict(least([life.info for life in learned]))}
     return StreamReport(dataclasses.replace(model, reject=reject, figures=figures, settings=settings), judged)
@@ -215,10 +217,10 @@ def _fit(
     torch: Any, net: _Network, sequences: Sequence[SlotSequence], mean: Float32Array, scale: Float32Array, labels: Sequence[str],
     config: StreamTraining,
 ) -> None:  # fmt: skip
-    """Minimise the cross-entropy of slots; a label weighs more by the square root of how rare it is."""
-    count = 1.0 + np.sum([np.bincount(sequence.label, minlength=len(labels)) for sequence in sequences], axis=0)
-    rare = np.sqrt(count.sum() / count)
-    rarity = torch.from_numpy((rare / rare.mean()).astype(np.float32))
+    """Minimise the cross-entropy of slots; a label weighs more by the square root of how rare it is, and nothing if there is none."""
+    count = np.sum([np.bincount(sequence.label, minlength=len(labels)) for sequence in sequences], axis=0)
+    rare = np.where(count > 0, np.sqrt(count.sum() / np.maximum(count, 1)), 0.0)
+    rarity = torch.from_numpy((rare / rare[count > 0].mean()).astype(np.float32))
     loss = torch.nn.CrossEntropyLoss(rarity, reduction="none", label_smoothing=config.smoothing)
     pieces = np.repeat(np.arange(len(sequences)), [max(1, len(sequence.label) // config.length) for sequence in sequences])
     steps = config.passes * -(-len(pieces) // config.batch)
