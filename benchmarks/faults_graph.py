@@ -129,7 +129,7 @@ class Running:
         return self.supervisor.healthy and now - self.ear.interrupted(since, now) > _CALM
 
     def seen(self, inject: Callable[[Running], Any], *, dies: str = "") -> Seen:
-        """Inject a fault and watch until everything is as before; ``dies`` names the node that may die of it, no other may."""
+        """Inject a fault and watch until everything is as before; ``dies`` names the nodes that may die of it, no other may."""
         self.ear.forget(time.monotonic() - 5.0)
         self.ear.warnings.clear()
         first, pids = len(self.lines), self.pids()
@@ -138,7 +138,7 @@ class Running:
         well = self.live(_LONGEST, lambda: self.calm(ended))
         recovered = self.ear.interrupted(ended, time.monotonic()) - ended
         self.live(_LISTEN)
-        died = sorted(name for name, pid in pids.items() if self.pids().get(name) != pid and name != dies)
+        died = sorted(name for name, pid in pids.items() if self.pids().get(name) != pid and name not in dies.split())
         note = f"{', '.join(died)} died of it" if died else "" if well else f"not as before within {_LONGEST:g} s"
         return Seen(well and not died, [*said, *self.lines[first:], *self.ear.warnings], 0, recovered, note)
 

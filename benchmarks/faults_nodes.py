@@ -50,6 +50,13 @@ def _again_and_again(running: Running) -> None:
         running.live(30.0, lambda old=old: running.pids().get("patient", old) != old)  # type: ignore[misc]
 
 
+def _two(running: Running) -> None:
+    """Kill two nodes of which one feeds the other at the same time."""
+    for name in ("baseband", "hand"):
+        os.kill(running.pid(name), signal.SIGKILL)
+    running.live(0.5)
+
+
 def _limited(name: str, resource: int, value: Callable[[psutil.Process], int], seconds: float) -> Callable[[Running], Seen]:
     """Limit what a node may have, for a while."""
 
@@ -179,6 +186,7 @@ NODES: Final = (
         "patient: ended with status -9; starting it again in",
         watched(_again_and_again, dies="patient"),
     ),
+    Fault("two nodes are killed at once", "SIGKILL", "baseband: ended with status -9", watched(_two, dies="baseband hand")),
     Fault("the recorder is killed", "SIGKILL", "recorder: ended with status -9", _recorder_killed),
     Fault("the disk is full for the recorder", "RLIMIT_FSIZE", "the recording ended", _disk_full),
     Fault("a node that may have no more memory", "RLIMIT_AS", "illness: cannot be used .MemoryError", watched(_no_memory)),

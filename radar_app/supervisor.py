@@ -38,6 +38,7 @@ _AGAIN = 0.2  # s: between two SIGINTs, which a node that is still being importe
 _PR_SET_PDEATHSIG = 1
 _STABLE = 10.0  # s: a node that lived that long is started again at once; one that dies sooner, after a growing pause
 _LONGEST_PAUSE = 10.0  # s
+_BEGINS = 10.0  # s: who takes longer to begin keeps nobody waiting
 _CONFIGURATION = 2  # exit status of a node whose configuration makes no sense, now and the next time
 _LOOK_TIMEOUT = 120.0  # s: to start an interpreter and to look; a busy machine is slow
 LOOK = 1.0
@@ -205,10 +206,15 @@ class Supervisor:
             self._sweep_at = math.inf
             sweep()
         for name, (due, spec, deaths) in list(self._due.items()):
-            if time.monotonic() >= due:
+            if time.monotonic() >= due and not self._one_begins():
                 del self._due[name]
                 self._children[name] = self._start(spec, deaths)
         return ended
+
+    def _one_begins(self) -> bool:
+        """Whether a node was started and does not work yet: two that died and come back at once may hear nothing for ever (Fast DDS)."""
+        new = [child.process.pid for child in self._children.values() if time.monotonic() - child.started < _BEGINS]
+        return not all(map(self._watchdog.alive, new))
 
     def _look_for_hangs(self) -> None:
         """Tell of nodes that hang, and end them where they are started again."""
