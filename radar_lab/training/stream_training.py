@@ -107,10 +107,9 @@ def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, 
         As `train_streams`.
     """
     config = config or StreamTraining()
-    parts = {part: [life for life in lives if life.number % _PARTS == part] for part in range(_PARTS)}
-    choose, measure = parts.pop(_CHOOSE), parts.pop(_FIGURES)
-    learned = [life for part in parts.values() for life in part]
-    known = [sequence for life in sorted(learned, key=lambda life: life.number) for sequence in life.sequences]
+    choose, measure = ([life for life in lives if life.number % _PARTS == part] for part in (_CHOOSE, _FIGURES))
+    learned = [life for life in lives if life.number % _PARTS not in (_CHOOSE, _FIGURES)]
+    known = [sequence for life in learned for sequence in life.sequences]
     if not choose or not measure or not known:
         raise DataError(f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_PARTS}: simulate more")
     model = train_stream_net(known, config=config)

@@ -140,16 +140,17 @@ def test_status_names_every_node_and_what_is_wrong(graph):
     held = graph.node("tracking")
     looks = []
 
-    def told():
+    def stale():
         looks.append(run("status"))
-        return " ".join(looks[-1].stdout.split())
+        return "gestures: stale" in " ".join(looks[-1].stdout.split())
 
     held.suspend()
     try:
-        wait_until(lambda: "gestures: stale" in told(), text=lambda: looks[-1].stdout)  # after two seconds without tracks
-        words, done = told(), looks[-1]
+        wait_until(stale, text=lambda: looks[-1].stdout)  # after two seconds without tracks
     finally:
         held.resume()
+    done = looks[-1]
+    words = " ".join(done.stdout.split())
     assert done.returncode == 1, done.stdout
     silent, absent = "tracking: it is there but says nothing", "wait for it; tracking does, if it runs"  # whether it is still heard of
     assert silent in words or absent in words, done.stdout

@@ -83,6 +83,7 @@ def test_two_nodes_that_die_at_once_come_back_one_after_the_other(ros):
                 os.kill(pid, signal.SIGKILL)
             back = []
             while len(back) < 2:
+                ros.spin_until(lambda: False, 0.05)
                 supervisor.poll()
                 back += [name for name in set(supervisor.running) & set(names) if name not in back and supervisor.pid(name) != old[name]]
                 assert len(back) < 2 or supervisor._watchdog.alive(supervisor.pid(back[0]))
