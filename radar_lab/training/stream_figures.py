@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from radar_lab.training.calibration import choose_reject
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence
 
 _DRAWS: Final = 1000
+_NONE: Final = -math.log(0.025)  # events that are expected at most where none came
 
 
 @dataclass(frozen=True)
@@ -108,12 +110,12 @@ def figures_of(judged: Judged, reject: float) -> dict[str, Any]:
         "lives": len(judged.lives),
         "strokes": len(performed),
         "accuracy": _share([key in kept for _, _, key in performed]),
-        "accuracy_interval": _interval([right[k] for k in numbers], [strokes[k] for k in numbers]),
+        "accuracy_interval": _interval([right[k] for k in numbers], [strokes[k] for k in numbers], share=True),
         "right": _shares((kind, key in kept) for kind, _, key in performed),
         "recall": _shares((name, key in kept) for _, name, key in performed),
         "wrong": _share([key in told and key not in kept for _, _, key in performed]),
         "false_per_minute": round(false.total() / sum(minutes), 4) if sum(minutes) else 0.0,
-        "false_per_minute_interval": _interval([false[k] for k in numbers], minutes),
+        "false_per_minute_interval": _interval([false[k] for k in numbers], minutes, share=False),
         "lost": _share([score < reject for score in best.values()]),
         "named": judged.named,
     }
@@ -164,11 +166,19 @@ def _share(found: Sequence[bool]) -> float:
     return round(float(np.mean(found)), 4) if found else 0.0
 
 
-def _interval(part: Sequence[float], whole: Sequence[float]) -> list[float]:
-    """Interval of 95 % of a ratio of sums over lives, which are drawn anew (Efron 1979); of nothing it is (0, 0)."""
-    table = np.column_stack([part, whole]).astype(np.float64)
-    if not len(table):
+def _interval(part: Sequence[float], whole: Sequence[float], *, share: bool) -> list[float]:
+    """Interval of 95 % of a ratio of sums over lives, which are drawn anew (Efron 1979); a ``share`` is at most 1.
+
+    Where there is none of something, or all, the draws say nothing: then it is the exact one of Poisson events in that time, or lives.
+    """
+    n = float(len(whole) if share else sum(whole))
+    if not n:
         return [0.0, 0.0]
+    if not sum(part):
+        return [0.0, round(min(_NONE / n, 1.0) if share else _NONE / n, 4)]
+    if share and sum(part) == sum(whole):
+        return [round(max(1.0 - _NONE / n, 0.0), 4), 1.0]
+    table = np.column_stack([part, whole]).astype(np.float64)
     drawn = table[np.random.default_rng(1).integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
     ratio = np.divide(drawn[:, 0], drawn[:, 1], out=np.zeros(len(drawn)), where=drawn[:, 1] > 0)
     return [round(float(value), 4) for value in np.percentile(ratio, (2.5, 97.5))]

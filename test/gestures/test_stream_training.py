@@ -262,6 +262,9 @@ def test_limit_and_figures_are_counted_by_hand():
     assert figures["false_per_minute_interval"] == [0.0, 2.0]
     assert choose_limit(Judged(lives, (), {}), 0.05) == 0.0
     assert figures_of(Judged((), (), {}), 0.0)["accuracy_interval"] == [0.0, 0.0]
+    silent = figures_of(Judged(lives, (), {}), 0.0)  # no event in a minute of two lives
+    assert silent["false_per_minute_interval"] == [0.0, pytest.approx(3.689, abs=1e-3)]  # exact of no Poisson event (Garwood 1936)
+    assert silent["accuracy_interval"] == [0.0, 1.0]
 
 
 def test_events_belong_to_the_stroke_that_most_of_their_slots_are_of():
