@@ -1,4 +1,4 @@
-"""A node that falls ill when it is told to: a deadlock, a loop without an end, a callback that fails, memory that runs out, a crash."""
+"""A node that falls ill when it is told to: it hangs, fails, wants too much memory, hears nothing any more, crashes or ends."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ import threading
 import time
 from typing import Any
 
+import handwave.msg
 from std_msgs.msg import String
 
 from radar_ros import qos
+from radar_ros.messages.convert import from_time
 from radar_ros.stage import StageNode, run
 
 
@@ -21,12 +23,10 @@ class PatientNode(StageNode):
         super().__init__("patient", **kwargs)
         self._lock = threading.Lock()
         self.create_subscription(String, "illness", self._take, qos.COMMAND)
-        self.create_timer(0.1, self._work)
-        self._sequence = 0
+        self._tracks = self.create_subscription(handwave.msg.TrackArray, "tracks", self._work, qos.RESULT)
 
-    def _work(self) -> None:
-        self._sequence += 1
-        self.finish(self.get_clock().now().nanoseconds, self._sequence, time.monotonic_ns())
+    def _work(self, msg: Any) -> None:
+        self.finish(from_time(msg.header.stamp), msg.sequence, time.monotonic_ns())
 
     def _take(self, msg: Any) -> None:
         if msg.data == "deadlock":
@@ -38,6 +38,8 @@ class PatientNode(StageNode):
             raise KeyError("a fault of this program")
         if msg.data in ("memory", "gigabyte"):
             bytearray(1 << (44 if msg.data == "memory" else 30))
+        if msg.data == "deaf":
+            self.destroy_subscription(self._tracks)
         if msg.data == "crash":
             os.kill(os.getpid(), signal.SIGSEGV)
         if msg.data == "exit":

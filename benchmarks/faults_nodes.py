@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from benchmarks.faults_graph import Running, watched
-from benchmarks.faults_rows import Fault, Seen
+from benchmarks.faults_rows import MOST, Fault, Seen
 from radar_ros import bags
 from radar_ros.salvage import salvage
 
@@ -55,6 +55,16 @@ def _two(running: Running) -> None:
     for name in ("baseband", "hand"):
         os.kill(running.pid(name), signal.SIGKILL)
     running.live(0.5)
+
+
+def _stopped_and_killed(running: Running) -> None:
+    """Let a reader of frames stand still for a moment and kill it, eight times: it came back and heard nothing once in ten times."""
+    for _ in range(8):
+        os.kill(running.pid("baseband"), signal.SIGSTOP)
+        running.live(0.3)
+        os.kill(running.pid("baseband"), signal.SIGKILL)
+        running.live(0.5)
+        running.live(30.0, lambda: running.calm(time.monotonic() - 2.0))
 
 
 def _limited(name: str, resource: int, value: Callable[[psutil.Process], int], seconds: float) -> Callable[[Running], Seen]:
@@ -176,6 +186,7 @@ NODES: Final = (
     ),
     Fault("a node that deadlocks", "real lock", "patient: hangs: .*a deadlock", _ill("deadlock", "patient")),
     Fault("a node in a loop without an end", "real loop", "patient: hangs: .*an endless loop", _ill("loop", "patient")),
+    Fault("a node that hears nothing any more", "real subscription", "patient: hangs: it has heard nothing", _ill("deaf", "patient")),
     Fault("a callback that fails", "real exception", "illness: cannot be used .KeyError", _ill("fails"), quick=True),
     Fault("a callback that wants too much memory", "real allocation", "illness: cannot be used .MemoryError", _ill("memory")),
     Fault("a node that crashes", "SIGSEGV", "patient: ended with status -11", _ill("crash", "patient")),
@@ -187,6 +198,13 @@ NODES: Final = (
         watched(_again_and_again, dies="patient"),
     ),
     Fault("two nodes are killed at once", "SIGKILL", "baseband: ended with status -9", watched(_two, dies="baseband hand")),
+    Fault(
+        "a reader of frames stands still and is killed, eight times",
+        "SIGSTOP, SIGKILL",
+        "baseband: ended with status -9",
+        watched(_stopped_and_killed, dies="baseband"),
+        most=8 + MOST,
+    ),
     Fault("the recorder is killed", "SIGKILL", "recorder: ended with status -9", _recorder_killed),
     Fault("the disk is full for the recorder", "RLIMIT_FSIZE", "the recording ended", _disk_full),
     Fault("a node that may have no more memory", "RLIMIT_AS", "illness: cannot be used .MemoryError", watched(_no_memory)),

@@ -118,7 +118,7 @@ class Supervisor:
         self.crashes: list[tuple[str, int]] = []
         self.hangs: list[tuple[str, str]] = []
         self.log = log or (lambda name, line: print(f"[{name}] {line}", flush=True))
-        self._watchdog = Watchdog()
+        self._watchdog = Watchdog([spec.label for spec in self.specs])
         self._environment = environment(domain) | self._watchdog.variables
         self._children: dict[str, _Child] = {}
         self._used: dict[str, float] = {}

@@ -7,13 +7,15 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from typing import Final
 
 import psutil
+
+from radar_app.flow import Flows
 
 _LIMIT: Final = 2.0  # s: of silence; four signs of life are missing then, and it can be told within 3 s
 _SUSPECT: Final = 0.8  # s: from here on it is counted what a silent process uses of a processor
@@ -34,13 +36,18 @@ class _Watched:
     suspect: tuple[float, float, int] | None = None  # since when [s], processor time [s] and times its main thread had waited by then
     why: str = ""  # it hangs; empty: it does not
     since: float = 0.0  # when it was last heard before it hung [s]
+    handled: tuple[int, int] | None = None  # messages that it has processed, and dropped; None: it does not say
 
 
 class Watchdog:
-    """Hears processes that were started with `variables` in their environment; on Linux. Elsewhere nobody is ever found."""
+    """Hears processes that were started with `variables` in their environment; on Linux. Elsewhere nobody is ever found.
 
-    def __init__(self) -> None:
+    ``labels`` are those of the nodes, in the order that data flows: who hears nothing although all before it work hangs too (`Flows`).
+    """
+
+    def __init__(self, labels: Sequence[str] = ()) -> None:
         self._watched: dict[int, _Watched] = {}
+        self._flows = Flows(labels)
         self._looked = time.monotonic()
         self._address = f"handwave-{os.getpid()}-{next(_numbers)}"
         self._socket: socket.socket | None = None
@@ -63,22 +70,27 @@ class Watchdog:
         found = self._watched.get(pid)
         return self._socket is None or (found is not None and found.ready and not found.why)
 
-    def look(self, pids: Collection[int]) -> tuple[list[tuple[int, str]], list[tuple[int, float]], float]:
+    def look(self, labels: Mapping[int, str]) -> tuple[list[tuple[int, str]], list[tuple[int, float]], float]:
         """See who has begun to hang: pid and why, and who goes on again: pid and how long it hung [s]; and for how long nobody looked [s].
+
+        ``labels`` are those of the processes that live.
 
         That is 0 where it was looked often enough: a machine that was suspended makes nobody hang.
         """
         now = time.monotonic()
         late, self._looked = now - self._looked, now
-        self._watched = {pid: self._watched.get(pid) or _Watched(now) for pid in pids}
+        self._watched = {pid: self._watched.get(pid) or _Watched(now) for pid in labels}
         again = [(pid, now - self._watched[pid].since) for pid in self._hear(now) if self._watched[pid].why]
         for pid, _ in again:
             self._watched[pid].why = ""
         if late > _LATE:
             for watched in self._watched.values():
                 watched.heard, watched.suspect = now, None
+            self._flows.rest(late)
             return [], again, late
-        found = []
+        told = {labels[pid]: (pid, watched.handled) for pid, watched in self._watched.items() if watched.handled and not watched.why}
+        silent = self._flows.look(told, now)
+        found = [(pid, silent[label]) for pid, label in labels.items() if label in silent]
         for pid, watched in self._watched.items():
             if not watched.why and (why := _why(pid, watched, now)):
                 watched.why, watched.since = why, watched.heard
@@ -100,6 +112,7 @@ class Watchdog:
                 lines = data.split(b"\n")
                 watched.ready |= b"READY=1" in lines
                 watched.limit = _asked_for(lines, watched.limit)
+                watched.handled = _counts(lines)
         return heard
 
     def close(self) -> None:
@@ -116,6 +129,16 @@ def _asked_for(lines: Sequence[bytes], limit: float) -> float:
         if name == b"WATCHDOG_USEC" and value.isdigit() and len(value) <= 12:
             return int(value) * 1e-6
     return limit
+
+
+def _counts(lines: Sequence[bytes]) -> tuple[int, int] | None:
+    """Read how many messages a process has processed, and dropped; None where it says nothing of that."""
+    for line in lines:
+        name, _, value = line.partition(b"=")
+        numbers = value.split()
+        if name == b"X_HANDLED" and len(numbers) == 2 and all(number.isdigit() for number in numbers):
+            return int(numbers[0]), int(numbers[1])
+    return None
 
 
 def _why(pid: int, watched: _Watched, now: float) -> str:

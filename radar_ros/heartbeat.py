@@ -34,10 +34,10 @@ def notify(*assignments: str) -> bool:
     return False
 
 
-def beat() -> None:
-    """Tell that this process goes on; for the executor, so that a callback that does not return silences it. May be called often."""
+def beat(*more: str) -> None:
+    """Tell that this process goes on, and ``more``; called by the executor, so that a callback that does not return silences it."""
     now = time.monotonic()
-    if now - _Line.beaten >= _PERIOD and notify("READY=1", "WATCHDOG=1"):
+    if now - _Line.beaten >= _PERIOD and notify("READY=1", "WATCHDOG=1", *more):
         _Line.beaten = now
 
 

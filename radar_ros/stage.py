@@ -313,9 +313,11 @@ class InfoKeeper:
         return None
 
 
-def _beat(told: Sequence[int], stop: Any) -> None:
-    """Tell that the process goes on; once a signal was ``told``, let the executor ``stop``."""
-    heartbeat.beat()
+def _beat(nodes: Sequence[Any], told: Sequence[int], stop: Any) -> None:
+    """Tell that the process goes on, and how many messages it has handled; once a signal was ``told``, let the executor ``stop``."""
+    stages = [node for node in nodes if isinstance(node, StageMixin) and node.expects_data()]
+    counts = [f"X_HANDLED={sum(node.processed for node in stages)} {sum(node.dropped for node in stages)}"] if stages else []
+    heartbeat.beat(*counts)
     if told and not stop.done():
         stop.set_result(None)
 
@@ -342,7 +344,7 @@ def run(*makers: Callable[[], Any]) -> int:
             executor.add_node(nodes[-1])
         # Python sees a signal only when the executor wakes up, and with simulated time nothing wakes it once /clock stands still.
         stop: Any = Future()
-        nodes[0].create_timer(_PULSE, partial(_beat, told, stop), clock=Clock(clock_type=ClockType.STEADY_TIME))
+        nodes[0].create_timer(_PULSE, partial(_beat, nodes, told, stop), clock=Clock(clock_type=ClockType.STEADY_TIME))
         if nice := min((getattr(node, "gives_way", 0) for node in nodes), default=0):
             give_way(nice)
         gc.collect()

@@ -71,6 +71,10 @@ class RecorderNode(StageNode):
                 self.create_subscription(kind, name, taker, profile, raw=True)
         self.get_logger().info(f"recording {len(topics)} topics into {self._writer.path}")
 
+    def expects_data(self) -> bool:
+        """Whoever records waits for what comes: this stage is never stale."""
+        return False
+
     def _folder(self, wanted: Path) -> Path:
         """Return the folder that was asked for; after a crash of ours, one beside it, so that a node that is started again goes on."""
         if not was_cut_off(wanted):

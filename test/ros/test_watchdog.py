@@ -9,9 +9,13 @@ import time
 
 import psutil
 import pytest
+from handwave.msg import StageStatus
 from handwave.msg import TrackArray as TrackArrayMsg
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from std_msgs.msg import String
 
-from radar_app.graph import graph
+from radar_app.graph import NodeSpec, graph
 from radar_app.printing import Printer
 from radar_app.supervisor import Supervisor
 from radar_app.watchdog import Watchdog
@@ -70,13 +74,13 @@ def test_a_machine_that_stood_still_makes_nobody_hang(monkeypatch):
     """After a suspend everybody has been silent for hours; it is said for how long, and no process is ended."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
         watchdog = Watchdog()
-        watchdog.look([child.pid])
+        watchdog.look({child.pid: "one"})
         now = time.monotonic()
         monkeypatch.setattr(time, "monotonic", lambda: now + 7200.0)
-        found, again, late = watchdog.look([child.pid])
+        found, again, late = watchdog.look({child.pid: "one"})
         assert (found, again) == ([], [])
         assert late == pytest.approx(7200.0, abs=5.0)
-        assert watchdog.look([child.pid])[0] == []
+        assert watchdog.look({child.pid: "one"})[0] == []
         watchdog.close()
         child.communicate(b"\n")
 
@@ -86,9 +90,9 @@ def test_signs_of_life_of_others_count_for_nobody():
     watchdog = Watchdog()
     code = BEGIN + "heartbeat.notify('WATCHDOG_USEC=99999999999999', 'x' * 3000)"
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
-        watchdog.look([child.pid])
+        watchdog.look({child.pid: "one"})
         subprocess.run([sys.executable, "-c", code], env={**os.environ, **watchdog.variables}, check=True, stdout=subprocess.DEVNULL)
-        assert watchdog.look([child.pid]) == ([], [], pytest.approx(0.0, abs=60.0))
+        assert watchdog.look({child.pid: "one"}) == ([], [], pytest.approx(0.0, abs=60.0))
         assert not watchdog.alive(child.pid)
         child.communicate(b"\n")
     watchdog.close()
@@ -151,6 +155,49 @@ def test_a_node_that_hangs_is_started_again_and_the_graph_goes_on(ros):
 
 
 @pytest.mark.long
+def test_a_node_that_hears_nothing_any_more_is_started_again(ros):
+    """Its subscription is gone, as with shared memory that fails, and it gives signs of life: it is named, and works in another process."""
+    statuses, lines = ros.collect(StageStatus, "stage_status", qos.sensor(depth=50)), []
+    illness = ros.node.create_publisher(String, "illness", qos.COMMAND)
+    live = graph("live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand"))
+
+    def heard():
+        return sum(status.stage == "patient" for status in statuses)
+
+    with Supervisor(
+        (*live, NodeSpec("patient", "benchmarks.faults_node")), respawn=True, log=lambda name, line: lines.append(f"{name}: {line}")
+    ) as supervisor:
+        assert ros.spin_until(lambda: supervisor.poll() == [] and supervisor.healthy and heard() > 10, 60.0), lines
+        old = supervisor.pid("patient")
+        illness.publish(String(data="deaf"))
+        assert ros.spin_until(lambda: ("patient", -signal.SIGKILL) in supervisor.poll(), 30.0), lines
+        count = heard()
+        assert ros.spin_until(lambda: supervisor.poll() == [] and heard() > count + 10, 60.0), lines
+        assert supervisor.pid("patient") != old
+    assert [name for name, _ in supervisor.hangs] == ["patient"], lines
+    assert any(line.startswith("patient: hangs: it has heard nothing for ") for line in lines)
+
+
+@pytest.mark.long
+def test_a_driver_that_is_silent_lets_nobody_hang(ros):
+    """It was told to be: for longer than any silence that is a fault, everybody waits, and goes on in the same process afterwards."""
+    tracks, lines = ros.collect(TrackArrayMsg, "tracks", qos.RESULT), []
+    client = ros.node.create_client(ChangeState, "driver/change_state")
+    specs = graph(
+        "live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand")
+    )
+    with Supervisor(specs, respawn=True, log=lambda name, line: lines.append(f"{name}: {line}")) as supervisor:
+        assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > 10, 60.0), lines
+        for number, seconds in ((Transition.TRANSITION_DEACTIVATE, 12.0), (Transition.TRANSITION_ACTIVATE, 0.0)):
+            done = client.call_async(ChangeState.Request(transition=Transition(id=number)))
+            assert ros.spin_until(done.done, 10.0)
+            assert not ros.spin_until(lambda: supervisor.poll() != [], seconds)
+        count = len(tracks)
+        assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > count + 10, 60.0), lines
+    assert supervisor.hangs == [], lines
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("way", [[], ["--composed"]])
 def test_ctrl_z_stops_all_nodes_and_fg_continues_them(ros, way):
     """Nodes are in sessions of their own; up stops and continues them with itself, says so, and takes nobody for hanging."""
@@ -189,12 +236,12 @@ def test_a_sign_of_life_that_finds_no_room_is_sent_again():
     )
     with child:
         assert child.stdout.readline() == "full True\n"
-        watchdog.look([child.pid])
+        watchdog.look({child.pid: "one"})
         assert not watchdog.alive(child.pid)
         child.stdin.write("\n")
         child.stdin.flush()
         assert child.stdout.readline() == "sent\n"
-        watchdog.look([child.pid])
+        watchdog.look({child.pid: "one"})
         assert watchdog.alive(child.pid)
         child.communicate("\n")
     watchdog.close()
