@@ -58,8 +58,8 @@ def _two(running: Running) -> None:
 
 
 def _stopped_and_killed(running: Running) -> None:
-    """Let a reader of frames stand still for a moment and kill it, eight times: it came back and heard nothing once in ten times."""
-    for _ in range(8):
+    """Let a reader of frames stand still for a moment and kill it, four times: it came back and heard nothing once in ten times."""
+    for _ in range(4):
         os.kill(running.pid("baseband"), signal.SIGSTOP)
         running.live(0.3)
         os.kill(running.pid("baseband"), signal.SIGKILL)
@@ -199,11 +199,11 @@ NODES: Final = (
     ),
     Fault("two nodes are killed at once", "SIGKILL", "baseband: ended with status -9", watched(_two, dies="baseband hand")),
     Fault(
-        "a reader of frames stands still and is killed, eight times",
+        "a reader of frames stands still and is killed, four times",
         "SIGSTOP, SIGKILL",
         "baseband: ended with status -9",
         watched(_stopped_and_killed, dies="baseband"),
-        most=8 + MOST,
+        most=2 * MOST,
     ),
     Fault("the recorder is killed", "SIGKILL", "recorder: ended with status -9", _recorder_killed),
     Fault("the disk is full for the recorder", "RLIMIT_FSIZE", "the recording ended", _disk_full),
