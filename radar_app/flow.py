@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -22,22 +23,23 @@ class _Flow:
     rose: float  # when the last ones came; before any did, when it was born
     counts: tuple[int, int] = (0, 0)  # messages that it has processed, and dropped
     interval: float = 0.0  # between two messages, in the mean over a process's life [s]; 0: none has ever been processed
+    silent: float = 0.0  # for how long it has told of no more messages [s]; while it tells nothing, as at long work, time does not count
     found: int = 0  # how often it was found since messages came last
-    asked: float = 0.0  # when it was found last
 
-    def take(self, pid: int, counts: tuple[int, int], now: float) -> None:
-        """Take note of what a process says of itself."""
+    def take(self, pid: int, counts: tuple[int, int], now: float, passed: float) -> None:
+        """Take note of what a process says of itself, ``passed`` [s] after the last look."""
         if pid != self.pid:
-            self.pid, self.counts = pid, (0, 0)
+            self.pid, self.counts, self.silent = pid, (0, 0), 0.0
             self.born = self.began = self.rose = now
         if counts == self.counts:
+            self.silent += passed
             return
         if now - self.rose > _PAUSE:
             self.began = now
         if counts[0] > self.counts[0]:
             self.interval = max(now - self.born, 1e-3) / counts[0]
             self.found = 0
-        self.counts, self.rose = counts, now
+        self.counts, self.rose, self.silent = counts, now, 0.0
 
     def flows(self, now: float) -> bool:
         """Whether messages have come without a pause for as long as a silence has to last."""
@@ -54,26 +56,29 @@ class Flows:
     def __init__(self, labels: Sequence[str]) -> None:
         self._labels = tuple(labels)
         self._flows: dict[str, _Flow] = {}
+        self._looked = time.monotonic()
 
     def rest(self, seconds: float) -> None:
         """Let a time [s] not count, in which nobody could be heard."""
+        self._looked += seconds
         for flow in self._flows.values():
-            flow.born, flow.began, flow.rose, flow.asked = (time + seconds for time in (flow.born, flow.began, flow.rose, flow.asked))
+            flow.born, flow.began, flow.rose = flow.born + seconds, flow.began + seconds, flow.rose + seconds
 
     def look(self, told: Mapping[str, tuple[int, tuple[int, int]]], now: float) -> dict[str, str]:
         """Take in what is told: process id, messages processed and dropped. Returns who hears nothing any more, and why that is a fault."""
+        passed, self._looked = now - self._looked, now
         for label, (pid, counts) in told.items():
-            self._flows.setdefault(label, _Flow(pid, now, now, now)).take(pid, counts, now)
+            self._flows.setdefault(label, _Flow(pid, now, now, now)).take(pid, counts, now, passed)
         return {label: why for label in told if (why := self._why(label, now))}
 
     def _why(self, label: str, now: float) -> str:
         flow, before = self._flows[label], self._before(label)
-        silent, patience = now - flow.rose, max(_SILENT, _EXPECTED * flow.interval)
-        if not flow.interval or flow.found >= _TRIES or now - max(flow.rose, flow.asked) < patience:
+        silent = flow.silent
+        if not flow.interval or flow.found >= _TRIES or silent < max(_SILENT, _EXPECTED * flow.interval):
             return ""
         if not before or not all(other.flows(now) for other in before.values()):
             return ""
-        flow.found, flow.asked = flow.found + 1, now
+        flow.found, flow.silent = flow.found + 1, 0.0
         all_of = next(iter(before)) + (" and all nodes between them" if len(before) > 1 else "")
         return f"it has heard nothing for {silent:.1f} s, although {all_of} went on (a fault of the middleware?)"
 

@@ -88,7 +88,8 @@ class Watchdog:
                 watched.heard, watched.suspect = now, None
             self._flows.rest(late)
             return [], again, late
-        told = {labels[pid]: (pid, watched.handled) for pid, watched in self._watched.items() if watched.handled and not watched.why}
+        lively = {pid: one.handled for pid, one in self._watched.items() if one.handled and now - one.heard < _SUSPECT}
+        told = {labels[pid]: (pid, handled) for pid, handled in lively.items()}
         silent = self._flows.look(told, now)
         found = [(pid, silent[label]) for pid, label in labels.items() if label in silent]
         for pid, watched in self._watched.items():

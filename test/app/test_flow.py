@@ -1,5 +1,6 @@
 """Who hears nothing although all before it in the graph go on is found, and nobody else is."""
 
+import time
 from itertools import accumulate
 
 import pytest
@@ -15,7 +16,7 @@ class Graph:
     """Nodes that tell how many messages they have handled; ``deaf`` ones get none, ``away`` ones tell nothing."""
 
     def __init__(self, labels=GRAPH, rate=RATE):
-        self.flows, self.rate, self.now = Flows(labels), rate, 1000.0
+        self.flows, self.rate, self.now = Flows(labels), rate, time.monotonic()
         self.pids = {label: k for k, label in enumerate(labels)}
         self.handled = dict.fromkeys(labels, 0.0)
         self.refused = dict.fromkeys(labels, 0)
@@ -101,6 +102,16 @@ def test_two_radars_are_told_apart():
     assert list(found) == ["right/baseband"]
 
 
+def test_long_work_is_no_silence():
+    """Who compiles for half a minute gives no signs of life meanwhile, and has its full time when it goes on."""
+    graph = Graph()
+    graph.live(10.0)
+    behind = ("baseband", "tracking", "hand", "osc")
+    assert graph.live(30.0, deaf=behind, away=("baseband",)) == {}
+    assert graph.live(4.0, deaf=behind) == {}
+    assert list(graph.live(3.0, deaf=behind)) == ["baseband"]
+
+
 def test_time_in_which_nobody_was_heard_does_not_count():
     """A machine that was suspended for an hour."""
     graph = Graph()
@@ -117,5 +128,5 @@ def test_a_million_looks_with_counts_without_bounds():
     steps = accumulate([2**62, -(2**61), 5, 1] * 50_000)
     for k, count in enumerate(steps):
         told = {"driver": (1, (abs(count), 0)), "baseband": (2, (k * 2**40, k))}
-        assert graph.flows.look(told, 0.2 * k) == {}
+        assert graph.flows.look(told, graph.now + 0.2 * k) == {}
     assert len(graph.flows._flows) == 2
