@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-_SILENT: Final = 5.0  # s: of silence; the middleware takes up to 3.4 s (measured) to find who has just begun
+_SILENT: Final = 10.0  # s: of silence; the middleware takes up to 3.4 s (measured) to find who has just begun, and longer on a busy machine
 _EXPECTED: Final = 10.0  # messages that would have come meanwhile, as they came before
 _PAUSE: Final = 1.5  # s: between two signs of life with more messages; a longer pause interrupts a flow
 _TRIES: Final = 3  # new starts that did not help are enough
