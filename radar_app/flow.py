@@ -50,7 +50,7 @@ class Flows:
     """Hears how many messages each node has handled, and finds those that hear nothing. ``labels`` are in the order that data flows.
 
     A node is found that has processed messages, now or before it was started again, and gets none any more, while every node before it
-    (in its namespace, or below) goes on. The first of those that hear nothing is, therefore; the others hear nothing because of it.
+    (in its namespace, or below) goes on. So only the first of those that hear nothing is found: the others hear nothing because of it.
     """
 
     def __init__(self, labels: Sequence[str]) -> None:

@@ -134,14 +134,19 @@ def wait_for(wanted, timeout):
     return True
 
 
+def supervised(lines, *more):
+    """Run people in a simulated room, and ``more`` nodes; what they say goes to ``lines``."""
+    specs = graph(
+        "live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand")
+    )
+    return Supervisor((*specs, *more), respawn=True, log=lambda name, line: lines.append(f"{name}: {line}"))
+
+
 @pytest.mark.long
 def test_a_node_that_hangs_is_started_again_and_the_graph_goes_on(ros):
     """SIGSTOP of one that frames go through: it is named, gets another process, and tracks come again."""
     tracks, lines = ros.collect(TrackArrayMsg, "tracks", qos.RESULT), []
-    specs = graph(
-        "live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand")
-    )
-    with Supervisor(specs, respawn=True, log=lambda name, line: lines.append(f"{name}: {line}")) as supervisor:
+    with supervised(lines) as supervisor:
         assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > 10, 60.0), lines
         assert ros.spin_until(lambda: supervisor.poll() == [] and supervisor.healthy, 10.0), lines
         old = supervisor.pid("tracking")
@@ -159,14 +164,11 @@ def test_a_node_that_hears_nothing_any_more_is_started_again(ros):
     """Its subscription is gone, as with shared memory that fails, and it gives signs of life: it is named, and works in another process."""
     statuses, lines = ros.collect(StageStatus, "stage_status", qos.sensor(depth=50)), []
     illness = ros.node.create_publisher(String, "illness", qos.COMMAND)
-    live = graph("live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand"))
 
     def heard():
         return sum(status.stage == "patient" for status in statuses)
 
-    with Supervisor(
-        (*live, NodeSpec("patient", "benchmarks.faults_node")), respawn=True, log=lambda name, line: lines.append(f"{name}: {line}")
-    ) as supervisor:
+    with supervised(lines, NodeSpec("patient", "benchmarks.faults_node")) as supervisor:
         assert ros.spin_until(lambda: supervisor.poll() == [] and supervisor.healthy and heard() > 10, 60.0), lines
         old = supervisor.pid("patient")
         illness.publish(String(data="deaf"))
@@ -183,10 +185,7 @@ def test_a_driver_that_is_silent_lets_nobody_hang(ros):
     """It was told to be: longer than any silence that is a fault, everybody waits, and goes on in the same process afterwards."""
     tracks, lines = ros.collect(TrackArrayMsg, "tracks", qos.RESULT), []
     client = ros.node.create_client(ChangeState, "driver/change_state")
-    specs = graph(
-        "live", parameters={"driver": {"scene": "single_target", "at_end": "loop"}}, without=("visualisation", "gestures", "hand")
-    )
-    with Supervisor(specs, respawn=True, log=lambda name, line: lines.append(f"{name}: {line}")) as supervisor:
+    with supervised(lines) as supervisor:
         assert ros.spin_until(lambda: supervisor.poll() == [] and len(tracks) > 10, 60.0), lines
         for number, seconds in ((Transition.TRANSITION_DEACTIVATE, 15.0), (Transition.TRANSITION_ACTIVATE, 0.0)):
             done = client.call_async(ChangeState.Request(transition=Transition(id=number)))
