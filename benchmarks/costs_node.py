@@ -123,8 +123,8 @@ def main() -> int:
 
     beat, told = heartbeat.beat, [time.monotonic()]
 
-    def beating() -> None:
-        beat()
+    def beating(*more: str) -> None:
+        beat(*more)
         if time.monotonic() - told[0] >= 1.0:
             told[0] = time.monotonic()
             with path.open("a", encoding="utf-8") as file:
