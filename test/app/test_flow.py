@@ -122,8 +122,8 @@ def test_time_in_which_nobody_was_heard_does_not_count():
     assert list(graph.live(3.0, deaf=("baseband", "tracking", "hand", "osc"))) == ["baseband"]
 
 
-def test_a_million_looks_with_counts_without_bounds():
-    """Counts of weeks, and one that goes back or jumps: nothing is found, and nothing grows."""
+def test_counts_without_bounds_over_half_a_day_of_looks():
+    """200,000 looks at counts of weeks, and at one that goes back or jumps: nothing is found, and nothing grows."""
     graph = Graph(("driver", "baseband"))
     steps = accumulate([2**62, -(2**61), 5, 1] * 50_000)
     for k, count in enumerate(steps):
