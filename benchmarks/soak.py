@@ -2,7 +2,8 @@
 
 People come and go and gesture (the demo scene, again and again), frames are lost, sequences and stamps jump (`benchmarks.soak_relay`),
 subscribers come and go, a real browser looks at the live page. In the first quarter, nodes are killed and stopped at random as well; in
-the rest, processes live long enough for their growth to be measured. With ``--keep FOLDER`` hours that are done are not done again.
+the rest, processes live long enough for their growth to be measured, undisturbed: the page keeps the last minute, and with fewer messages
+less of it. With ``--keep FOLDER`` hours that are done are not done again.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ _START: Final = 180.0  # s: a busy machine takes its time to start nodes and a b
 _SAMPLE: Final = (2.0, 10.0)  # s
 _VISIT: Final = 3.0  # s: how long a subscriber stays
 _SETTLED: Final = 600.0  # s: what a process grows by in its first ten minutes does not count
+_REFILLED: Final = 60.0  # s: the page keeps the last minute, of which faults leave out a part
 _LEAST: Final = 60  # samples for a slope
+_SHOWN: Final = 300.0  # s between the memories that are told
 _MEMORY: Final = Path("/dev/shm")
 
 
@@ -55,11 +58,12 @@ class Life:
     rss: list[float] = field(default_factory=list)  # MB
     files: list[int] = field(default_factory=list)
     threads: list[int] = field(default_factory=list)
+    disturbed: int = 0  # samples that faults had to do with
 
     def growth(self) -> tuple[float, float] | None:
         """Slope of its memory and three standard errors of it [MB/h]; None: it did not live long enough."""
         times, rss = np.array(self.times), np.array(self.rss)
-        late = times >= _SETTLED
+        late = (times >= _SETTLED) & (np.arange(len(times)) >= self.disturbed)
         if late.sum() < _LEAST:
             return None
         x, y = times[late] / 3600, rss[late]
@@ -180,6 +184,12 @@ class Soak:
         else:
             self.recoveries.append(time.monotonic() - began)
 
+    def calm(self, pids: set[int]) -> None:
+        """Keep the processes that live: nothing is killed from now on."""
+        self.lives = {pid: life for pid, life in self.lives.items() if pid in pids}
+        for life in self.lives.values():
+            life.disturbed = len(life.times) + round(_REFILLED / _SAMPLE[not self.quick])
+
     def leaked(self) -> int:
         """How many shared segments of processes that have ended are there all the same."""
         return sum((_MEMORY / name).exists() for name in self._segments)
@@ -207,6 +217,7 @@ def figures(soak: Soak, hours: float) -> dict[str, Any]:
         "rss_growth_mb_per_hour": max((slope for slope, _ in growth.values()), default=None),
         "rss_growth_by_node": {name: {"mb_per_hour": slope, "three_errors": error} for name, (slope, error) in sorted(growth.items())},
         "rss_mb": {life.name: round(life.rss[-1], 1) for life in long},
+        "rss_mb_every_five_minutes": {life.name: [round(rss, 1) for rss in life.rss[:: round(_SHOWN / _SAMPLE[1])]] for life in long},
         "descriptors_drift": max((life.drift(life.files) for life in long), default=0),
         "threads_drift": max((life.drift(life.threads) for life in long), default=0),
         "segments_leaked": soak.leaked(),
@@ -244,11 +255,7 @@ def live_through(soak: Soak, hours: float, folder: Path) -> dict[str, Any]:
                     rest = time.monotonic() + _PAUSE[not soak.quick]
                     soak.live(supervisor, ear, pids, lambda rest=rest: time.monotonic() > rest)  # type: ignore[misc]
                     soak.disturb(supervisor, ear, pids)
-                soak.lives = {
-                    pid: life
-                    for pid, life in soak.lives.items()
-                    if pid in {supervisor.pid(n) for n in supervisor.running} | {*pids.values()}
-                }
+                soak.calm({supervisor.pid(name) for name in supervisor.running} | {*pids.values()})
                 end = time.monotonic() + calm
                 soak.live(supervisor, ear, pids, lambda: time.monotonic() > end)
                 lost = ear.missing(end - 5.0)
@@ -273,7 +280,7 @@ def together(parts: list[dict[str, Any]]) -> dict[str, Any]:
         "hours": hours,
         "rss_growth_mb_per_hour": max((found["mb_per_hour"] for found in growth.values()), default=None),
         "rss_growth_by_node": growth,
-        "rss_mb": parts[-1]["rss_mb"],
+        **{key: parts[-1][key] for key in ("rss_mb", "rss_mb_every_five_minutes")},
         **{key: max(part[key] for part in parts) for key in worst},
         **{key: sum(part[key] for part in parts) for key in ("segments_leaked", "recovered", "unrecovered", "subscribers", "pictures")},
         "faults": {
