@@ -44,7 +44,7 @@ def assert_same(a, b, tolerance=1e-5):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("info", [INFO, LINE, UPRIGHT, beam_width, calibrated()], ids=["both", "azimuth", "elevation", "calibrated"])
+@pytest.mark.parametrize("info", [INFO, LINE, UPRIGHT, calibrated()], ids=["both", "azimuth", "elevation", "calibrated"])
 @pytest.mark.parametrize(
     "config",
     [
