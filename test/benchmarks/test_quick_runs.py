@@ -20,8 +20,8 @@ FIGURES_ONLY = {
     "vertex_rcs", "vital",
 }  # fmt: skip
 
-# A minute and more each: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
-BY_HAND = {"budget", "gesture_model", "gestures"}
+# Half a minute and more each, on a slow machine: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
+BY_HAND = {"budget", "gesture_model", "gestures", "graph_costs", "load_steps", "waveforms"}
 
 
 def machines(found):
