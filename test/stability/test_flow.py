@@ -50,9 +50,9 @@ def test_a_clock_that_stands_still_or_jumps_accuses_nobody(jump):
         for k in range(100):
             now += jump if k == 0 else 0.0
             assert look(flows, now, count, count, count) == {}
-        for count in range(count + 1, count + 1 + round(LIFE / STEP)):
+        for more in range(count + 1, count + 1 + round(LIFE / STEP)):
             now += STEP
-            assert look(flows, now, count, count, count) == {}
+            assert look(flows, now, more, more, more) == {}
 
 
 def test_counts_near_the_end_of_64_bits():
