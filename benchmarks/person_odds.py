@@ -44,6 +44,8 @@ ON, OFF = 0.5, 0.8  # m: the track nearest to somebody, within the first, is tha
 BESIDE: Final = 0.35  # m: and one farther from somebody whose own track is nearer is nobody, too; others are left out
 _YOUNG: Final = 0.3  # s: younger tracks are left out
 _GROUPS: Final = 5
+N_INERTIA: Final = 6  # features of `radar_tracking.poisson.inertia`
+_MOST_ODDS: Final = 6.0  # what is surer by the others says no more
 
 
 def samples(
@@ -135,6 +137,24 @@ def fit(x: Float64Array, person: BoolArray, weight: Float64Array) -> tuple[float
     return float(regression.intercept_[0] - slope @ scaler.mean_), slope
 
 
+def held(x: Float64Array, person: BoolArray, weight: Float64Array) -> list[float]:
+    """Coefficients of the features of `inertia`, as many as the columns of the last of ``x``, while those before keep theirs.
+
+    Each group, who rests and who moves on the spot, has a regression of its own, with the log odds by the other features as one more
+    feature, whose coefficient is the scale.
+    """
+    before, found = np.array(COEFFICIENTS[:-N_INERTIA]), []
+    for first, last in ((-6, -2), (-2, None)):
+        own = x[:, first] > 0
+        odds = np.clip(CONSTANT + x[own, :-N_INERTIA] @ before, -_MOST_ODDS, _MOST_ODDS)
+        if len(np.unique(person[own])) < 2:
+            found += [0.0] * len(range(x.shape[1])[first:last])
+            continue
+        constant, slope = fit(np.column_stack([odds, x[own, first:last][:, 1:]]), person[own], weight[own])
+        found += [constant / slope[0], *(slope[1:] / slope[0])]
+    return [float(value) for value in found]
+
+
 def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     """Fit; ``keep`` is a folder for simulated rooms, as of `benchmarks.rooms`."""
     seeds, seconds, part = (DEVELOP[:2], 6.0, 6.0) if quick else (DEVELOP[:ROOMS], 60.0, PART)
@@ -164,6 +184,7 @@ def run(quick: bool, keep: Path | None = None) -> dict[str, Any]:
     constant, slope = fit(x, person, weight)
     result |= {"constant": constant, **{name: float(value) for name, value in zip(FEATURES, slope, strict=True)}}
     used = CONSTANT + x @ np.array(COEFFICIENTS)
+    result["inertia_held"] = held(x, person, weight)
     for name, value in (("", odds), ("used_", used)):
         result[f"{name}auc"] = float(roc_auc_score(person, value, sample_weight=weight))
         result[f"{name}people_refused"] = float(np.average(value[person] < 0, weights=weight[person]))

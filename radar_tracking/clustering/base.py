@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
 from radar_core.checks import require_finite, require_shape
@@ -102,3 +103,8 @@ def seen_from(position: Float64Array, origin: Float64Array, rate: Float64Array |
     away = position[:, :2] - origin[:2]
     distance, azimuth = np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])
     return ClusterPoints(position, np.full(len(position), np.nan) if rate is None else rate, distance, azimuth)
+
+
+def dense(points: NDArray[Any]) -> Float64Array:
+    """Points as the compiled loops want them: float64, row by row in memory."""
+    return np.ascontiguousarray(points, np.float64)

@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 from radar_core import DataError
 from radar_core.checks import require_finite
 from radar_core.types import Float64Array, IndexArray
+from radar_tracking.clustering.base import dense
 
 DENSE_LIMIT: Final[int] = 2000
 """Up to here the compiled loop over all pairs is faster than a tree; it needs a byte for each pair."""
 _NO_WEIGHTS: Final[Float64Array] = np.empty(0)
 _MOST_CELLS: Final[float] = 2.0**50
 _jit = numba.njit(cache=True, nogil=True)
-
-
-def dense(points: NDArray[Any]) -> Float64Array:
-    """Points as the compiled loops want them: float64, row by row in memory."""
-    return np.ascontiguousarray(points, np.float64)
 
 
 def dbscan(points: Float64Array, eps: float, min_points: float, weights: Float64Array | None = None) -> IndexArray:

@@ -10,7 +10,7 @@ import numpy as np
 from radar_core import DataError
 from radar_core.checks import require_finite
 from radar_core.types import Float64Array, IndexArray
-from radar_tracking.clustering.density import dense
+from radar_tracking.clustering.base import dense
 
 _jit = numba.njit(cache=True, nogil=True)
 

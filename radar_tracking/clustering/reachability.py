@@ -13,7 +13,8 @@ from scipy.optimize import linear_sum_assignment
 from radar_core import DataError
 from radar_core.checks import require_finite
 from radar_core.types import Float64Array, IndexArray
-from radar_tracking.clustering.density import columns_of, dense, squared_distances
+from radar_tracking.clustering.base import dense
+from radar_tracking.clustering.density import columns_of, squared_distances
 from radar_tracking.clustering.lloyd import kmeans, require_centres
 
 _jit = numba.njit(cache=True, nogil=True)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.assignment import assign_tracks, mahalanobis
-from radar_tracking.clustering.base import ClusterPoints
-from radar_tracking.clustering.density import DENSE_LIMIT, cluster, dense, label_dense
+from radar_tracking.clustering.base import ClusterPoints, dense
+from radar_tracking.clustering.density import DENSE_LIMIT, cluster, label_dense
 from radar_tracking.clustering.lloyd import kmeans
 from radar_tracking.people.config import AssociationConfig, TrackerConfig
 from radar_tracking.people.gating import Gating

@@ -24,6 +24,10 @@ _LEAST_RATE: Final = 0.5  # points of a cloud: who has fewer is hard to tell fro
 _RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME, _LIVELY_TIME = 1.0, 0.5, 30.0, 1.0, 0.2  # s
 _STANDS_WITHIN: Final = 0.35  # m of the anchor
 _RESTED: Final = 1.0  # s unseen: nobody knows any more whether somebody rests
+_LIKELY: Final = 1.0  # log odds of being a person
+_USUAL: Final = 0.9
+_GIVE_POINTS: Final = 0.8  # share of the time with points: radars to which those who stand give fewer lose people when they stop
+_VANISHED: Final = 0.25  # s: there, people who give no points any more have stopped
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
 _TENTATIVE: Final = 0.5  # s: what has moved only once is believed no longer
 _HIDDEN: Final = 4.0  # who is hidden is believed so many times longer
@@ -78,7 +82,8 @@ def _patience(table: Table, supported: BoolArray, config: PoissonConfig, view: V
     known *= np.where(rows["confirmed"], np.clip(rows["person"] / _SURELY, 0.05, 1.0), 1.0)
     away = table.mean[:, :2] - view.origin[:2]
     aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
-    stay = config.stay_time * (1.0 + np.where(aside, 0.0, _HELD) * np.minimum(2.0 * rows["presence"], 1.0)) * known
+    held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - _USUAL), 1.0)
+    stay = config.stay_time * (1.0 + np.where(aside, 0.0, held) * np.minimum(2.0 * rows["presence"], 1.0)) * known
     patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
     covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
     patience = np.where(covered, _HIDDEN * patience, patience)
@@ -101,6 +106,11 @@ def note_motion(table: Table, update: Update, measured: Measured, dt: float, now
     step = table.mean[:, :2] - rows["anchor"]
     rests = resting(table) & (now - rows["seen"] < _RESTED)
     rows["stands"] = (np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN) | rests
+    people = rows["confirmed"] & (rows["person"] > _LIKELY)
+    standing = people & rows["stands"]
+    table.stood += dt * np.array([np.count_nonzero(standing & (rows["hits"] > 0.5)), np.count_nonzero(standing)])
+    if table.stood[0] < _GIVE_POINTS * table.stood[1]:
+        rows["stands"] |= people & (now - rows["seen"] > _VANISHED) & (now - rows["born"] > _KNOWN_AFTER)
 
 
 def bodies(table: Table) -> BoolArray:

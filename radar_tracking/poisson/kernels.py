@@ -38,8 +38,10 @@ class Shares:
         Points of a track, if it exists.
     evidence : ndarray of float64, shape (n_tracks,)
         Logarithm of the likelihood ratio of the cloud with and without the track [nat].
+    still : ndarray of float64, shape (n_points, n_tracks)
+        How near still points are to the torso, furniture or not: 1 where it is.
     support : ndarray of float64, shape (n_tracks,)
-        Still points where the torso is, furniture or not.
+        Their sum.
     """
 
     def __init__(self, measured: Measured, clutter: Float64Array, state: TrackArrays, config: PoissonConfig) -> None:
@@ -49,7 +51,8 @@ class Shares:
         )  # fmt: skip
         sight = (measured.x, measured.y, measured.ux, measured.uy, measured.speed, measured.still)
         errors = (measured.range_variance, measured.cross_variance)
-        torso, limb, self.support = _densities(*sight, *errors, state.mean, state.covariance, spreads)
+        torso, limb, self.still = _densities(*sight, *errors, state.mean, state.covariance, spreads)
+        self.support = self.still.sum(axis=0)
         self.torso, self.limb, self.limb_density, self.count, self.evidence = _share(
             torso, limb, clutter, state.rate, state.existence, state.confirmed
         )
@@ -94,9 +97,9 @@ def _rate_factor(speed: float, still: bool, expected: float, variance: float, ha
 
 @_jit
 def _densities(x: Any, y: Any, ux: Any, uy: Any, speed: Any, still: Any, along: Any, across: Any, mean: Any, P: Any, spreads: Any) -> Any:
-    """Densities of each track's torso and limb points at each point, shape (n_points, n_tracks), and the still points at its torso."""
+    """Densities of each track's torso and limb points at each point, and how near its torso still ones are, shape (n_points, n_tracks)."""
     n, m = len(x), len(mean)
-    torso, limb, support = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
+    torso, limb, near_still = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
     torso_std, limb_std, share, torso_speed, limb_speed, surface, half = spreads
     for j in range(n):
         a, b = ux[j], uy[j]
@@ -118,8 +121,8 @@ def _densities(x: Any, y: Any, ux: Any, uy: Any, speed: Any, still: Any, along: 
             limb[j, i] = share * wide * _rate_factor(speed[j], still[j], expected, limb_speed * limb_speed + vv, half)
             if still[j]:
                 body = torso_std * torso_std
-                support[i] += math.exp(-0.5 * (dr * dr / (body + along[j]) + dc * dc / (body + across[j])))
-    return torso, limb, support
+                near_still[j, i] = math.exp(-0.5 * (dr * dr / (body + along[j]) + dc * dc / (body + across[j])))
+    return torso, limb, near_still
 
 
 @_jit

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array
+from radar_tracking.poisson.inertia import inertia, note_series
 from radar_tracking.poisson.kernels import Shares, behind, unexplained
 from radar_tracking.poisson.points import Measured
 from radar_tracking.poisson.table import Table
@@ -30,17 +31,24 @@ _LAW: Final = (-10.0, 20.0)  # dB: how much weaker than a body; what is beyond s
 _FAINT: Final = -10.0  # dB at 2 m: echoes that would be weaker from there are no body's, but interference or an insect before the sensor
 _ALONE: Final = (0.02, 5.0, 0.3)  # m: least and largest way alone that says anything, and the one that says nothing
 
-FEATURES: Final = ("points", "snr", "height", "tall", "fast", "behind", "same", "floor", "law", "alone", "hits", "went", "stuck", "creep")
+FEATURES: Final = (
+    "points", "snr", "height", "tall", "fast", "behind", "same", "floor", "law", "alone", "hits", "went", "stuck", "creep",
+    "rests", "range", "azimuth", "power", "stirs", "rate",
+)  # fmt: skip
 """Logarithm of the points of a cloud; strength [dB]; how far the middle is from a body's, and how much taller the track is than one [m];
 share of fast points; whether it lies behind a stronger track, and in that one's direction; how well it fits the echo of such a track by way
 of the floor; how much weaker it is than a body at its distance [dB]; logarithm of its least way that is no reflection of such a track (of
 these, what speaks for an image counts as far as `_suspect` says);
 log odds of a cloud with points; way from where it began [m]; how much farther it should be from where it was, by its range rates, than on
-the spot people ever are [m]; how far the place to which its range rates lead is from where it is [m]."""
+the spot people ever are [m]; how far the place to which its range rates lead is from where it is [m]; and those of `inertia`."""
 CONSTANT: Final = -0.3
-COEFFICIENTS: Final = (0.42, 0.13, -5.49, -5.52, -5.19, -0.97, -0.62, -2.74, -0.12, 0.6, 0.42, -0.08, -3.32, -2.0)
+COEFFICIENTS: Final = (
+    0.42, 0.13, -5.49, -5.52, -5.19, -0.97, -0.62, -2.74, -0.12, 0.6, 0.42, -0.08, -3.32, -2.0,
+    -2.76, 1.52, 0.71, 1.74, -1.85, 5.14,
+)  # fmt: skip
 """Of `FEATURES`, by logistic regression on random rooms and recordings for development: ``python -m benchmarks person_odds``. The
-constant is 0.3 lower than fitted: fewer ghosts for people who are found a little later. ``creep`` was chosen by hand."""
+constant is 0.3 lower than fitted: fewer ghosts for people who are found a little later. ``creep`` was chosen by hand. The last six were
+fitted while the others kept their values (``inertia_held`` of the same command)."""
 
 
 def note_look(
@@ -56,6 +64,7 @@ def note_look(
     height = np.where(known, measured.height, 0.0)
     columns = (np.ones(len(measured)), measured.snr, speed > _FAST, known, height, height**2)
     rows["look"] += share * (own @ np.column_stack(columns) - rows["look"])
+    note_series(table, measured, shares, dt, origin)
     torso = shares.torso.sum(axis=0)
     now = np.where(torso > 0.3, (speed @ shares.torso) / np.maximum(torso, 1e-9), 0.0)
     away, strength = table.mean[:, :2] - origin[:2], _strength(table)
@@ -85,7 +94,7 @@ def faint(table: Table, origin: Float64Array, body_height: float) -> BoolArray:
 
 
 def features(table: Table) -> Float64Array:
-    """`FEATURES` of all tracks, shape (n_tracks, 14)."""
+    """`FEATURES` of all tracks, shape (n_tracks, 20)."""
     rows = table.rows
     points, snr, fast, known, height, square = rows["look"].T
     amount, told = np.maximum(points, 1e-9), np.maximum(known, 1e-9)
@@ -110,6 +119,7 @@ def features(table: Table) -> Float64Array:
             np.minimum(went(table), _MOST_WENT),
             _stuck(table),
             _creep(table),
+            inertia(table),
         ]
     )
 

@@ -30,6 +30,9 @@ RECORD = np.dtype(
         ("haunt", np.float64, 2),  # mean place of the time over which `moved` adds up
         ("height", np.float64),  # of the torso's points [m]
         ("look", np.float64, 6),  # means of points, of sums of their strengths [dB], fast ones, with heights, of heights, of squares
+        ("series", np.float64, (4, 4)),  # see `inertia`: mean, variance, covariance with the cloud before, last step from the mean
+        ("mixed", np.float64),  # mean variance of its range rates within a cloud [m^2/s^2]
+        ("watched", np.float64, 4),  # so long these have been [s]
         ("behind", np.bool_),  # a stronger track, and in its direction
         ("same", np.bool_),
         ("floor", np.float64),  # how well it fits the echo of such a track by way of the floor, 0 to 1
@@ -61,6 +64,8 @@ class Table:
         Of the same.
     ways : ndarray of float64, shape (n_tracks, n_tracks)
         Way of the first track that no reflection of the second goes [m].
+    stood : ndarray of float64, shape (2,)
+        Time that people have stood, with points and in all, as far as it counts before anybody stands [s].
     """
 
     def __init__(self) -> None:
@@ -68,6 +73,7 @@ class Table:
         self.mean: Float64Array = np.zeros((0, N_STATES))
         self.covariance: Float64Array = np.zeros((0, N_STATES, N_STATES))
         self.ways: Float64Array = np.zeros((0, 0))
+        self.stood: Float64Array = np.array([9.0, 10.0])
         self._apart: set[tuple[int, int]] = set()
         self._together: dict[tuple[int, int], float] = {}
 

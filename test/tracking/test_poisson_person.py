@@ -24,10 +24,13 @@ def followed(place, speed, seconds: float = 8.0) -> Table:
 
 
 @pytest.mark.parametrize(
-    ("law", "way", "near", "suspect"),
-    [(30.0, 0.6, 0.5, 1.0), (3.0, 0.15, 0.5, 0.5), (0.0, 0.15, 0.5, 0.0), (0.0, 0.15, 2.0, 1.0), (-12.0, 0.6, 0.5, 0.0)],
-)
-def test_features_are_their_definition(law, way, near, suspect):
+    ("law", "way", "near", "suspect", "lively"),
+    [
+        (30.0, 0.6, 0.5, 1.0, 0.0), (3.0, 0.15, 0.5, 0.5, 0.05), (0.0, 0.15, 0.5, 0.0, 0.2), (0.0, 0.15, 2.0, 1.0, 0.4),
+        (-12.0, 0.6, 0.5, 0.0, 1.0),
+    ],
+)  # fmt: skip
+def test_features_are_their_definition(law, way, near, suspect, lively):
     """One track of 4 points at 12 dB, of which one is fast, 1 m high on average and 0.6 m tall, 1.5 m from its birthplace.
 
     Near to another, what speaks for an image counts by halves where it is 3 dB weaker than a body, and not at all where it is as strong.
@@ -37,6 +40,8 @@ def test_features_are_their_definition(law, way, near, suspect):
     row["behind"], row["same"], row["floor"], row["law"], row["alone"] = True, True, 0.3, law, way
     row["hits"], row["moved"], row["birthplace"], row["haunt"] = 0.5, 4.0, (1.5, 0.0), (3.0, 0.0)
     row["drift"], row["sight"] = -1.9, (1.0, 0.0)
+    row["series"][0, :, 1], row["series"][0, :, 2], row["watched"] = 2.0, (1.8, 1.0, 0.5, 1.9), 2.0
+    row["stands"], row["lively"] = True, lively
     table.add(row, np.array([3.0, 0, 0, 0, 0, 0, 0]), np.eye(N_STATES))
     table.add(np.zeros(1, RECORD), np.array([3.0, near, 0, 0, 0, 0, 0]), np.eye(N_STATES))
     alone = math.log(way / 0.3) * (suspect if way < 0.3 else 1.0)
@@ -44,6 +49,8 @@ def test_features_are_their_definition(law, way, near, suspect):
         "points": math.log(4.1), "snr": 12.0, "height": 0.0, "tall": 0.1, "fast": 0.2, "behind": suspect, "same": suspect,
         "floor": 0.3 * suspect, "law": min(max(law, -10.0), 20.0), "alone": alone, "hits": 0.0, "went": 1.5, "stuck": 1.5,
         "creep": 1.1,
+        **dict(zip(("rests", "range", "azimuth", "power"), (1.0, 0.9, 0.5, 0.25) if lively < 0.1 else (0.0,) * 4, strict=True)),
+        **dict(zip(("stirs", "rate"), (1.0, 0.5) if lively > 0.3 else (0.0, 0.0), strict=True)),
     }  # fmt: skip
     assert dict(zip(FEATURES, features(table)[0].tolist(), strict=True)) == pytest.approx(expected)
 
