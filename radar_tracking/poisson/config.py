@@ -34,6 +34,6 @@ class PoissonConfig:
     moved: float = knob(0.2, unit="m", low=0.0, high=10.0, doc="way that something has moved lately before it counts as a person")
     correlation_time: float = _seconds(0.15, doc="clouds nearer in time than this say the same thing twice")
     leave_time: float = _seconds(0.7, doc="a walker without points is believed this long")
-    stay_time: float = _seconds(4.0, doc="who stands without points is believed this long, up to eight times as long once in sight for long")
+    stay_time: float = _seconds(4.0, doc="who stands without points is believed this long, up to eight times as long if in sight for long")
     clutter_density: float = knob(0.05, unit="1/m^2", low=1e-6, high=100.0, doc="false points of a cloud on a square metre, at first")
     clutter_time: float = _seconds(8.0, doc="what stays at its place so long, nobody near, is furniture, fan or curtain")
