@@ -1,5 +1,6 @@
 """The Poisson people tracker with anything that can arrive: no points, too many, at one place, at no time, for ever."""
 
+import dataclasses
 import functools
 import pickle
 
@@ -13,7 +14,8 @@ from radar_core.config import load
 from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 from radar_tracking.people.points import Admission
 from radar_tracking.people.zones import View
-from radar_tracking.poisson.person import faint
+from radar_tracking.poisson.inertia import correlations
+from radar_tracking.poisson.person import faint, person_odds
 from radar_tracking.poisson.points import Measure
 from radar_tracking.poisson.tracker import PoissonTracker
 
@@ -122,6 +124,30 @@ def test_a_thousand_clouds_at_once():
     assert [track.id for track in tracks.tracks] == [track.id for track in before.tracks]
     assert np.hypot(*(tracks.tracks[0].position - before.tracks[0].position)[:2]) < 0.3
     assert tracks.tracks[0].age == before.tracks[0].age
+
+
+@pytest.mark.parametrize("step_ns", [0, 1, STEP_NS])
+def test_what_never_changes(step_ns):
+    """The same points again and again, at no time, within a nanosecond and at usual times: correlations are numbers, 0 to 1."""
+    tracker = with_somebody()
+    place = tracker.table.mean[0, :2]
+    cloud = cloud_of(np.repeat([[*place, 1.0]], 8, axis=0), 3 * SECOND, radial_speed=0.0, snr=30.0)
+    for k in range(40):
+        process(tracker, dataclasses.replace(cloud, stamp_ns=3 * SECOND + k * step_ns))
+        found = correlations(tracker.table)
+        assert ((found >= 0.0) & (found <= 1.0)).all()
+        assert np.isfinite(person_odds(tracker.table)).all()
+
+
+def test_a_series_that_is_constant_from_its_beginning():
+    """A track that begins with clouds at one time and never changes: no correlation of nothing with itself."""
+    tracker = tracker_of()
+    cloud = cloud_of(np.repeat([[2.0, 0.0, 1.0]], 8, axis=0), 0, radial_speed=0.5, snr=30.0)
+    for k in range(40):
+        process(tracker, dataclasses.replace(cloud, stamp_ns=max(k - 9, 0) * STEP_NS))
+        assert np.isfinite(correlations(tracker.table)).all()
+    assert len(tracker.table)
+    assert (tracker.table.rows["series"][..., 1] == 0.0).any()
 
 
 @pytest.mark.long
