@@ -138,7 +138,7 @@ def fit(x: Float64Array, person: BoolArray, weight: Float64Array) -> tuple[float
 
 
 def held(x: Float64Array, person: BoolArray, weight: Float64Array) -> list[float]:
-    """Coefficients of the features of `inertia`, as many as the columns of the last of ``x``, while those before keep theirs.
+    """Coefficients of the features of `inertia`, the last `N_INERTIA` columns of ``x``, while those before keep theirs.
 
     Each group, who rests and who moves on the spot, has a regression of its own, with the log odds by the other features as one more
     feature, whose coefficient is the scale.
@@ -148,7 +148,7 @@ def held(x: Float64Array, person: BoolArray, weight: Float64Array) -> list[float
         own = x[:, first] > 0
         odds = np.clip(CONSTANT + x[own, :-N_INERTIA] @ before, -_MOST_ODDS, _MOST_ODDS)
         if len(np.unique(person[own])) < 2:
-            found += [0.0] * len(range(x.shape[1])[first:last])
+            found += [0.0] * x[:, first:last].shape[1]
             continue
         constant, slope = fit(np.column_stack([odds, x[own, first:last][:, 1:]]), person[own], weight[own])
         found += [constant / slope[0], *(slope[1:] / slope[0])]

@@ -14,7 +14,7 @@ from radar_tracking.poisson.kernels import Shares, hidden
 from radar_tracking.poisson.motion import Update, resting
 from radar_tracking.poisson.person import MOVED_TIME, faint, person_odds, went
 from radar_tracking.poisson.points import Measured
-from radar_tracking.poisson.table import Table
+from radar_tracking.poisson.table import SHOWN, Table
 from radar_tracking.tracks import Deleted, Reason
 
 CONFIRM_ODDS: Final = 3.0  # log odds from which a track may be a person; it ends below minus this
@@ -25,7 +25,6 @@ _RATE_TIME, _HIT_TIME, _PRESENCE_TIME, _ANCHOR_TIME, _LIVELY_TIME = 1.0, 0.5, 30
 _STANDS_WITHIN: Final = 0.35  # m of the anchor
 _RESTED: Final = 1.0  # s unseen: nobody knows any more whether somebody rests
 _LIKELY: Final = 1.0  # log odds of being a person
-_USUAL: Final = 0.9
 _GIVE_POINTS: Final = 0.8  # share of the time with points: radars to which those who stand give fewer lose people when they stop
 _VANISHED: Final = 0.25  # s: there, people who give no points any more have stopped
 _SLOW_RATE: Final = 0.3  # who stands gives few points for a while and many again: the rate falls so much slower
@@ -82,7 +81,7 @@ def _patience(table: Table, supported: BoolArray, config: PoissonConfig, view: V
     known *= np.where(rows["confirmed"], np.clip(rows["person"] / _SURELY, 0.05, 1.0), 1.0)
     away = table.mean[:, :2] - view.origin[:2]
     aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
-    held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - _USUAL), 1.0)
+    held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - SHOWN), 1.0)
     stay = config.stay_time * (1.0 + np.where(aside, 0.0, held) * np.minimum(2.0 * rows["presence"], 1.0)) * known
     patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
     covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])

@@ -48,7 +48,7 @@ COEFFICIENTS: Final = (
 )  # fmt: skip
 """Of `FEATURES`, by logistic regression on random rooms and recordings for development: ``python -m benchmarks person_odds``. The
 constant is 0.3 lower than fitted: fewer ghosts for people who are found a little later. ``creep`` was chosen by hand. The last six were
-fitted while the others kept their values (``inertia_held`` of the same command)."""
+fitted while the others kept their values, on 36 rooms, in steps by hand; ``inertia_held`` of the same command fits them so on its own."""
 
 
 def note_look(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from radar_core.types import Float64Array, IndexArray
 
 N_STATES = 7
+SHOWN = 0.9  # of the time with points, of who stands, before anybody has
 RECORD = np.dtype(
     [
         ("id", np.int64),
@@ -73,7 +74,7 @@ class Table:
         self.mean: Float64Array = np.zeros((0, N_STATES))
         self.covariance: Float64Array = np.zeros((0, N_STATES, N_STATES))
         self.ways: Float64Array = np.zeros((0, 0))
-        self.stood: Float64Array = np.array([9.0, 10.0])
+        self.stood: Float64Array = np.array([10.0 * SHOWN, 10.0])
         self._apart: set[tuple[int, int]] = set()
         self._together: dict[tuple[int, int], float] = {}
 

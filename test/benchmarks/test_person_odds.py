@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.person_odds import fit, in_room
+from benchmarks.person_odds import N_INERTIA, fit, held, in_room
 from benchmarks.room_scenes import boards
 from benchmarks.room_score import KeptRoom
 from radar_core import PointCloud
 from radar_sim import Truth
-from radar_tracking.poisson.person import FEATURES
+from radar_tracking.poisson.person import COEFFICIENTS, CONSTANT, FEATURES
 
 
 def test_a_fit_finds_what_made_the_samples():
@@ -22,6 +22,20 @@ def test_a_fit_finds_what_made_the_samples():
     found, coefficients = fit(x, person, np.ones(len(x)))
     assert found == pytest.approx(constant, abs=0.3)
     np.testing.assert_allclose(coefficients, slope, rtol=0.1, atol=0.01)
+
+
+def test_features_of_inertia_are_fitted_to_what_the_others_leave():
+    """Half of the samples rest and half move on the spot; the law of their inertia comes back, and the others keep their coefficients."""
+    rng, n = np.random.default_rng(1), 60_000
+    x = np.zeros((n, len(FEATURES)))
+    x[:, 0] = rng.normal(0.0, 3.0, n)
+    rests = np.arange(n) < n // 2
+    x[rests, -6], x[~rests, -2] = 1.0, 1.0
+    x[rests, -5:-2], x[~rests, -1] = rng.random((n // 2, 3)), rng.random(n // 2)
+    law = np.array([-2.0, 1.0, 0.5, 1.5, -1.0, 3.0])
+    odds = CONSTANT + x[:, :-N_INERTIA] @ np.array(COEFFICIENTS[:-N_INERTIA]) + x[:, -N_INERTIA:] @ law
+    found = held(x, rng.random(n) < 1.0 / (1.0 + np.exp(-odds)), np.ones(n))
+    np.testing.assert_allclose(found, law, atol=0.3)
 
 
 @pytest.mark.long
