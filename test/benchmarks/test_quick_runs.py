@@ -21,10 +21,7 @@ FIGURES_ONLY = {
 }  # fmt: skip
 
 # Half a minute and more each, on a slow machine: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
-BY_HAND = {
-    *("budget", "gesture_comparison", "gesture_model", "gesture_rooms", "gestures", "graph", "graph_costs", "load_steps"),
-    *("simulator", "tracking", "view", "waveforms"),
-}
+BY_HAND = {"budget", "gesture_model", "gesture_rooms", "gestures", "graph_costs", "load_steps", "tracking", "waveforms"}
 
 
 def machines(found):
