@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import zlib
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,18 @@ _PLACES = ("app/", "benchmarks/test_ptp.py", "e2e/", "logger/test_logger_page", 
 _GRAPHS = (*_PLACES, *(f"ros/test_{name}.py" for name in _FILES))
 
 
+def pytest_addoption(parser):
+    parser.addoption("--part", type=_part, default=(1, 1), metavar="K/N", help="of N parts of the tests that take long only the Kth; the others all")
+
+
+def _part(text):
+    """Two whole numbers, the first at most the second."""
+    part, parts = (int(number) for number in text.split("/"))
+    if not 1 <= part <= parts:
+        raise ValueError(f"--part {text}: there is no such part")
+    return part, parts
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """With ``-n``: graphs of many processes run one at a time, and no other file is split, so that its fixtures are made once."""
@@ -50,8 +63,20 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Hard cases are about numbers: which lines they reach is not counted, as tracing millions of steps takes half as long again."""
     for item in items:
         if "stability" in item.path.parts:
             item.add_marker(pytest.mark.no_cover)
+    part, parts = config.getoption("part")
+    others = [item for item in items if "long" in item.keywords and _drawn(item) % parts != part - 1]
+    if others:
+        config.hook.pytest_deselected(items=others)
+        left_out = set(others)
+        items[:] = [item for item in items if item not in left_out]
+
+
+def _drawn(item):
+    """A number by chance that stays: files are not split, but for the quick runs of studies."""
+    place, _, rest = item.nodeid.partition("::")
+    return zlib.crc32((item.nodeid if place.endswith("test_quick_runs.py") else place).encode())
