@@ -31,7 +31,7 @@ _GRAPHS = (*_PLACES, *(f"ros/test_{name}.py" for name in _FILES))
 
 
 def pytest_addoption(parser):
-    parser.addoption("--part", type=_part, default=(1, 1), metavar="K/N", help="of N parts of the tests that take long only the Kth; the others all")
+    parser.addoption("--part", type=_part, default=(1, 1), metavar="K/N", help="of N parts of the long tests only the Kth; the others all")
 
 
 def _part(text):
