@@ -78,5 +78,5 @@ def pytest_collection_modifyitems(config, items):
 
 def _drawn(item):
     """A number by chance that stays: files are not split, but for the quick runs of studies."""
-    place, _, rest = item.nodeid.partition("::")
+    place = item.nodeid.partition("::")[0]
     return zlib.crc32((item.nodeid if place.endswith("test_quick_runs.py") else place).encode())

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
+import numba
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array
@@ -53,25 +54,40 @@ _ONE_BODY: Final = 1.3  # body widths: of two people this near to each other one
 _OUT_AFTER: Final = 0.3  # s unseen out of view: left
 
 
-def weigh(table: Table, measured: Measured, shares: Shares, dt: float, now: float, config: PoissonConfig, view: View) -> None:
+_jit = numba.njit(cache=True, nogil=True)
+
+
+@_jit
+def _share(dt: float, time: float) -> float:
+    """Weight of a new value in a mean over ``time`` [s]."""
+    return 1.0 - math.exp(-dt / time)
+
+
+def weigh(table: Table, shares: Shares, dt: float, now: float, config: PoissonConfig, view: View) -> None:
     """Change log odds and rates by what a cloud says."""
     rows, corr = table.rows, config.correlation_time
     supported = rows["stands"] & (shares.support > 0.5)
     patience = _patience(table, supported, config, view)
-    fresh = np.clip((now - rows["counted"]) / corr, min(1.0, dt / corr), 1.0)
-    span = MOST_ODDS + CONFIRM_ODDS
-    gain = np.clip(shares.evidence, 0.0, _MOST) * fresh
-    loss = np.clip(shares.evidence, _LEAST, 0.0) * span * dt / patience
-    rows["odds"] = np.minimum(rows["odds"] + gain + loss, MOST_ODDS)
-    rows["counted"] = np.where(shares.evidence > 0.5, now, rows["counted"])
-    slower = np.where((shares.count < rows["rate"]) & rows["stands"], _SLOW_RATE, 1.0)
-    rate = rows["rate"] + _share(dt, _RATE_TIME) * (shares.count - rows["rate"]) * slower
-    rows["rate"] = np.maximum(rate, _LEAST_RATE)
-    total, moving = shares.whole.sum(axis=0), (~measured.still) @ shares.whole
-    rows["lively"] += _share(dt, _LIVELY_TIME) * (moving - rows["lively"] * total) / np.maximum(total, 1.0)
-    hit = np.maximum(shares.count, np.where(rows["stands"], shares.support, 0.0)) > 0.5
-    for name, time in (("hits", _HIT_TIME), ("presence", _PRESENCE_TIME)):
-        rows[name] += _share(dt, time) * (hit - rows[name])
+    _count(rows, shares.sums, shares.evidence, shares.count, shares.support, patience, dt, now, corr)
+
+
+@_jit
+def _count(rows: Any, sums: Any, evidence: Any, count: Any, support: Any, patience: Any, dt: float, now: float, corr: float) -> None:
+    """Change log odds, rates and shares of clouds with points."""
+    for i in range(len(rows)):
+        row, said = rows[i], evidence[i]
+        fresh = min(max((now - row.counted) / corr, min(1.0, dt / corr)), 1.0)
+        loss = min(max(said, _LEAST), 0.0) * (MOST_ODDS + CONFIRM_ODDS) * dt / patience[i]
+        row.odds = min(row.odds + min(max(said, 0.0), _MOST) * fresh + loss, MOST_ODDS)
+        if said > 0.5:
+            row.counted = now
+        slower = _SLOW_RATE if row.stands and count[i] < row.rate else 1.0
+        row.rate = max(row.rate + _share(dt, _RATE_TIME) * (count[i] - row.rate) * slower, _LEAST_RATE)
+        points, moving = sums[i].points, sums[i].moving
+        row.lively += _share(dt, _LIVELY_TIME) * (moving - row.lively * points) / max(points, 1.0)
+        hit = 1.0 if max(count[i], support[i] if row.stands else 0.0) > 0.5 else 0.0
+        row.hits += _share(dt, _HIT_TIME) * (hit - row.hits)
+        row.presence += _share(dt, _PRESENCE_TIME) * (hit - row.presence)
 
 
 def _patience(table: Table, supported: BoolArray, config: PoissonConfig, view: View) -> Float64Array:
@@ -160,6 +176,9 @@ class Decisions:
 
     def _confirm(self, table: Table, gaps: Float64Array, inside: BoolArray, now: float, ends: dict[int, Reason]) -> list[int]:
         rows, config, found = table.rows, self._config, []
+        if rows["confirmed"].all():
+            rows["arm_of"] = 0
+            return []
         way = went(table)
         ready = (rows["odds"] > CONFIRM_ODDS) & (rows["hits"] > _LEAST_HITS) & (rows["person"] > 0.0) & inside & ~rows["confirmed"]
         ready &= ~faint(table, self._view.origin, config.body_height)
@@ -224,9 +243,9 @@ class Decisions:
         rows = table.rows
         table.part(dt)
         people = rows["confirmed"]
-        for one, other in np.argwhere(np.triu(people[:, None] & people[None, :] & (gaps > _APART) & np.isfinite(gaps))).tolist():
-            table.note_apart(one, other)
-        for one, other in np.argwhere(np.triu(coarse < 1.0)).tolist():
+        before = np.arange(len(table))[:, None] < np.arange(len(table))
+        table.note_apart(*np.nonzero(before & people[:, None] & people & (gaps > _APART)))
+        for one, other in np.argwhere(before & (coarse < 1.0)).tolist():
             if one in ends or other in ends:
                 continue
             if people[one] and people[other]:
@@ -238,8 +257,3 @@ class Decisions:
                 ends[other if people[one] else one] = Reason.DUPLICATE
             else:
                 ends[one if rows["odds"][one] < rows["odds"][other] else other] = Reason.DUPLICATE
-
-
-def _share(dt: float, time: float) -> float:
-    """Weight of a new value in a mean over ``time`` [s]."""
-    return 1.0 - math.exp(-dt / time)

@@ -6,14 +6,10 @@ Those of furniture change from cloud to cloud by noise alone, and those of a fan
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
+import numba
 import numpy as np
-
-from radar_core.types import Float64Array
-from radar_tracking.poisson.kernels import Shares
-from radar_tracking.poisson.points import Measured
-from radar_tracking.poisson.table import Table
 
 _TIME: Final = 3.0  # s: series are of so long
 _KNOWN: Final = 1.5  # s: shorter ones say nothing
@@ -21,49 +17,71 @@ _LEAST: Final = 0.5  # points of a cloud that give a value
 _RESTS, _STIRS = 0.1, 0.3  # share of moving points of who rests, at most, and of who moves on the spot, at least
 _MIXED: Final = 1.0 / 3.0  # of the variance of range rates within a cloud
 _MOST: Final = 0.5  # higher correlations of range rates say no more
+_RATE: Final = 3  # number of the series of range rates; before it, those of who rests
+_jit = numba.njit(cache=True, nogil=True)
 
 
-def note_series(table: Table, measured: Measured, shares: Shares, dt: float, origin: Float64Array) -> None:
-    """Take in a cloud: range, azimuth and power of the still points at the torsos, seen from ``origin``, and mean range rates of all."""
-    rows, still, whole = table.rows, shares.still, shares.whole
-    amount, total = np.maximum(shares.support, 1e-9), np.maximum(whole.sum(axis=0), 1e-9)
-    x, y = measured.x @ still / amount - origin[0], measured.y @ still / amount - origin[1]
-    power = 10.0 * np.log10(np.maximum(10.0 ** (measured.snr / 10.0) @ still, 1e-9))
-    rate = measured.rate @ whole / total
-    mixed = np.maximum(measured.rate**2 @ whole / total - rate**2, 0.0)
-    value = np.column_stack([np.hypot(x, y), np.arctan2(y, x), power, rate])
-    told = np.column_stack([np.repeat(amount[:, None] > _LEAST, 3, axis=1), total > _LEAST])
-    watched = rows["watched"]
-    share = np.maximum(1.0 - math.exp(-dt / _TIME), dt / (watched + dt + 1e-9))
-    mean, variance, covariance, before = np.moveaxis(rows["series"], -1, 0)
-    step = np.where(watched > 0.0, value - mean, 0.0)
-    mean = np.where(watched > 0.0, mean + share * step, value)
-    variance, covariance = variance + share * (step**2 - variance), covariance + share * (step * before - covariance)
-    rows["series"] = np.where(told[..., None], np.stack([mean, variance, covariance, step], axis=-1), rows["series"])
-    rows["mixed"] += np.where(told[:, 3], share[:, 3] * (mixed - rows["mixed"]), 0.0)
-    rows["watched"] = np.where(told, watched + dt, watched)
+@_jit
+def note_series(rows: Any, sums: Any, dt: float, x: float, y: float) -> None:
+    """Take in a cloud: range, azimuth and power of the still points at the torsos, seen from (x, y), and mean range rates of all.
+
+    ``rows`` are those of a `Table`, ``sums`` of `SUMS`, shape (n_tracks,) each.
+    """
+    value = np.zeros(4)
+    for i in range(len(rows)):
+        row, one = rows[i], sums[i]
+        if one.still > _LEAST:
+            dx, dy = one.still_x / one.still - x, one.still_y / one.still - y
+            value[0], value[1], value[2] = math.hypot(dx, dy), math.atan2(dy, dx), 10.0 * math.log10(max(one.still_power, 1e-9))
+        value[_RATE] = one.rate / max(one.points, 1e-9)
+        for k in range(4):
+            if (one.points if k == _RATE else one.still) <= _LEAST:
+                continue
+            series, watched = row.series[k], row.watched[k]
+            share = max(1.0 - math.exp(-dt / _TIME), dt / (watched + dt + 1e-9))
+            step = value[k] - series[0] if watched > 0.0 else 0.0
+            series[0] = series[0] + share * step if watched > 0.0 else value[k]
+            series[1] += share * (step * step - series[1])
+            series[2] += share * (step * series[3] - series[2])
+            series[3] = step
+            if k == _RATE:
+                mixed = max(one.rate_square / one.points - value[k] ** 2, 0.0)
+                row.mixed += share * (mixed - row.mixed)
+            row.watched[k] += dt
 
 
-def correlations(table: Table) -> Float64Array:
-    """Correlations of the series with themselves one cloud before, 0 to 1, shape (n_tracks, 4).
+@_jit
+def correlation(row: Any, k: int) -> float:
+    """Of a track's series with itself one cloud before, 0 to 1.
 
     Range rates that differ within a cloud are noise of their mean, too: a body moves as a whole, blades do not.
     """
-    series = table.rows["series"]
-    variance = np.maximum(series[..., 1], 1e-12)
-    variance[:, 3] += _MIXED * table.rows["mixed"]
-    return np.asarray(np.clip(series[..., 2] / variance, 0.0, 1.0))
+    variance = max(row.series[k, 1], 1e-12)
+    if k == _RATE:
+        variance += _MIXED * row.mixed
+    return float(min(max(row.series[k, 2] / variance, 0.0), 1.0))
 
 
-def inertia(table: Table) -> Float64Array:
-    """Features of who rests: 1, and correlations of range, azimuth and power; of who moves on the spot: 1, and that of range rates.
+@_jit
+def note_inertia(row: Any, out: Any) -> None:
+    """Write features of who rests: 1, and correlations of range, azimuth and power; of who moves on the spot: 1, and that of range rates.
 
-    Shape (n_tracks, 6); 0 for all others, and before it is known.
+    ``out``, shape (6,); 0 for all others, and before it is known.
     """
-    rows, found, known = table.rows, correlations(table), table.rows["watched"] > _KNOWN
-    rests = known[:, 0] & rows["stands"] & (rows["lively"] < _RESTS)
-    stirs = known[:, 3] & rows["stands"] & (rows["lively"] > _STIRS)
-    one = np.ones((len(table), 1))
-    return np.column_stack(
-        [rests[:, None] * np.column_stack([one, found[:, :3]]), stirs[:, None] * np.column_stack([one, np.minimum(found[:, 3:], _MOST)])]
-    )
+    out[:] = 0.0
+    if row.stands and row.lively < _RESTS and row.watched[0] > _KNOWN:
+        out[0] = 1.0
+        for k in range(_RATE):
+            out[1 + k] = correlation(row, k)
+    if row.stands and row.lively > _STIRS and row.watched[_RATE] > _KNOWN:
+        out[4], out[5] = 1.0, min(correlation(row, _RATE), _MOST)
+
+
+@_jit
+def correlations(rows: Any) -> Any:
+    """Correlations of range, azimuth, power and range rate of all tracks, shape (n_tracks, 4)."""
+    found = np.zeros((len(rows), 4))
+    for i in range(len(rows)):
+        for k in range(4):
+            found[i, k] = correlation(rows[i], k)
+    return found

@@ -11,6 +11,7 @@ import numpy as np
 from radar_core.types import BoolArray, Float64Array
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.points import Measured
+from radar_tracking.poisson.sums import summed
 
 FASTEST: Final = 4.0  # m/s: range rates of clutter are spread evenly up to here
 _FAR: Final = 3.0  # m: nobody has points beyond
@@ -42,6 +43,8 @@ class Shares:
         How near still points are to the torso, furniture or not: 1 where it is.
     support : ndarray of float64, shape (n_tracks,)
         Their sum.
+    sums : ndarray of `SUMS`, shape (n_tracks,)
+        What the cloud says of each track.
     """
 
     def __init__(self, measured: Measured, clutter: Float64Array, state: TrackArrays, config: PoissonConfig) -> None:
@@ -57,6 +60,7 @@ class Shares:
             torso, limb, clutter, state.rate, state.existence, state.confirmed
         )
         self.whole = self.torso + self.limb
+        self.sums = summed(measured, self.whole, self.torso, self.still)
 
 
 class TrackArrays:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
+import numba
 import numpy as np
 
 from radar_core.types import BoolArray, Float64Array, IndexArray
 from radar_tracking.estimators.kernels import correct
+from radar_tracking.estimators.kernels import predict as predicted
 from radar_tracking.poisson.config import PoissonConfig
 from radar_tracking.poisson.kernels import Shares
 from radar_tracking.poisson.points import Measured
@@ -31,6 +33,7 @@ _SCATTER, _SPEED_SCATTER = 0.2, 0.06  # of the variances of points about their m
 _BODY: Final = 1.0  # m: a body with its limbs
 _ANGLE_OFFSET: Final = 0.03  # rad: of the middle of many points
 _LEAST_PLACE_STD, _LEAST_SPEED_STD = 0.02, 0.02  # m, m/s: errors of means that no number of points takes away, beside offsets
+_jit = numba.njit(cache=True, nogil=True)
 
 
 def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, config: PoissonConfig) -> None:
@@ -50,12 +53,12 @@ def predict(table: Table, dt: float, unseen: BoolArray, range_cell: float, confi
     Q[:, 4:6, 4:6] = (1.0 - lasting[0] ** 2) * offset_covariance(table.rows["sight"], table.rows["offset"])
     Q[:, 6, 6] = (1.0 - lasting[1] ** 2) * swing_variance(range_cell, config)
     table.mean = table.mean @ F.T
-    P = F @ table.covariance @ F.T + Q
+    P = predicted(table.covariance, F[None], Q)
     rest = np.where(unseen & stands, math.exp(-h / _REST), 1.0)[:, None, None]
     P[:, 2:4, :] *= rest
     P[:, :, 2:4] *= rest
     P *= np.minimum(1.0, _LARGEST / np.maximum(P[:, 0, 0], P[:, 1, 1]))[:, None, None]
-    table.covariance = 0.5 * (P + P.transpose(0, 2, 1))
+    table.covariance = P
     table.mean[:, 2:4] *= np.exp(-h / np.where(unseen | stands, _STOP, _GO))[:, None]
 
 
@@ -71,13 +74,16 @@ def swing_variance(range_cell: float, config: PoissonConfig) -> float:
 
 def offset_covariance(sight: Float64Array, variance: Float64Array) -> Float64Array:
     """Covariances on the floor, shape (n, 2, 2), of offsets with variances along and across lines of sight, shapes (n, 2)."""
-    axes = np.stack([sight, np.stack([-sight[:, 1], sight[:, 0]], axis=-1)], axis=1)
-    return np.asarray(axes.transpose(0, 2, 1) @ (variance[:, :, None] * axes))
+    x, y, (along, across) = sight[:, 0], sight[:, 1], variance.T
+    both = x * y * (along - across)
+    return np.stack([x * x * along + y * y * across, both, both, y * y * along + x * x * across], axis=-1).reshape(-1, 2, 2)
 
 
 def separate(table: Table, width: float) -> None:
     """Hold two people who were seen apart at least a body's width apart, and stop what drives them together."""
     people = np.flatnonzero(table.rows["confirmed"]).tolist()
+    if not (table.gaps()[np.ix_(people, people)] < width).any():
+        return
     for index, one in enumerate(people):
         for other in people[index + 1 :]:
             step = table.mean[one, :2] - table.mean[other, :2]
@@ -94,13 +100,30 @@ def separate(table: Table, width: float) -> None:
             table.mean[other, 2:4] += u * closing * (1 - part)
 
 
-def _settled(table: Table, measured: Measured, torso: Float64Array) -> Float64Array:
-    """Take weight from the faster torso points of who stands, if there are slow ones: an arm gives more points than the body behind it."""
-    slow = np.exp(-0.5 * (measured.rate / max(_SLOW, measured.still_speed)) ** 2) * np.isfinite(measured.speed)
-    calm = torso * slow[:, None]
-    body, arm = calm.sum(axis=0), (torso - calm).sum(axis=0)
-    share = np.where(table.rows["stands"] & (body > 1.0), np.minimum(1.0, _ARM_SHARE * body / np.maximum(arm, 1e-9)), 1.0)
-    return np.asarray(calm + (torso - calm) * share)
+@_jit
+def _centroids(torso: Any, stands: Any, slow: Any, columns: Any) -> Any:
+    """Weights and weighted means of the torso's points, shape (n_tracks, 1 + n_columns), by ``columns``, shape (n_columns, n_points).
+
+    Of who stands, the faster points lose weight if there are slow ones: an arm gives more points than the body behind it. ``slow``, shape
+    (n_points,), is how slow points are, 0 to 1.
+    """
+    n, m = torso.shape
+    found = np.zeros((m, 1 + len(columns)))
+    for i in range(m):
+        body, arm, share, out = 0.0, 0.0, 1.0, found[i]
+        for j in range(n):
+            body += torso[j, i] * slow[j]
+            arm += torso[j, i] * (1.0 - slow[j])
+        if stands[i] and body > 1.0:
+            share = min(1.0, _ARM_SHARE * body / max(arm, 1e-9))
+        for j in range(n):
+            weight = torso[j, i] * (slow[j] + (1.0 - slow[j]) * share)
+            out[0] += weight
+            for k in range(len(columns)):
+                out[1 + k] += weight * columns[k, j]
+        if out[0] > 0.0:
+            out[1:] /= out[0]
+    return found
 
 
 class Update:
@@ -115,44 +138,40 @@ class Update:
     """
 
     def __init__(self, table: Table, measured: Measured, shares: Shares, config: PoissonConfig) -> None:
-        torso = _settled(table, measured, shares.torso)
-        total = torso.sum(axis=0)
-        self.rows: IndexArray = np.flatnonzero(total > _LEAST_SHARE)
-        table.rows["nis"], table.rows["dof"] = np.nan, 0
-        weight = torso[:, self.rows] / total[self.rows]
         known = np.isfinite(measured.speed)
-        told = torso[np.ix_(np.flatnonzero(known), self.rows)]
-        amount = told.sum(axis=0)
+        slow = np.exp(-0.5 * (measured.rate / max(_SLOW, measured.still_speed)) ** 2) * known
+        place = measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy
+        errors = measured.range_variance, measured.cross_variance
+        columns = np.stack([*place, measured.ux, measured.uy, *errors, measured.distance, measured.rate, known])
+        found = _centroids(shares.torso, table.rows["stands"], slow, columns)
+        self.rows: IndexArray = np.flatnonzero(found[:, 0] > _LEAST_SHARE)
+        table.rows["nis"], table.rows["dof"] = np.nan, 0
+        total, mean = found[self.rows, 0], found[self.rows, 1:]
         with np.errstate(invalid="ignore", divide="ignore"):
-            self.speed: Float64Array = (told.T @ measured.speed[known]) / np.where(amount > 0, amount, np.nan)
+            self.speed: Float64Array = mean[:, 7] / np.where(mean[:, 8] > 0, mean[:, 8], np.nan)
         if len(self.rows):
-            self._correct(table, measured, weight, total[self.rows], amount, config)
+            self._correct(table, measured, mean, total, config)
 
-    def _offset(self, measured: Measured, weight: Float64Array, errors: Float64Array, config: PoissonConfig) -> Float64Array:
+    def _offset(self, measured: Measured, distance: Float64Array, errors: Float64Array, config: PoissonConfig) -> Float64Array:
         """Variances of place along and across the line of sight that no number of points takes away, shape (n_rows, 2) [m^2]."""
         least = np.full((len(self.rows), 2), config.position_std**2)
         least[:, 0] += measured.range_cell**2 / 12.0
-        least[:, 1] += (_ANGLE_OFFSET * (measured.distance @ weight)) ** 2
+        least[:, 1] += (_ANGLE_OFFSET * distance) ** 2
         return np.asarray(least + _BLURRED**2 * errors)
 
-    def _correct(
-        self, table: Table, measured: Measured, weight: Float64Array, total: Float64Array, amount: Float64Array, config: PoissonConfig,
-    ) -> None:  # fmt: skip
+    def _correct(self, table: Table, measured: Measured, mean: Float64Array, total: Float64Array, config: PoissonConfig) -> None:
         """Kalman update."""
         rows, n = self.rows, len(self.rows)
-        place = np.stack([measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy])
-        centre = (place @ weight).T
-        sight = (np.stack([measured.ux, measured.uy]) @ weight).T
+        centre, sight, errors = mean[:, :2], mean[:, 2:4], mean[:, 4:6]
         length = np.hypot(sight[:, 0], sight[:, 1])[:, None]  # zero: points all round the sensor
         sight = np.where(length > 1e-6, sight / np.maximum(length, 1e-6), [1.0, 0.0])
-        errors = np.stack([measured.range_variance @ weight, measured.cross_variance @ weight], axis=-1)
-        offset = self._offset(measured, weight, errors, config)
+        offset = self._offset(measured, mean[:, 6], errors, config)
         offset[:, 1] += np.where(resting(table)[rows], _GLINT**2, 0.0)
         table.rows["sight"][rows], table.rows["offset"][rows] = sight, offset
         R = np.zeros((n, 3, 3))
         R[:, :2, :2] = offset_covariance(sight, _SCATTER * (config.torso_std**2 + errors) / total[:, None] + _LEAST_PLACE_STD**2)
         spread = _SPEED_SCATTER * config.torso_speed**2 + measured.still_speed**2 / 3.0
-        R[:, 2, 2] = spread / np.maximum(amount, _LEAST_SHARE) + _LEAST_SPEED_STD**2
+        R[:, 2, 2] = spread / np.maximum(mean[:, 8] * total, _LEAST_SHARE) + _LEAST_SPEED_STD**2
         H = np.zeros((n, 3, N_STATES))
         H[:, 0, 0] = H[:, 1, 1] = H[:, 0, 4] = H[:, 1, 5] = H[:, 2, 6] = 1.0
         H[:, 2, 2:4] = sight

@@ -133,9 +133,10 @@ class Table:
         """Whether two tracks are known to be two people."""
         return self.pair(one, other) in self._apart
 
-    def note_apart(self, one: int, other: int) -> None:
-        """Remember that two tracks are two people."""
-        self._apart.add(self.pair(one, other))
+    def note_apart(self, one: IndexArray, other: IndexArray) -> None:
+        """Remember that pairs of tracks, shape (n_pairs,) each, are two people."""
+        a, b = self.rows["id"][one], self.rows["id"][other]
+        self._apart.update(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
 
     def together(self, one: int, other: int, dt: float) -> float:
         """Add ``dt`` to the time that two tracks have been at the same place, and return it [s]."""

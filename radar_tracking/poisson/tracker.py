@@ -20,6 +20,7 @@ from radar_tracking.poisson.existence import CONFIRM_ODDS, Decisions, bodies, no
 from radar_tracking.poisson.kernels import Shares, TrackArrays
 from radar_tracking.poisson.person import note_look
 from radar_tracking.poisson.points import Measure, Measured
+from radar_tracking.poisson.sums import owners_of, scatter
 from radar_tracking.poisson.table import Table
 from radar_tracking.tracks import Deleted, Track, Tracks, TrackStatus
 
@@ -27,6 +28,8 @@ _OWNED: Final = 0.3  # least share of a point that makes it somebody's
 _UNTOUCHED: Final = (0.6, 2.0)  # m and standard deviations about people in which no clutter is learned
 _FREED: Final = 0.5  # m about somebody who is new, where what was learned is forgotten
 _SHAPE_TIME: Final = 0.5  # s: heights and extents are averaged over this
+_STATUS: Final = tuple(TrackStatus)
+_PLANE: Final = np.array([0, 1, 3, 4])  # of (x, y, z, vx, vy, vz): x, y, vx, vy
 _HEIGHT_STD, _CLIMB_STD = 0.2, 0.3  # m, m/s: of what is no state of the filter
 _MOST_PERSON: Final = 30.0  # log odds of being a person, either way: beyond, a probability is 0 or 1
 
@@ -137,28 +140,25 @@ class PoissonTracker:
         table, knobs = self._table, self.config.poisson
         state = TrackArrays(*table.apparent(), table.rows["rate"].copy(), table.existence, bodies(table))
         shares = Shares(measured, clutter, state, knobs)
-        weigh(table, measured, shares, dt, now, knobs, self._view)
+        weigh(table, shares, dt, now, knobs, self._view)
         update = motion.Update(table, measured, shares, knobs)
         note_motion(table, update, measured, dt, now, knobs)
-        note_look(table, measured, shares, dt, self._view.origin, CONFIRM_ODDS, knobs.body_height)
+        note_look(table, shares, measured.still_speed, dt, self._view.origin, CONFIRM_ODDS, knobs.body_height)
         self._shape(measured, shares, dt)
         return shares
 
     def _shape(self, measured: Measured, shares: Shares, dt: float) -> None:
         """Average heights and extents."""
-        seen = np.flatnonzero(shares.torso.sum(axis=0) > 1.0)
+        sums = shares.sums
+        seen = np.flatnonzero(sums["torso"] > 1.0)
         if not len(seen):
             return
         rows, share = self._table.rows, 1.0 - math.exp(-dt / _SHAPE_TIME)
-        height, torso = measured.points.position[:, 2], shares.torso[:, seen]
-        known = np.isfinite(height)
-        total, middle = known @ torso, np.where(known, height, 0.0) @ torso
-        usual = rows["height"][seen]
+        total, middle, usual = sums["torso_placed"][seen], sums["torso_z"][seen], rows["height"][seen]
         usual = usual + np.where(total > 0, share * (middle / np.maximum(total, 1e-9) - usual), 0.0)
         rows["height"][seen] = usual
-        own, mean = torso + shares.limb[:, seen], self._table.mean[seen]
-        steps = (measured.x[:, None] - mean[:, 0], measured.y[:, None] - mean[:, 1], np.where(known[:, None], height[:, None] - usual, 0.0))
-        square = np.stack([(own * step**2).sum(axis=0) for step in steps], axis=-1) / own.sum(axis=0)[:, None]
+        centre = np.column_stack([self._table.mean[seen, :2], usual])
+        square = scatter(measured.x, measured.y, measured.points.position[:, 2], shares.whole, seen, centre)
         before = rows["spread"][seen]
         rows["spread"][seen] = np.where(np.isfinite(before), before + share * (square - before), square)
 
@@ -175,32 +175,28 @@ class PoissonTracker:
     ) -> Tracks:  # fmt: skip
         """Make the frozen results."""
         point_track_id = np.full(len(cloud), -1, np.int32)
-        if shares is not None and len(measured):
-            numbers, column = np.unique(owners, return_inverse=True)
-            whole = shares.whole @ (column[:, None] == np.arange(len(numbers)))
-            best = whole.argmax(axis=1)
-            alive = self._table.numbers
-            there = np.array([number in alive for number in numbers.tolist()])
-            sure = (whole[np.arange(len(best)), best] > _OWNED) & there[best]
-            point_track_id[measured.points.index[sure]] = numbers[best[sure]]
-        tracks = tuple(self._track(row, now, point_track_id) for row in range(len(self._table)))
+        if shares is not None:
+            point_track_id[measured.points.index] = owners_of(shares.whole, owners, self._table.rows["id"].copy(), _OWNED)
+        tracks = self._tracks(now, point_track_id)
         return Tracks(cloud.stamp_ns, cloud.sequence, cloud.frame_id, tracks, point_track_id, deleted, cloud.every)
 
-    def _track(self, row: int, now: float, owners: np.ndarray[tuple[int], np.dtype[np.int32]]) -> Track:
-        own, mean, P = self._table.rows[row], self._table.mean[row], self._table.covariance[row, :4, :4]
-        covariance = np.zeros((6, 6))
-        covariance[np.ix_((0, 1, 3, 4), (0, 1, 3, 4))] = P
-        covariance[2, 2], covariance[5, 5] = _HEIGHT_STD**2, _CLIMB_STD**2
-        unseen = now - float(own["seen"])
-        status = TrackStatus.TENTATIVE if not own["confirmed"] else TrackStatus.COASTING if unseen > 0 else TrackStatus.CONFIRMED
-        place, velocity = np.array([mean[0], mean[1], own["height"]]), np.array([mean[2], mean[3], 0.0])
-        n_points = int(np.count_nonzero(owners == own["id"]))
-        return Track(
-            int(own["id"]), status, now - float(own["born"]), unseen, n_points, place, velocity, np.sqrt(own["spread"]),
-            covariance, float(own["nis"]), int(own["dof"]), _probability(float(own["person"])),
-        )  # fmt: skip
+    def _tracks(self, now: float, owners: np.ndarray[tuple[int], np.dtype[np.int32]]) -> tuple[Track, ...]:
+        rows, mean, n = self._table.rows, self._table.mean, len(self._table)
+        covariance = np.zeros((n, 6, 6))
+        covariance[:, _PLANE[:, None], _PLANE] = self._table.covariance[:, :4, :4]
+        covariance[:, 2, 2], covariance[:, 5, 5] = _HEIGHT_STD**2, _CLIMB_STD**2
+        place, velocity = np.column_stack([mean[:, :2], rows["height"]]), np.column_stack([mean[:, 2:4], np.zeros(n)])
+        unseen = now - rows["seen"]
+        status = np.where(~rows["confirmed"], TrackStatus.TENTATIVE, np.where(unseen > 0, TrackStatus.COASTING, TrackStatus.CONFIRMED))
+        n_points = (owners == rows["id"][:, None]).sum(axis=1)
+        numbers = (column.tolist() for column in (rows["id"], status, now - rows["born"], unseen, n_points))
+        others = (column.tolist() for column in (rows["nis"], rows["dof"], _probability(rows["person"])))
+        return tuple(
+            Track(number, _STATUS[state], *more)
+            for number, state, *more in zip(*numbers, place, velocity, np.sqrt(rows["spread"]), covariance, *others, strict=True)
+        )
 
 
-def _probability(log_odds: float) -> float:
+def _probability(log_odds: Float64Array) -> Float64Array:
     """Of log odds; never 0 or 1, which no evidence allows."""
-    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -_MOST_PERSON), _MOST_PERSON)))
+    return np.asarray(1.0 / (1.0 + np.exp(-np.minimum(np.maximum(log_odds, -_MOST_PERSON), _MOST_PERSON))))

@@ -134,7 +134,7 @@ def test_what_never_changes(step_ns):
     cloud = cloud_of(np.repeat([[*place, 1.0]], 8, axis=0), 3 * SECOND, radial_speed=0.0, snr=30.0)
     for k in range(40):
         process(tracker, dataclasses.replace(cloud, stamp_ns=3 * SECOND + k * step_ns))
-        found = correlations(tracker.table)
+        found = correlations(tracker.table.rows)
         assert ((found >= 0.0) & (found <= 1.0)).all()
         assert np.isfinite(person_odds(tracker.table)).all()
 
@@ -145,7 +145,7 @@ def test_a_series_that_is_constant_from_its_beginning():
     cloud = cloud_of(np.repeat([[2.0, 0.0, 1.0]], 8, axis=0), 0, radial_speed=0.5, snr=30.0)
     for k in range(40):
         process(tracker, dataclasses.replace(cloud, stamp_ns=max(k - 9, 0) * STEP_NS))
-        assert np.isfinite(correlations(tracker.table)).all()
+        assert np.isfinite(correlations(tracker.table.rows)).all()
     assert len(tracker.table)
     assert (tracker.table.rows["series"][..., 1] == 0.0).any()
 

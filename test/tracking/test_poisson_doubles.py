@@ -61,7 +61,7 @@ def test_who_begins_beside_two_on_one_body_is_one_of_them(gap, began, met, whose
     people = {"confirmed": True, "rate": 6.0}
     table = table_of({"place": (3.0, gap), **people}, {"place": (3.0, 0.0), **people}, {"place": (3.0, -1.6), "began": (3.0, -began)})
     if met:
-        table.note_apart(0, 1)
+        table.note_apart(np.array([0]), np.array([1]))
     ends: dict[int, Reason] = {}
     decisions()._recover(table, table.gaps(), 2, NOW, ends)
     assert table.rows["id"][2] == whose

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from radar_core import PointCloud
 from radar_tracking import TrackerConfig
-from radar_tracking.poisson.inertia import correlations, inertia
-from radar_tracking.poisson.person import COEFFICIENTS, FEATURES
+from radar_tracking.poisson.inertia import correlations
+from radar_tracking.poisson.person import COEFFICIENTS, FEATURES, features
 from radar_tracking.poisson.tracker import PoissonTracker
 
 DT = 0.05  # s
@@ -19,7 +19,7 @@ N_ODDS = len(FEATURES) - FEATURES.index("rests")
 
 def odds(tracker: PoissonTracker) -> np.ndarray:
     """What inertia says of each track."""
-    return inertia(tracker.table) @ np.array(COEFFICIENTS[-N_ODDS:])
+    return features(tracker.table)[:, -N_ODDS:] @ np.array(COEFFICIENTS[-N_ODDS:])
 
 
 def follow(
@@ -64,8 +64,8 @@ def test_arms_have_inertia_and_blades_have_none(swings, alive):
 def test_who_walks_has_none_of_it_and_nobody_has_at_first():
     """Features are 0 for who walks, and in the first second and a half."""
     walks = follow(lambda t: (1.0 + t, 0.0), lambda t: 1.0, 4.0)
-    assert not inertia(walks.table)[walks.table.rows["rate"].argmax()].any()
-    assert not inertia(follow(lambda t: (2.0, 0.0), lambda t: 0.8 * np.sin(np.pi * t), 1.4).table).any()
+    assert not features(walks.table)[:, -N_ODDS:][walks.table.rows["rate"].argmax()].any()
+    assert not features(follow(lambda t: (2.0, 0.0), lambda t: 0.8 * np.sin(np.pi * t), 1.4).table)[:, -N_ODDS:].any()
 
 
 @given(seed=st.integers(0, 2**31), correlation=st.floats(0.0, 0.95), gain=st.floats(0.01, 0.1))
@@ -82,7 +82,7 @@ def test_correlations_are_those_of_the_series(seed, correlation, gain):
         points = np.repeat([[3.0 + walk + offset], [0.0], [1.0]], 8, axis=1).astype(np.float32)
         errors = {"range_std": np.full(8, 0.2, np.float32), "azimuth_std": np.full(8, 0.02, np.float32)}
         tracker.process(PointCloud(k * 50_000_000, k, "room", *points, **columns, **errors))
-    found = correlations(tracker.table)
+    found = correlations(tracker.table.rows)
     assert ((found >= 0.0) & (found <= 1.0)).all()
     row = tracker.table.rows["rate"].argmax()
     weight = np.exp(-DT / 3.0) ** np.arange(399)[::-1]
