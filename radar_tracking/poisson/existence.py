@@ -65,19 +65,23 @@ def _share(dt: float, time: float) -> float:
 
 def weigh(table: Table, shares: Shares, dt: float, now: float, config: PoissonConfig, view: View) -> None:
     """Change log odds and rates by what a cloud says."""
-    rows, corr = table.rows, config.correlation_time
-    supported = rows["stands"] & (shares.support > 0.5)
-    patience = _patience(table, supported, config, view)
-    _count(rows, shares.sums, shares.evidence, shares.count, shares.support, patience, dt, now, corr)
+    rows, away = table.rows, table.mean[:, :2] - view.origin[:2]
+    aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
+    covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
+    held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - SHOWN), 1.0)
+    times = config.stay_time, config.leave_time, config.correlation_time
+    _weigh(rows, shares.sums, shares.evidence, shares.count, shares.support, aside, covered, held, times, dt, now)
 
 
 @_jit
-def _count(rows: Any, sums: Any, evidence: Any, count: Any, support: Any, patience: Any, dt: float, now: float, corr: float) -> None:
-    """Change log odds, rates and shares of clouds with points."""
+def _weigh(
+    rows: Any, sums: Any, evidence: Any, count: Any, support: Any, aside: Any, covered: Any, held: float, times: Any, dt: float, now: float
+) -> None:
     for i in range(len(rows)):
-        row, said = rows[i], evidence[i]
+        row, said, corr = rows[i], evidence[i], times[2]
+        patience = _patience(row, row.stands and support[i] > 0.5, covered[i], 0.0 if aside[i] else held, times)
         fresh = min(max((now - row.counted) / corr, min(1.0, dt / corr)), 1.0)
-        loss = min(max(said, _LEAST), 0.0) * (MOST_ODDS + CONFIRM_ODDS) * dt / patience[i]
+        loss = min(max(said, _LEAST), 0.0) * (MOST_ODDS + CONFIRM_ODDS) * dt / patience
         row.odds = min(row.odds + min(max(said, 0.0), _MOST) * fresh + loss, MOST_ODDS)
         if said > 0.5:
             row.counted = now
@@ -90,42 +94,59 @@ def _count(rows: Any, sums: Any, evidence: Any, count: Any, support: Any, patien
         row.presence += _share(dt, _PRESENCE_TIME) * (hit - row.presence)
 
 
-def _patience(table: Table, supported: BoolArray, config: PoissonConfig, view: View) -> Float64Array:
-    """How long each track is believed without points [s]."""
-    rows = table.rows
-    known = np.minimum(rows["presence"] * _PRESENCE_TIME / _KNOWN_AFTER, 1.0)
-    known *= np.where(rows["confirmed"], np.clip(rows["person"] / _SURELY, 0.05, 1.0), 1.0)
-    away = table.mean[:, :2] - view.origin[:2]
-    aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
-    held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - SHOWN), 1.0)
-    stay = config.stay_time * (1.0 + np.where(aside, 0.0, held) * np.minimum(2.0 * rows["presence"], 1.0)) * known
-    patience = np.where(rows["stands"], np.maximum(stay, config.leave_time), config.leave_time)
-    covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"])
-    patience = np.where(covered, _HIDDEN * patience, patience)
-    patience = np.where(rows["confirmed"] | rows["stands"], patience, np.minimum(patience, _TENTATIVE))
-    return np.asarray(np.where(supported, np.maximum(patience, _FURNISHED), patience))
+@_jit
+def _patience(row: Any, supported: bool, covered: bool, held: float, times: Any) -> float:
+    """How long a track is believed without points [s]."""
+    known = min(row.presence * _PRESENCE_TIME / _KNOWN_AFTER, 1.0)
+    if row.confirmed:
+        known *= min(max(row.person / _SURELY, 0.05), 1.0)
+    stay, leave = times[0] * (1.0 + held * min(2.0 * row.presence, 1.0)) * known, times[1]
+    patience = max(stay, leave) if row.stands else leave
+    if covered:
+        patience *= _HIDDEN
+    if not (row.confirmed or row.stands):
+        patience = min(patience, _TENTATIVE)
+    return float(max(patience, _FURNISHED) if supported else patience)
 
 
 def note_motion(table: Table, update: Update, measured: Measured, dt: float, now: float, config: PoissonConfig) -> None:
     """Add up how far tracks have moved, and whether they stand."""
-    rows, own = table.rows, update.rows
-    rows["moved"] *= math.exp(-dt / MOVED_TIME)
-    speed = np.abs(np.where(np.isfinite(update.speed), update.speed, 0.0))
-    stirs = own[speed > measured.still_speed]
-    way = (speed[speed > measured.still_speed] - 0.05) * np.minimum(now - rows["stirred"][stirs], config.correlation_time)
-    rows["moved"][stirs] += way
-    rows["stirred"][stirs] = now
-    rows["seen"][own] = now
-    for name, time in (("anchor", _ANCHOR_TIME), ("haunt", MOVED_TIME)):
-        rows[name] += _share(dt, time) * (table.mean[:, :2] - rows[name])
-    step = table.mean[:, :2] - rows["anchor"]
+    rows = table.rows
+    _move(rows, update.rows, np.abs(update.speed), measured.still_speed, dt, now, config.correlation_time)
     rests = resting(table) & (now - rows["seen"] < _RESTED)
-    rows["stands"] = (np.hypot(step[:, 0], step[:, 1]) < _STANDS_WITHIN) | rests
-    people = rows["confirmed"] & (rows["person"] > _LIKELY)
-    standing = people & rows["stands"]
-    table.stood += dt * np.array([np.count_nonzero(standing & (rows["hits"] > 0.5)), np.count_nonzero(standing)])
-    if table.stood[0] < _GIVE_POINTS * table.stood[1]:
-        rows["stands"] |= people & (now - rows["seen"] > _VANISHED) & (now - rows["born"] > _KNOWN_AFTER)
+    _stand(rows, table.mean, rests, table.stood, dt, now)
+
+
+@_jit
+def _move(rows: Any, own: Any, speed: Any, still_speed: float, dt: float, now: float, corr: float) -> None:
+    """Take in speeds [m/s] of the tracks ``own``, shape (n_rows,); NaN: not measured."""
+    fading = math.exp(-dt / MOVED_TIME)
+    for i in range(len(rows)):
+        rows[i].moved *= fading
+    for k in range(len(own)):
+        row = rows[own[k]]
+        row.seen = now
+        if speed[k] > still_speed:
+            row.moved += (speed[k] - 0.05) * min(now - row.stirred, corr)
+            row.stirred = now
+
+
+@_jit
+def _stand(rows: Any, mean: Any, rests: Any, stood: Any, dt: float, now: float) -> None:
+    for i in range(len(rows)):
+        row = rows[i]
+        for k in range(2):
+            row.anchor[k] += _share(dt, _ANCHOR_TIME) * (mean[i, k] - row.anchor[k])
+            row.haunt[k] += _share(dt, MOVED_TIME) * (mean[i, k] - row.haunt[k])
+        row.stands = rests[i] or math.hypot(mean[i, 0] - row.anchor[0], mean[i, 1] - row.anchor[1]) < _STANDS_WITHIN
+        if row.confirmed and row.person > _LIKELY and row.stands:
+            stood[0] += dt if row.hits > 0.5 else 0.0
+            stood[1] += dt
+    if stood[0] < _GIVE_POINTS * stood[1]:
+        for i in range(len(rows)):
+            row = rows[i]
+            vanished = now - row.seen > _VANISHED and now - row.born > _KNOWN_AFTER
+            row.stands |= row.confirmed and row.person > _LIKELY and vanished
 
 
 def bodies(table: Table) -> BoolArray:

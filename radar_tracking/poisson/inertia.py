@@ -75,13 +75,3 @@ def note_inertia(row: Any, out: Any) -> None:
             out[1 + k] = correlation(row, k)
     if row.stands and row.lively > _STIRS and row.watched[_RATE] > _KNOWN:
         out[4], out[5] = 1.0, min(correlation(row, _RATE), _MOST)
-
-
-@_jit
-def correlations(rows: Any) -> Any:
-    """Correlations of range, azimuth, power and range rate of all tracks, shape (n_tracks, 4)."""
-    found = np.zeros((len(rows), 4))
-    for i in range(len(rows)):
-        for k in range(4):
-            found[i, k] = correlation(rows[i], k)
-    return found

@@ -13,68 +13,27 @@ from radar_core.types import Float64Array
 from radar_tracking.poisson.points import Measured
 
 FAST: Final = 2.0  # m/s: a body has few points that are faster; blades of fans have many
-SUMS = np.dtype(
-    [
-        ("points", np.float64),  # of all of a track's points, torso and limbs: how many
-        ("snr", np.float64),  # strengths [dB]
-        ("fast", np.float64),  # how many are fast
-        ("moving", np.float64),  # how many move
-        ("known", np.float64),  # how many have heights
-        ("height", np.float64),  # [m]
-        ("square", np.float64),  # of heights [m^2]
-        ("rate", np.float64),  # range rates [m/s]
-        ("rate_square", np.float64),
-        ("torso", np.float64),  # of its torso's points: how many
-        ("torso_speed", np.float64),  # range rates without signs [m/s]
-        ("torso_rate", np.float64),  # range rates [m/s]
-        ("torso_placed", np.float64),  # how many have a z
-        ("torso_z", np.float64),  # [m]
-        ("still", np.float64),  # of still points, by how near they are to the torso: how many
-        ("still_x", np.float64),  # places [m]
-        ("still_y", np.float64),
-        ("still_power", np.float64),  # ratios of power to noise
-    ]
-)
-"""Sums of one track."""
+_NAMES = (
+    "points", "snr", "fast", "moving", "known", "height", "square", "rate", "rate_square",
+    "torso", "torso_speed", "torso_rate", "torso_placed", "torso_z", "still", "still_x", "still_y", "still_power",
+)  # fmt: skip
+SUMS = np.dtype([(name, np.float64) for name in _NAMES])
+"""Sums of one track. Of all its points: their number, strengths [dB], how many are fast, move and have heights, heights [m] and their
+squares, range rates [m/s] and their squares. Of its torso's: number, speeds and range rates, how many have a z, and z [m]. Of still ones,
+by how near they are to the torso: number, places [m] and ratios of power to noise."""
 _jit = numba.njit(cache=True, nogil=True)
 
 
 def summed(measured: Measured, whole: Float64Array, torso: Float64Array, still: Float64Array) -> NDArray[np.void]:
     """Sum over points by shares, shape (n_points, n_tracks) each; of `SUMS`, shape (n_tracks,)."""
-    found = np.zeros(whole.shape[1], SUMS)
-    columns = (measured.x, measured.y, measured.snr, measured.rate, measured.still, measured.height, measured.points.position[:, 2])
-    _sum(found, *columns, whole, torso, still)
-    return found
-
-
-@_jit
-def _sum(found: Any, x: Any, y: Any, snr: Any, rate: Any, at_rest: Any, height: Any, z: Any, whole: Any, torso: Any, still: Any) -> None:
-    for j in range(len(x)):
-        known, placed, power = math.isfinite(height[j]), math.isfinite(z[j]), 10.0 ** (snr[j] / 10.0)
-        for i in range(len(found)):
-            one, own, body, near = found[i], whole[j, i], torso[j, i], still[j, i]
-            if own > 0.0:
-                one.points += own
-                one.snr += own * snr[j]
-                one.fast += own if abs(rate[j]) > FAST else 0.0
-                one.moving += 0.0 if at_rest[j] else own
-                one.rate += own * rate[j]
-                one.rate_square += own * rate[j] * rate[j]
-                one.torso += body
-                one.torso_speed += body * abs(rate[j])
-                one.torso_rate += body * rate[j]
-                if known:
-                    one.known += own
-                    one.height += own * height[j]
-                    one.square += own * height[j] * height[j]
-                if placed:
-                    one.torso_placed += body
-                    one.torso_z += body * z[j]
-            if near > 0.0:
-                one.still += near
-                one.still_x += near * x[j]
-                one.still_y += near * y[j]
-                one.still_power += near * power
+    z, one, speed = measured.points.position[:, 2], np.ones(len(measured)), np.abs(measured.rate)
+    known, placed = np.isfinite(measured.height), np.isfinite(z)
+    height = np.where(known, measured.height, 0.0)
+    of_all = (one, measured.snr, speed > FAST, ~measured.still, known, height, height**2, measured.rate, measured.rate**2)
+    of_torso = (one, speed, measured.rate, placed, np.where(placed, z, 0.0))
+    of_still = (one, measured.x, measured.y, 10.0 ** (measured.snr / 10.0))
+    sums = [np.stack(columns) @ shares for columns, shares in ((of_all, whole), (of_torso, torso), (of_still, still))]
+    return np.concatenate(sums).T.copy().view(SUMS)[:, 0]
 
 
 @_jit

@@ -14,7 +14,7 @@ from radar_core.config import load
 from radar_tracking import TrackerConfig, Tracks, TrackStatus, make_tracker
 from radar_tracking.people.points import Admission
 from radar_tracking.people.zones import View
-from radar_tracking.poisson.inertia import correlations
+from radar_tracking.poisson.inertia import correlation
 from radar_tracking.poisson.person import faint, person_odds
 from radar_tracking.poisson.points import Measure
 from radar_tracking.poisson.tracker import PoissonTracker
@@ -126,6 +126,11 @@ def test_a_thousand_clouds_at_once():
     assert tracks.tracks[0].age == before.tracks[0].age
 
 
+def correlations(tracker: PoissonTracker) -> np.ndarray:
+    """Of range, azimuth, power and range rate of all tracks, shape (n_tracks, 4)."""
+    return np.array([[correlation(row, k) for k in range(4)] for row in tracker.table.rows]).reshape(-1, 4)
+
+
 @pytest.mark.parametrize("step_ns", [0, 1, STEP_NS])
 def test_what_never_changes(step_ns):
     """The same points again and again, at no time, within a nanosecond and at usual times: correlations are numbers, 0 to 1."""
@@ -134,7 +139,7 @@ def test_what_never_changes(step_ns):
     cloud = cloud_of(np.repeat([[*place, 1.0]], 8, axis=0), 3 * SECOND, radial_speed=0.0, snr=30.0)
     for k in range(40):
         process(tracker, dataclasses.replace(cloud, stamp_ns=3 * SECOND + k * step_ns))
-        found = correlations(tracker.table.rows)
+        found = correlations(tracker)
         assert ((found >= 0.0) & (found <= 1.0)).all()
         assert np.isfinite(person_odds(tracker.table)).all()
 
@@ -145,7 +150,7 @@ def test_a_series_that_is_constant_from_its_beginning():
     cloud = cloud_of(np.repeat([[2.0, 0.0, 1.0]], 8, axis=0), 0, radial_speed=0.5, snr=30.0)
     for k in range(40):
         process(tracker, dataclasses.replace(cloud, stamp_ns=max(k - 9, 0) * STEP_NS))
-        assert np.isfinite(correlations(tracker.table.rows)).all()
+        assert np.isfinite(correlations(tracker)).all()
     assert len(tracker.table)
     assert (tracker.table.rows["series"][..., 1] == 0.0).any()
 

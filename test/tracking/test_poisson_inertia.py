@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from radar_core import PointCloud
 from radar_tracking import TrackerConfig
-from radar_tracking.poisson.inertia import correlations
+from radar_tracking.poisson.inertia import correlation
 from radar_tracking.poisson.person import COEFFICIENTS, FEATURES, features
 from radar_tracking.poisson.tracker import PoissonTracker
 
@@ -20,6 +20,11 @@ N_ODDS = len(FEATURES) - FEATURES.index("rests")
 def odds(tracker: PoissonTracker) -> np.ndarray:
     """What inertia says of each track."""
     return features(tracker.table)[:, -N_ODDS:] @ np.array(COEFFICIENTS[-N_ODDS:])
+
+
+def correlations(tracker: PoissonTracker) -> np.ndarray:
+    """Of range, azimuth, power and range rate of all tracks, shape (n_tracks, 4)."""
+    return np.array([[correlation(row, k) for k in range(4)] for row in tracker.table.rows]).reshape(-1, 4)
 
 
 def follow(
@@ -82,7 +87,7 @@ def test_correlations_are_those_of_the_series(seed, correlation, gain):
         points = np.repeat([[3.0 + walk + offset], [0.0], [1.0]], 8, axis=1).astype(np.float32)
         errors = {"range_std": np.full(8, 0.2, np.float32), "azimuth_std": np.full(8, 0.02, np.float32)}
         tracker.process(PointCloud(k * 50_000_000, k, "room", *points, **columns, **errors))
-    found = correlations(tracker.table.rows)
+    found = correlations(tracker)
     assert ((found >= 0.0) & (found <= 1.0)).all()
     row = tracker.table.rows["rate"].argmax()
     weight = np.exp(-DT / 3.0) ** np.arange(399)[::-1]
