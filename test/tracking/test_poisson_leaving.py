@@ -1,6 +1,7 @@
 """Who goes off in the Poisson tracker: the identity goes along, and nobody is believed for long at the side of the view."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ import pytest
 from radar_core import RadarInfo
 from radar_tracking import TrackerConfig
 from radar_tracking.people.zones import View, Zones
-from radar_tracking.poisson.existence import Decisions, _patience
+from radar_tracking.poisson.existence import CONFIRM_ODDS, MOST_ODDS, Decisions, weigh
+from radar_tracking.poisson.sums import SUMS
 from radar_tracking.poisson.table import N_STATES, RECORD, Table
 from radar_tracking.tracks import Reason
 
@@ -28,6 +30,14 @@ def table_of(*tracks: dict) -> Table:
             row[name] = value
         table.add(row, np.concatenate([place, np.zeros(N_STATES - 2)]), 0.01 * np.eye(N_STATES))
     return table
+
+
+def believed_for(table: Table, view: View, dt: float = 0.05) -> float:
+    """How long clouds without points take to end the belief in the first track [s]: from the highest odds to the lowest."""
+    nothing = SimpleNamespace(sums=np.zeros(1, SUMS), evidence=-np.ones(1), count=np.zeros(1), support=np.zeros(1))
+    before = float(table.rows["odds"][0])
+    weigh(table, nothing, dt, NOW, KNOBS, view)
+    return (MOST_ODDS + CONFIRM_ODDS) * dt / (before - float(table.rows["odds"][0]))
 
 
 @pytest.mark.parametrize(
@@ -57,8 +67,7 @@ def test_nobody_is_believed_for_long_at_the_side_of_the_view():
     stood = {"confirmed": True, "stands": True, "presence": 1.0, "person": 5.0, "rate": 0.5, "seen": NOW - 2.0}
     azimuths = np.array([0.0, half - 0.5 / 2.0, half - 0.1 / 2.0, -half + 0.1 / 2.0])
     places = [(2.0 * math.cos(azimuth), 2.0 * math.sin(azimuth)) for azimuth in azimuths]
-    nobody = np.zeros(1, bool)
-    alone = [float(_patience(table_of({"place": place, **stood}), nobody, KNOBS, view)[0]) for place in places]
+    alone = [believed_for(table_of({"place": place, **stood}), view) for place in places]
     assert alone[:2] == pytest.approx([8.0 * KNOBS.stay_time] * 2)
     assert alone[2:] == pytest.approx([KNOBS.stay_time] * 2)
     at = np.array([(*place, view.origin[2]) for place in places])
