@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from radar_gestures.curves import SIGNALS, TOTALS, CurveConfig, Curves, EventMap
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.maps import feature_maps
 from radar_lab.importers import open_original
+from radar_lab.importers.recording import Segment
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
 from radar_lab.training.variation import VariationConfig, copies
@@ -78,19 +80,26 @@ class RealSet:
         return RealSet(self.events.select(index), self.label[index], self.person[index], self.distance[index], self.thirteen[index])
 
 
+def files(kind: str) -> list[Path]:
+    """Files of a data set, in the order of their people; raise DataError without recordings."""
+    found = sorted((folder() / kind).glob("segments*.npz"))
+    if not found:
+        raise DataError(f"{folder() / kind / 'segments.npz'}: not there; docs/reference/recordings.md says where the original is")
+    return found
+
+
 @functools.cache
 def read(kind: str, limit: int = 0) -> RealSet:
-    """Read a data set through the importer, or ``limit`` segments of it, and make its feature maps; raise DataError without recordings."""
-    path = folder() / kind / "segments.npz"
-    if not path.is_file():
-        raise DataError(f"{path}: not there; docs/reference/recordings.md says where the original is")
-    recording = open_original(kind, path, limit=limit, idle=0.0)
-    found = recording.tally.segments
+    """Read a data set through the importer, or the first ``limit`` segments of it, and make its feature maps; see `files`."""
+    found: list[Segment] = []
     maps, thirteen = [], []
-    for clouds in _segments(recording.items, found):
-        own, body = person_of(clouds, GATES[kind])
-        maps.append(feature_maps(own, GATES[kind], MAX_SPEED))
-        thirteen.append(thirteen_of(own, body, GATES[kind]))
+    for path in files(kind)[: 1 if limit else None]:
+        recording = open_original(kind, path, limit=limit, idle=0.0)
+        for clouds in _segments(recording.items, recording.tally.segments):
+            own, body = person_of(clouds, GATES[kind])
+            maps.append(feature_maps(own, GATES[kind], MAX_SPEED))
+            thirteen.append(thirteen_of(own, body, GATES[kind]))
+        found += recording.tally.segments
     return RealSet(
         join(maps),
         np.array([SHARED.get(segment.label, segment.label) for segment in found]),

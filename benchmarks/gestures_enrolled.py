@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_studies import COPIES, CURVES, GATES, RealSet, Study, read, study
-from benchmarks.gestures_real import from_the_end, nobody_there
+from benchmarks.gestures_real import from_the_end, nobody_in
 from benchmarks.recordings import folder
 from benchmarks.report import AbsentError, choices, measure
 from benchmarks.stores import digest, once, sources
@@ -118,10 +118,13 @@ def models(
 def one_set(kind: str, quick: bool, keep: Path | None) -> dict[str, Any]:
     """Enrol every person of a data set; ``KIND_error_ratio_COUNT`` and the like."""
     data = read(kind, 1500 if quick else 0)
-    plain = Curves(CURVES).process_many(data.events).astype(np.float32)
     without = from_the_end(data.label, data.person, data.distance)
     if not quick:
-        without |= nobody_there(folder() / kind / "segments.npz")
+        without |= nobody_in(kind)
+    if kind == "mtranssee":
+        figure = ~np.isin(data.person, DEVELOPMENT)
+        data, without = data.select(figure), without[figure]
+    plain = Curves(CURVES).process_many(data.events).astype(np.float32)
     bench, config = Bench(data, plain, without), CurveTraining(passes=6 if quick else 60)
     folds = leave_subjects_out(data.person, 2)[: 1 if quick else None]
     found = models(kind, data, plain, folds, config, keep)

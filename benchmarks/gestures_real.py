@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_model import model_file
-from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, FEW, PerceptronTraining, Study, read, study, thirteen
-from benchmarks.recordings import folder
+from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, FEW, PerceptronTraining, Study, files, read, study, thirteen
 from benchmarks.report import against_first, matrix, measure
 from benchmarks.stores import digest, once, sources
 from radar_core import DataError
@@ -42,6 +41,11 @@ def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: N
     marked = np.zeros(len(label), np.bool_)
     marked[(end - back)[end - back >= start]] = True
     return marked
+
+
+def nobody_in(kind: str) -> Mask:
+    """Mark the segments of a data set in which `nobody_there` sees nobody, in the order of `read`."""
+    return np.concatenate([nobody_there(path) for path in files(kind)])
 
 
 def nobody_there(path: Path) -> Mask:
@@ -178,7 +182,7 @@ def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:
     result: dict[str, Any] = {"confusion": {}}
     if not quick:
         closing, others = (from_the_end(data.label, data.person, data.distance, back) for back in (0, 3))
-        nobody = nobody_there(folder() / name / "segments.npz")
+        nobody = nobody_in(name)
         result[f"{name}_without"] = closing_figures(made.plain, data.number, data.person, closing, nobody, others)
     for split, short in (("subjects", "held_out"), ("random", "random")):
         parts = made.folds(split, folds)

@@ -36,7 +36,10 @@ class CurveTraining:
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
     weight_decay: float = knob(1e-2, low=0.0, high=10.0, doc="decoupled L2 penalty")
     smoothing: float = knob(0.05, low=0.0, high=0.9, doc="share of each label that is spread over all: for labels that may be wrong")
-    seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order of samples and dropout")
+    mixup: float = knob(
+        0.0, low=0.0, high=10.0, doc="both parameters of the beta distribution of shares in which samples are mixed two by two; 0: not at all"
+    )
+    seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order of samples, dropout and shares")
 
 
 def train_cnn(cubes: Float32Array, label: IndexArray, config: CnnConfig | None = None, *, labels: Sequence[str] = GESTURES) -> Network:
@@ -223,6 +226,7 @@ class _Network:
             stride = 1 if number == 0 else 2
             self.convolutions.append((nn.Conv1d(width, n, 3, padding=1, stride=stride), nn.BatchNorm1d(n)))
             width, length = n, -(-length // stride)
+        self.n_labels = n_labels
         self.dense = [nn.Linear(width * length + len(TOTALS), config.hidden), nn.Linear(config.hidden, n_labels)]
         self.modules = nn.ModuleList([self._drop, *(part for pair in self.convolutions for part in pair), *self.dense])
 
@@ -245,9 +249,16 @@ def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label
         for turn in range(config.passes):
             x = torch.from_numpy(copies[turn % len(copies)].astype(np.float32))
             for rows in torch.randperm(len(label))[:full].split(batch):
-                yield x[rows], target[rows]
+                yield (x[rows], target[rows]) if config.mixup == 0 else _mixed(torch, x[rows], target[rows], net.n_labels, config.mixup)
 
     _optimise(torch, net, net.modules, loss, batches(), config.passes * (full // batch), config)
+
+
+def _mixed(torch: Any, x: Any, target: Any, n_labels: int, alpha: float) -> tuple[Any, Any]:
+    """Samples and their labels' shares, mixed two by two (Zhang et al., mixup: Beyond Empirical Risk Minimization, ICLR 2018)."""
+    share, other = torch.distributions.Beta(alpha, alpha).sample(), torch.randperm(len(x))
+    shares = torch.nn.functional.one_hot(target, n_labels).float()
+    return share * x + (1 - share) * x[other], share * shares + (1 - share) * shares[other]
 
 
 def _folded(convolution: Any, norm: Any) -> tuple[Float32Array, Float32Array]:

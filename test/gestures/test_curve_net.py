@@ -158,12 +158,13 @@ def test_wrong_numbers_are_refused() -> None:
         net.probabilities(np.full(len(NAMES), np.nan))
 
 
-def test_training_learns_the_order_of_time_and_repeats() -> None:
+@pytest.mark.parametrize("mixup", [0.0, 0.4])
+def test_training_learns_the_order_of_time_and_repeats(mixup: float) -> None:
     """Bumps early or late in noise 7 times smaller are told apart; the same seed gives the same network, another seed another."""
     pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
     rng = np.random.default_rng(3)
     x, label = waves(400, rng)
-    settings = CurveTraining(channels=(6, 8), hidden=8, passes=15, batch=64)
+    settings = CurveTraining(channels=(6, 8), hidden=8, passes=15, batch=64, mixup=mixup)
 
     def train(seed: int) -> CurveNet:
         chosen = dataclasses.replace(settings, seed=seed)
@@ -174,6 +175,25 @@ def test_training_learns_the_order_of_time_and_repeats() -> None:
     assert np.mean(net.probabilities(fresh).argmax(axis=1) == truth) > 0.97
     np.testing.assert_array_equal(train(1).probabilities(fresh), net.probabilities(fresh))
     assert not np.array_equal(train(2).probabilities(fresh), net.probabilities(fresh))
+
+
+def test_mixed_samples_have_mixed_labels() -> None:
+    """Samples that are their own label stay so; one share for all, and over many draws it is 0 to 1 with the distribution's variance."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    from radar_lab.training.networks import _mixed
+
+    target, shares = torch.arange(64) % 4, []
+    x = torch.nn.functional.one_hot(target, 4).float()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(5)
+        for _ in range(400):
+            mixed, label = _mixed(torch, x, target, 4, 0.4)
+            torch.testing.assert_close(mixed, label)
+            torch.testing.assert_close(label.sum(dim=1), torch.ones(64))
+            shares.append(float(label.gather(1, target[:, None]).min()))
+    assert min(shares) >= 0.0
+    assert np.mean(shares) == pytest.approx(0.5, abs=4 * 0.373 / 20)
+    assert np.std(shares) == pytest.approx(np.sqrt(0.25 / (2 * 0.4 + 1)), rel=0.1)
 
 
 def test_numpy_gives_what_pytorch_gives() -> None:
