@@ -37,7 +37,7 @@ class CurveTraining:
     weight_decay: float = knob(1e-2, low=0.0, high=10.0, doc="decoupled L2 penalty")
     smoothing: float = knob(0.05, low=0.0, high=0.9, doc="share of each label that is spread over all: for labels that may be wrong")
     mixup: float = knob(
-        0.0, low=0.0, high=10.0, doc="both parameters of the beta distribution of shares in which samples are mixed two by two; 0: not at all"
+        0.0, low=0.0, high=10.0, doc="samples are mixed two by two, in shares of a beta distribution B(mixup, mixup); 0: not"
     )
     seed: int = knob(1, low=0, high=2**31 - 1, doc="of start weights, order of samples, dropout and shares")
 
@@ -255,7 +255,7 @@ def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label
 
 
 def _mixed(torch: Any, x: Any, target: Any, n_labels: int, alpha: float) -> tuple[Any, Any]:
-    """Samples and their labels' shares, mixed two by two (Zhang et al., mixup: Beyond Empirical Risk Minimization, ICLR 2018)."""
+    """Mix samples and their labels' shares two by two (Zhang et al., mixup: Beyond Empirical Risk Minimization, ICLR 2018)."""
     share, other = torch.distributions.Beta(alpha, alpha).sample(), torch.randperm(len(x))
     shares = torch.nn.functional.one_hot(target, n_labels).float()
     return share * x + (1 - share) * x[other], share * shares + (1 - share) * shares[other]
