@@ -270,12 +270,14 @@ def kinds(tags: Tags) -> dict[str, str]:
     return found | {name: "yes" if name in tags.events else "no" for name in ("enter", "leave", "sit", "gesture", "pass", "hug")}
 
 
-def breakdown(scores: Sequence[RoomScore], tags: Sequence[Tags]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """Figures by kind of room: tag, value of the tag, figure."""
+def breakdown(scores: Sequence[RoomScore], tags: Sequence[Tags]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Figures by kind of room: tag, value of the tag, figure; ``mota_interval``: of MOTA, by drawing the rooms of the kind anew."""
     groups: dict[str, dict[str, list[RoomScore]]] = {}
     for score, own in zip(scores, tags, strict=True):
         for tag, value in kinds(own).items():
             groups.setdefault(tag, {}).setdefault(value, []).append(score)
-    return {
-        tag: {value: {"rooms": len(own), **total(own).figures()} for value, own in sorted(values.items())} for tag, values in groups.items()
-    }
+
+    def figures(own: Sequence[RoomScore]) -> dict[str, Any]:
+        return {"rooms": len(own), **total(own).figures(), "mota_interval": intervals(own, ("mota",))["mota"]}
+
+    return {tag: {value: figures(own) for value, own in sorted(values.items())} for tag, values in groups.items()}

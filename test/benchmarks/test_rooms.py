@@ -279,6 +279,8 @@ def test_breakdown_and_summary():
     low = dataclasses.replace(usual, clutter=True, signal=-9.0, people=2)
     by = breakdown([good, bad], [usual, low])
     assert (by["people"]["1"]["mota"], by["people"]["2"]["mota"], by["radar"][usual.radar]["rooms"]) == (1, 0, 2)
+    assert by["people"]["1"]["mota_interval"] == [1, 1]
+    assert by["radar"][usual.radar]["mota_interval"] == [0, 1]
     found = summary({"default": [good, good], "people": [good, bad]}, [usual, low])
     assert (found["mota"], found["people_mota"], found["mota_clutter"], found["mota_low_signal"]) == (1, 0.5, 1, 1)
     assert found["people_worse_by"] == 1
