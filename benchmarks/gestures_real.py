@@ -216,6 +216,7 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     for steps in (7, 20):
         yield f"{steps} steps", study(first.data, first.config, replace(CURVES, steps=steps))
     if isinstance(first.config, CurveTraining):
+        yield "mixup 0.4", replace(first, config=replace(first.config, mixup=0.4))
         yield "half the channels and passes", replace(first, config=replace(first.config, channels=(40, 48), hidden=32, passes=30))
 
 
