@@ -1,4 +1,4 @@
-"""Gestures of real people: mHomeGes and mTransSee, people held out, through the product's feature maps and curves."""
+"""Gestures of real people: mHomeGes and mTransSee, people held out, through the product's feature maps, curves and cells."""
 
 from __future__ import annotations
 
@@ -15,13 +15,26 @@ from numpy.typing import NDArray
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_model import model_file
-from benchmarks.gesture_studies import CHOICE_FOLDS, COPIES, CURVES, FEW, PerceptronTraining, Study, files, read, study, thirteen
+from benchmarks.gesture_studies import (
+    CELLS,
+    CHOICE_FOLDS,
+    COPIES,
+    CURVES,
+    FEW,
+    PerceptronTraining,
+    Study,
+    files,
+    read,
+    study,
+    thirteen,
+    usual_inputs,
+)
 from benchmarks.report import against_first, matrix, measure
 from benchmarks.stores import digest, once, sources
 from radar_core import DataError
+from radar_gestures.cells import CellConfig, maker_of
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.curves import SIGNALS, TOTALS, Curves
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.operations import operations
@@ -123,7 +136,8 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
     if model.names == FEATURE_NAMES:
         return measure(lambda: model.probabilities(made.plain[0]), repeat=repeat)
     events = itertools.cycle(made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain))))
-    extractor = Curves(replace(CURVES, steps=(len(model.names) - len(TOTALS)) // len(SIGNALS)))
+    assert made.inputs is not None
+    extractor = maker_of(made.inputs)
     return measure(lambda: model.probabilities(extractor.process_many(next(events))[0]), repeat=repeat)
 
 
@@ -150,7 +164,9 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     def part(name: str, work: Callable[[], Any]) -> Any:
         if keep is None:
             return work()
-        told = digest([f"{config} {CURVES} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))])
+        told = digest(
+            [f"{config} {usual_inputs(config)} {limit} {folds} {n_copies}", sources(("radar_core", "radar_lab", "radar_gestures"))]
+        )
         return once(keep / "parts" / f"{name}_{told}.joblib", work)
 
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
@@ -206,18 +222,25 @@ def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[d
 def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     """Name and study of each choice; the first is the default."""
     perceptron = PerceptronTraining(passes=4 if quick else 32)
-    yield "curves", first
+    yield "cells" if isinstance(first.inputs, CellConfig) else "curves", first
     yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
+    curves = study(first.data, first.config, CURVES, 1 if quick else COPIES)
     for hidden in (16, 48):
-        yield f"perceptron, {hidden} neurons", replace(first, config=replace(perceptron, hidden=(hidden,)))
+        yield f"perceptron on curves, {hidden} neurons", replace(curves, config=replace(perceptron, hidden=(hidden,)))
     if quick:
         return
     yield "no changed copies", replace(first, changed=None)
-    for steps in (7, 20):
-        yield f"{steps} steps", study(first.data, first.config, replace(CURVES, steps=steps))
     if isinstance(first.config, CurveTraining):
+        yield "curves", curves
+        for steps in (7, 20):
+            yield f"cells in {steps} steps", replace(first, config=replace(first.config, cell_steps=steps))
+        for cells in (32, 192):
+            yield f"{cells} cells", study(first.data, first.config, replace(CELLS, cells=cells))
         yield "mixup 0.4", replace(first, config=replace(first.config, mixup=0.4))
-        yield "half the channels and passes", replace(first, config=replace(first.config, channels=(40, 48), hidden=32, passes=30))
+        yield (
+            "half the channels and passes",
+            replace(first, config=replace(first.config, channels=(40, 48), hidden=32, cell_width=32, passes=30)),
+        )
 
 
 run = figures

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,15 +22,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_drills import LABELS, Drills, draw_drill, generate, read_drill, simulate
-from benchmarks.gesture_studies import COPIES, CURVES, FEW, GATES, MAX_SPEED, PerceptronTraining, RealSet, Study, person_of, read
+from benchmarks.gesture_studies import (
+    CELLS,
+    COPIES,
+    CURVES,
+    FEW,
+    GATES,
+    MAX_SPEED,
+    PerceptronTraining,
+    RealSet,
+    Study,
+    person_of,
+    read,
+    usual_inputs,
+)
 from benchmarks.report import choices, matrix, measure, share
 from benchmarks.stores import kept
-from radar_gestures.curves import Curves, curve_names, join
+from radar_gestures.cells import CellConfig, maker_of
+from radar_gestures.event_maps import EventMaps, join, locate
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.maps import feature_maps
+from radar_gestures.signals import CurveConfig
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Validation
-from radar_lab.training.variation import VariationConfig, copies
+from radar_lab.training.variation import copies, usual_variation
 
 DEVELOPMENT: Final = (801, 804, 812, 822)
 """People of mHomeGes on whose recordings the simulation was set; they are in no figure but their own."""
@@ -40,9 +56,16 @@ _TIMED: Final = 10  # drills, two of each gesture
 
 
 def masked(vectors: NDArray[np.float32], names: Sequence[str]) -> NDArray[np.float32]:
-    """Set what the two worlds do not share (`LEFT_OUT`) to 0 in curves, shape (..., n_features) = ``names``."""
+    """Set what the two worlds do not share (`LEFT_OUT`) to 0 in vectors, shape (..., n_features) = ``names``."""
     kept = np.array([not any(word in name for word in LEFT_OUT) for name in names])
     return np.where(kept, vectors, np.float32(0.0))
+
+
+def seen_moving(events: EventMaps) -> tuple[EventMaps, NDArray[np.float64]]:
+    """Leave out the cells that stand still; also give where the bodies are, which these tell best."""
+    body, maps = locate(events, CELLS.nearest, CELLS.farthest), events.maps.copy()
+    maps[3][:, np.abs(events.speed) < CURVES.slow] = np.nan
+    return replace(events, maps=maps), body
 
 
 def simulated(place: Path, n: int) -> RealSet:
@@ -67,19 +90,28 @@ def transfer_training(quick: bool) -> PerceptronTraining | CurveTraining:
     return CurveTraining(passes=4 if quick else 16)
 
 
+def vectors_of(events: EventMaps, inputs: CurveConfig | CellConfig) -> NDArray[np.float32]:
+    """Make the vectors of events, shape (n, n_features), without what is left out."""
+    maker = maker_of(inputs)
+    moving, body = seen_moving(events) if isinstance(inputs, CellConfig) else (events, None)
+    return masked(maker.process_many(moving, body).astype(np.float32), maker.names)
+
+
 def transfer_study(data: RealSet, config: PerceptronTraining | CurveTraining, n_copies: int = COPIES) -> Study:
-    """Make the curves of simulated events and changed copies, without what is left out."""
-    names = curve_names(CURVES)
-    plain = masked(Curves(CURVES).process_many(data.events).astype(np.float32), names)
-    changed = masked(copies(data.events, CURVES, VariationConfig(), n=n_copies, seed=config.seed), names)
-    return Study(data, names, plain, changed, config)
+    """Make the vectors of simulated events and changed copies, without what is left out."""
+    inputs = usual_inputs(config)
+    names = maker_of(inputs).names
+    moving, body = seen_moving(data.events) if isinstance(inputs, CellConfig) else (data.events, None)
+    changed = masked(copies(moving, inputs, usual_variation(inputs), n=n_copies, seed=config.seed, body=body), names)
+    return Study(data, names, vectors_of(data.events, inputs), changed, config, inputs)
 
 
 def judge(training: Study, test: RealSet) -> Validation:
     """Train on all simulated events, and name the recorded ones of the same gestures."""
     test = test.only(training.data.labels)
     labels = training.data.labels
-    vectors = masked(Curves(CURVES).process_many(test.events).astype(np.float32), training.names)
+    assert training.inputs is not None
+    vectors = vectors_of(test.events, training.inputs)
     number = np.searchsorted(labels, test.label)  # a test set need not hold every gesture
     return Validation("all", labels, training.fit().probabilities(vectors), np.asarray(number), test.person, 1)
 

@@ -38,16 +38,20 @@ def train(
     lives: Annotated[int, typer.Option(help="model stream: first simulate until the folder holds so many lives, 10 s each", min=0)] = 0,
     jobs: Annotated[int, typer.Option(help="with --scenes or --lives: processes that simulate", min=1)] = 2,
     model: Annotated[
-        str, typer.Option(help="perceptron: on thirteen features; curves: a network on curves; stream: one on streams of slots (PyTorch)")
+        str,
+        typer.Option(
+            help="perceptron: on thirteen features; cells or curves: a network on these; stream: one on streams of slots (PyTorch)"
+        ),
     ] = "perceptron",
-    passes: Annotated[int, typer.Option(help="models curves and stream: over the samples", min=1)] = 60,
+    passes: Annotated[int, typer.Option(help="models cells, curves and stream: over the samples", min=1)] = 60,
 ) -> None:
-    """Train the model that names gestures: the perceptron on the thirteen features, or a network on curves or on streams of slots.
+    """Train the model that names gestures: the perceptron on the thirteen features, or a network on cells, curves or streams of slots.
 
     Its accuracy, its calibration and the limit for rejecting unknown gestures are measured on people left out of the training, two or more
     at a time; the model itself is then trained on everybody. The same samples and seed give the same file.
 
-    The network on curves takes single samples only, and also radars with ten clouds a second; the model brings its events and features.
+    The network on cells (single detections; on real people more accurate) or on curves (means of every frame; faster to train) takes single
+    samples only, and also radars with ten clouds a second; the model brings its events and features.
     That on streams takes one folder of simulated lives, half minutes of people in front of any of our radars: a fifth of them is left out
     for the figures.
 
@@ -56,8 +60,8 @@ def train(
     Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
     · `handwave train lives --model stream --lives 1000 -o stream.npz`
     """
-    if model not in ("perceptron", "curves", "stream"):
-        raise ConfigError(f"--model {model}: choose perceptron, curves or stream")
+    if model not in ("perceptron", "cells", "curves", "stream"):
+        raise ConfigError(f"--model {model}: choose perceptron, cells, curves or stream")
     if lives and model != "stream":
         raise ConfigError(f"--lives {lives}: goes with --model stream only")
     if model == "stream":
@@ -65,8 +69,8 @@ def train(
             raise ConfigError("--model stream: give one folder of lives, and neither --labels nor --scenes")
         _train_stream(folders[0], out, lost, seed, passes, lives, jobs)
         return
-    if model == "curves":
-        _train_curves(folders, out, comma_separated(labels), lost, seed, passes)
+    if model in ("cells", "curves"):
+        _train_curves(folders, out, comma_separated(labels), lost, seed, passes, model)
         return
     from radar_lab.training.card import card, write_card
     from radar_lab.training.training import TrainingConfig, describe
@@ -92,7 +96,9 @@ def train(
     print(f"model in {out}, its card in {out.with_suffix('.md')}")
 
 
-def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost: float, seed: int, passes: int) -> None:
+def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost: float, seed: int, passes: int, model: str) -> None:
+    from radar_gestures.cells import CellConfig
+    from radar_gestures.signals import CurveConfig
     from radar_lab.training.card import card, write_card
     from radar_lab.training.curve_training import train_curves
     from radar_lab.training.networks import CurveTraining
@@ -100,7 +106,8 @@ def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost:
 
     if out.suffix != ".npz":
         raise ConfigError(f"--out {out}: give a file that ends in .npz")
-    report = train_curves(folders, out, CurveTraining(seed=seed, passes=passes), labels=labels or None, lost=lost)
+    inputs = CellConfig() if model == "cells" else CurveConfig()
+    report = train_curves(folders, out, CurveTraining(seed=seed, passes=passes), labels=labels or None, inputs=inputs, lost=lost)
     print(as_text(report.validation))
     print(f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures")
     missed = ", ".join(f"{name} {count}" for name, count in sorted(report.missed.items()))
@@ -110,7 +117,7 @@ def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost:
         report.model,
         [report.validation],
         data={"data sets": ", ".join(folder.name for folder in folders), **report.model.settings},
-        command=f"handwave train {' '.join(map(str, folders))} --model curves --out {out} {options}",
+        command=f"handwave train {' '.join(map(str, folders))} --model {model} --out {out} {options}",
         n_bytes=out.stat().st_size,
     )
     write_card(text, out.with_suffix(".md"))

@@ -229,7 +229,8 @@ def _differences(trained: Mapping[str, Any], wanted: Mapping[str, Any], prefix: 
 def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, ...], Extract]:
     """Make the extractor that a model names: what its features mean, in order, and the function that makes them, see `Extract`.
 
-    ``"events"``: the thirteen features. ``"curves"``: `radar_gestures.curves`, with the knobs ``curves`` in the model's ``settings``.
+    ``"events"``: the thirteen features. ``"curves"`` and ``"cells"``: `radar_gestures.curves` and `radar_gestures.cells`, with the knobs of
+    that name in the model's ``settings``.
 
     Raises
     ------
@@ -238,9 +239,14 @@ def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, .
     """
     if name == "events":
         return FEATURE_NAMES, lambda view: view.features
-    if name == "curves":
-        from radar_gestures.curves import CurveConfig, Curves  # only here: no other model needs this code
+    if name in ("curves", "cells"):
+        from radar_gestures.cells import CellConfig, Cells  # only here: no other model needs this code
+        from radar_gestures.curves import Curves
+        from radar_gestures.signals import CurveConfig
 
-        curves = Curves(load(CurveConfig, settings.get("curves"), "curves of the gesture model"))
-        return curves.names, lambda view: curves.process(view.maps) if view.maps is not None and len(view.maps.stamp_ns) else None
-    raise ConfigError(f"the gesture model takes features of the extractor {name!r}; this version of Handwave has events and curves")
+        where = f"{name} of the gesture model"
+        maker = (
+            Cells(load(CellConfig, settings.get(name), where)) if name == "cells" else Curves(load(CurveConfig, settings.get(name), where))
+        )
+        return maker.names, lambda view: maker.process(view.maps) if view.maps is not None and len(view.maps.stamp_ns) else None
+    raise ConfigError(f"the gesture model takes features of the extractor {name!r}; this version of Handwave has events, curves and cells")

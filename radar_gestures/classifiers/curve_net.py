@@ -1,14 +1,19 @@
-"""A small convolutional network over the steps of curves: the same patterns are looked for at every step.
+"""A small convolutional network over the steps of an event: the same patterns are looked for at every step.
 
-It has as many weights as a perceptron on the same numbers, and needs fewer people to learn from. PyTorch trains it (extra ``train``,
+At each step it takes signals (`radar_gestures.curves`), or what it makes of the cells near the step (`radar_gestures.cells`): two layers
+look at every cell alone, and the largest and the mean of each of their outputs are kept [1]_. PyTorch trains it (extra ``train``,
 `radar_lab.training.networks`), numpy runs it.
+
+References
+----------
+.. [1] C. R. Qi, H. Su, K. Mo, L. J. Guibas, "PointNet: deep learning on point sets for 3D classification and segmentation", CVPR 2017.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +21,7 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError
 from radar_core.arrays import description
 from radar_core.types import Float32Array, Float64Array, IndexArray
+from radar_gestures.cells import ATTRIBUTES
 from radar_gestures.classifiers.perceptron import FORMAT
 from radar_gestures.classifiers.rejection import Rejecting
 from radar_gestures.curves import TOTALS
@@ -28,7 +34,7 @@ _ADVICE: Final[str] = "train it again"
 
 @dataclass(frozen=True, eq=False)
 class CurveNet(Rejecting):
-    """A trained network: standardise, convolutions over the steps with ReLU, hidden layer with ReLU, softmax.
+    """A trained network: standardise, look at cells where there are some, convolutions over the steps, hidden layer, softmax; with ReLU.
 
     Attributes
     ----------
@@ -46,15 +52,22 @@ class CurveNet(Rejecting):
     names, labels : tuple of str
         What inputs and outputs mean.
     steps : int
-        Of the curves.
+        Of the curves, or those to which cells are sorted.
     reject : float
         An event whose `score` is below this is no known gesture.
     settings, figures : mapping
-        How the curves were made (``curves``: the knobs of `CurveConfig`; others as in `GestureModel`), and what training measured.
+        How the inputs were made (``curves`` or ``cells``: the knobs of `CurveConfig` or `CellConfig`; others as in `GestureModel`), and
+        what training measured.
     memory : ndarray of float16, shape (n, n_inputs of the first dense layer)
         What some samples of the training were to the first dense layer (`inputs`), so that tuning forgets nothing; mostly few, may be none.
     remembered : ndarray of int64, shape (n,)
         Their labels.
+    cell_weights, cell_biases : tuple of ndarray of float32, of shape (n_in, n_out) and (n_out,) each
+        Of the two layers that look at every cell: at its attributes but ``there`` and ``when``, and at how far it is from its step, in
+        steps. Empty: the network takes signals.
+    pool_factor, pool_offset : ndarray of float32, shape (2 n_out + 1,)
+        By which the largest outputs over the cells of a step, their means (of one more cell, which gives 0) and log(1 + cells) are
+        multiplied, and what is then added.
 
     Raises
     ------
@@ -62,7 +75,6 @@ class CurveNet(Rejecting):
         When shapes do not fit or a number is not finite.
     """
 
-    extractor: ClassVar[str] = "curves"
     mean: Float32Array
     scale: Float32Array
     kernels: tuple[Float32Array, ...]
@@ -77,14 +89,30 @@ class CurveNet(Rejecting):
     figures: Mapping[str, Any] = field(default_factory=dict)
     memory: NDArray[np.float16] = field(default_factory=lambda: np.empty((0, 0), np.float16))
     remembered: IndexArray = field(default_factory=lambda: np.empty(0, np.int64))
+    cell_weights: tuple[Float32Array, ...] = ()
+    cell_biases: tuple[Float32Array, ...] = ()
+    pool_factor: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
+    pool_offset: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
+
+    @property
+    def extractor(self) -> str:
+        """See `Classifier`."""
+        return "cells" if self.cell_weights else "curves"
 
     def __post_init__(self) -> None:
         n = len(self.names)
-        split = n - len(TOTALS)
-        if self.steps < 1 or split < 1 or split % self.steps or not self.kernels or not self.weights:
+        split, each = n - len(TOTALS), len(ATTRIBUTES) if self.cell_weights else self.steps
+        if self.steps < 1 or split < 1 or split % each or not self.kernels or not self.weights:
             raise ConfigError(f"{_KIND}: {n} features in {self.steps} steps with {len(self.kernels)} convolutions; {_ADVICE}")
         wanted: list[tuple[str, Float32Array, tuple[int, ...]]] = [("mean", self.mean, (n,)), ("scale", self.scale, (n,))]
         width, length = split // self.steps, self.steps
+        if self.cell_weights:
+            width = len(ATTRIBUTES) - 1
+            for number, (weight, bias) in enumerate(zip(self.cell_weights, self.cell_biases, strict=True)):
+                wanted += [(f"cell_weights_{number}", weight, (width, len(bias))), (f"cell_bias_{number}", bias, (len(bias),))]
+                width = len(bias)
+            width = 2 * width + 1
+            wanted += [("pool_factor", self.pool_factor, (width,)), ("pool_offset", self.pool_offset, (width,))]
         for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
             wanted += [(f"kernel_{number}", kernel, (3, width, len(offset))), (f"offset_{number}", offset, (len(offset),))]
             width, length = len(offset), length if number == 0 else -(-length // 2)
@@ -121,10 +149,33 @@ class CurveNet(Rejecting):
             raise DataError("features has non-finite values; leave such an event out")
         standard = np.clip((x.reshape(-1, x.shape[-1]) - self.mean) / self.scale, -CLIP, CLIP).astype(np.float32)
         split = len(self.names) - len(TOTALS)
-        wave = standard[:, :split].reshape(len(standard), self.steps, split // self.steps)
+        if self.cell_weights:
+            wave = self._pooled(standard[:, :split].reshape(len(standard), -1, len(ATTRIBUTES)))
+        else:
+            wave = standard[:, :split].reshape(len(standard), self.steps, split // self.steps)
         for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
             wave = np.maximum(convolve(wave, kernel, 1 if number == 0 else 2) + offset, 0.0)
         return np.concatenate([wave.reshape(len(wave), wave.shape[1] * wave.shape[2]), standard[:, split:]], axis=1)
+
+    def _pooled(self, cells: Float32Array) -> Float32Array:
+        """Look at every cell, shape (n, n_cells, n_attributes), and pool the cells of each step, shape (n, n_steps, 2 n_out + 1)."""
+        event, number = np.nonzero(cells[..., 0] > 0.5)
+        own = cells[event, number]
+        when = np.clip(own[:, 1], 0.0, 1.0) * (self.steps - 1)
+        step = np.rint(when).astype(np.int64)
+        key = event * self.steps + step
+        order = np.argsort(key, kind="stable")
+        value = np.concatenate([own[:, 2:], (when - step)[:, None]], axis=1)[order]
+        for weight, bias in zip(self.cell_weights, self.cell_biases, strict=True):
+            value = np.maximum(value @ weight + bias, 0.0)
+        count = np.bincount(key, minlength=len(cells) * self.steps).astype(np.float32)
+        some = np.flatnonzero(count)
+        most, total = (np.zeros((len(count), value.shape[1]), np.float32) for _ in range(2))
+        if len(some):
+            first = (np.cumsum(count[some]) - count[some]).astype(np.int64)
+            most[some], total[some] = np.maximum.reduceat(value, first), np.add.reduceat(value, first)
+        pooled = np.concatenate([most, total / (count[:, None] + 1.0), np.log1p(count)[:, None]], axis=1)
+        return np.asarray(pooled * self.pool_factor + self.pool_offset).reshape(len(cells), self.steps, -1)
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, see `Classifier`."""
@@ -144,13 +195,16 @@ class CurveNet(Rejecting):
             "names": list(self.names),
             "labels": list(self.labels),
             "steps": self.steps,
-            "layers": [len(self.kernels), len(self.weights)],
+            "layers": [len(self.kernels), len(self.weights), len(self.cell_weights)],
             "reject": self.reject,
             "settings": dict(self.settings),
             "figures": dict(self.figures),
         }
         arrays = description(FORMAT, about) | {"mean": self.mean, "scale": self.scale}
-        for kind, parts in (("kernel", self.kernels), ("offset", self.offsets), ("weights", self.weights), ("bias", self.biases)):
+        if self.cell_weights:
+            arrays |= {"pool_factor": self.pool_factor, "pool_offset": self.pool_offset}
+        layers = (("kernel", self.kernels), ("offset", self.offsets), ("weights", self.weights), ("bias", self.biases))
+        for kind, parts in (*layers, ("cell_weights", self.cell_weights), ("cell_bias", self.cell_biases)):
             arrays |= {f"{kind}_{k}": part.astype(np.float16) if (half(part) == part).all() else part for k, part in enumerate(parts)}
         return arrays | ({"memory": self.memory, "remembered": self.remembered} if len(self.memory) else {})
 
@@ -158,9 +212,13 @@ class CurveNet(Rejecting):
     def from_arrays(cls, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> CurveNet:
         """Make the network of a file again; parameters and errors as in `GestureModel.from_arrays`."""
         try:
-            n_convolutions, n_dense = (int(number) for number in about["layers"])
+            n_convolutions, n_dense, n_cell = (int(number) for number in (*about["layers"], 0)[:3])  # older files know no cells
             numbers = {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in arrays.items()}
-            held = {name: arrays[name] for name in ("memory", "remembered") if "memory" in arrays}
+            held: dict[str, Any] = {name: arrays[name] for name in ("memory", "remembered") if "memory" in arrays}
+            if n_cell:
+                held |= {name: numbers[name] for name in ("pool_factor", "pool_offset")}
+                for field_name, name in (("cell_weights", "cell_weights"), ("cell_biases", "cell_bias")):
+                    held[field_name] = tuple(numbers[f"{name}_{k}"] for k in range(n_cell))
             kernels, offsets = (tuple(numbers[f"{kind}_{k}"] for k in range(n_convolutions)) for kind in ("kernel", "offset"))
             weights, biases = (tuple(numbers[f"{kind}_{k}"] for k in range(n_dense)) for kind in ("weights", "bias"))
             return cls(

@@ -89,7 +89,7 @@ def _sizes(model: GestureModel | CurveNet | StreamNet) -> list[int]:
 def _kind(model: GestureModel | CurveNet | StreamNet) -> str:
     if isinstance(model, StreamNet):
         return f"set of {len(model.members)} networks on streams of slots"
-    return "perceptron" if isinstance(model, GestureModel) else "network on curves"
+    return "perceptron" if isinstance(model, GestureModel) else f"network on {model.extractor}"
 
 
 def _decision(model: GestureModel | CurveNet | StreamNet) -> list[str]:

@@ -15,8 +15,10 @@ import numpy as np
 from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, Float64Array, IndexArray
+from radar_gestures.cells import ATTRIBUTES, CellConfig
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, half
 from radar_gestures.curves import TOTALS
+from radar_gestures.signals import CurveConfig
 from radar_lab.training.cnn import CnnConfig, CnnModel, Network, export
 from radar_lab.training.validation import Judge, Mask
 
@@ -30,7 +32,10 @@ class CurveTraining:
 
     channels: tuple[int, ...] = knob((80, 96), low=1, high=1024, doc="patterns of each convolution")
     hidden: int = knob(64, low=1, high=4096, doc="neurons of the dense layer")
-    dropout: float = knob(0.25, low=0.0, high=0.95, doc="in training, of the outputs of every layer")
+    cell_width: int = knob(64, low=1, high=4096, doc="neurons of each of the two layers that look at a cell, where there are cells")
+    cell_steps: int = knob(14, low=2, high=64, doc="of equal time, to the nearest of which each cell is sorted, where there are cells")
+    lost_cells: float = knob(0.4, low=0.0, high=0.95, doc="largest share of its cells that a sample lacks in a pass, where there are cells")
+    dropout: float = knob(0.25, low=0.0, high=0.95, doc="in training, of the outputs of every layer but those of the cells")
     passes: int = knob(60, low=1, high=10_000, doc="over the samples, each through another changed copy")
     batch: int = knob(256, low=2, high=65_536, doc="samples a step; fewer where there are less than sixteen times as many")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
@@ -160,11 +165,11 @@ def train_net(
     *,
     names: Sequence[str],
     labels: Sequence[str],
-    steps: int,
+    inputs: CurveConfig | CellConfig,
     config: CurveTraining | None = None,
-    curves: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> CurveNet:
-    """Train a network; the same samples and seed give the same numbers on one machine.
+    """Train a network on curves or cells; the same samples and seed give the same numbers on one machine.
 
     Its kernels and weights are rounded to half precision at the end (`curve_net.half`): the file takes half the bytes.
 
@@ -176,8 +181,8 @@ def train_net(
         Index into ``labels``.
     names, labels : sequence of str
         What inputs and outputs are called.
-    steps, curves : int, mapping or None
-        Of the curves; their settings, for the file.
+    inputs, settings : CurveConfig or CellConfig, mapping or None
+        What samples are; how they were made, for the file.
     config : CurveTraining or None
         None: the defaults.
 
@@ -191,11 +196,13 @@ def train_net(
         raise DataError(
             f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {len(names)} names), with at least two samples"
         )
-    torch = need_torch("the network on curves")
-    mean, scale = changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3)
+    torch = need_torch("the network on curves or cells")
+    cells = isinstance(inputs, CellConfig)
+    steps = config.cell_steps if isinstance(inputs, CellConfig) else inputs.steps
+    mean, scale = _spread_of_cells(changed[0]) if cells else (changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        net = _Network(torch, config, len(names), steps, len(labels))
+        net = _Network(torch, config, len(names), steps, len(labels), cells)
         _fit_curves(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], np.asarray(label, np.int64), config)
     kernels, offsets = zip(*(_folded(*pair) for pair in net.convolutions), strict=True)
     return CurveNet(
@@ -208,36 +215,90 @@ def train_net(
         names=tuple(names),
         labels=tuple(labels),
         steps=steps,
-        settings=dict(curves) if curves is not None else {},
+        settings=dict(settings) if settings is not None else {},
+        **net.of_cells(),
     )
+
+
+def _spread_of_cells(samples: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Mean and scale of samples, shape (n, n_features): the same for every cell; ``there`` and ``when`` stay as they are."""
+    mean, scale = np.zeros(samples.shape[1], np.float32), np.ones(samples.shape[1], np.float32)
+    parts = samples[:, : -len(TOTALS)].reshape(len(samples), -1, len(ATTRIBUTES))
+    own = parts[parts[..., 0] > 0][:, 2:]
+    if len(own):
+        mean[: -len(TOTALS)].reshape(-1, len(ATTRIBUTES))[:, 2:] = own.mean(axis=0)
+        scale[: -len(TOTALS)].reshape(-1, len(ATTRIBUTES))[:, 2:] = own.std(axis=0) + np.float32(1e-3)
+    mean[-len(TOTALS) :], scale[-len(TOTALS) :] = samples[:, -len(TOTALS) :].mean(axis=0), samples[:, -len(TOTALS) :].std(axis=0) + 1e-3
+    return mean, scale
 
 
 class _Network:
     """The layers of `CurveNet` with dropout and batch normalisation, which training needs and the finished network does not."""
 
-    def __init__(self, torch: Any, config: CurveTraining, n_features: int, steps: int, n_labels: int) -> None:
+    def __init__(self, torch: Any, config: CurveTraining, n_features: int, steps: int, n_labels: int, cells: bool) -> None:
         nn = torch.nn
         self._torch, self._steps = torch, steps
         self._split = n_features - len(TOTALS)
         self._drop = nn.Dropout(config.dropout)
+        self.cells = [nn.Linear(len(ATTRIBUTES) - 1, config.cell_width), nn.Linear(config.cell_width, config.cell_width)] if cells else []
+        self._pool = nn.BatchNorm1d(2 * config.cell_width + 1) if cells else nn.Identity()
         self.convolutions = []
-        width, length = self._split // steps, steps
+        width, length = 2 * config.cell_width + 1 if cells else self._split // steps, steps
         for number, n in enumerate(config.channels):
             stride = 1 if number == 0 else 2
             self.convolutions.append((nn.Conv1d(width, n, 3, padding=1, stride=stride), nn.BatchNorm1d(n)))
             width, length = n, -(-length // stride)
         self.n_labels = n_labels
         self.dense = [nn.Linear(width * length + len(TOTALS), config.hidden), nn.Linear(config.hidden, n_labels)]
-        self.modules = nn.ModuleList([self._drop, *(part for pair in self.convolutions for part in pair), *self.dense])
+        self.modules = nn.ModuleList(
+            [self._drop, *self.cells, self._pool, *(part for pair in self.convolutions for part in pair), *self.dense]
+        )
 
     def __call__(self, x: Any) -> Any:
         """Scores of each label, before the softmax."""
         torch = self._torch
-        wave = x[:, : self._split].reshape(len(x), self._steps, -1).transpose(1, 2)
+        wave = self._pooled(x) if self.cells else x[:, : self._split].reshape(len(x), self._steps, -1).transpose(1, 2)
         for convolution, norm in self.convolutions:
             wave = self._drop(torch.relu(norm(convolution(wave))))
         value = torch.cat([wave.transpose(1, 2).flatten(1), x[:, self._split :]], dim=1)
         return self.dense[1](self._drop(torch.relu(self.dense[0](value))))
+
+    def _pooled(self, x: Any) -> Any:
+        """Look at every cell, and pool those of each step, shape (n, 2 cell_width + 1, n_steps)."""
+        torch, n = self._torch, len(x)
+        cells = x[:, : self._split].reshape(n, -1, len(ATTRIBUTES))
+        event, number = torch.nonzero(cells[..., 0] > 0.5, as_tuple=True)
+        own = cells[event, number]
+        when = own[:, 1].clip(0.0, 1.0) * (self._steps - 1)
+        step = when.round()
+        value = torch.cat([own[:, 2:], (when - step)[:, None]], dim=1)
+        for layer in self.cells:
+            value = torch.relu(layer(value))
+        key, rows = event * self._steps + step.long(), n * self._steps
+        nothing = torch.zeros(rows, value.shape[1])
+        most = nothing.scatter_reduce(0, key[:, None].expand_as(value), value, "amax")
+        count = torch.bincount(key, minlength=rows)[:, None].float()
+        pooled = torch.cat([most, nothing.index_add(0, key, value) / (count + 1.0), torch.log1p(count)], dim=1)
+        return self._pool(pooled.reshape(n, self._steps, -1).transpose(1, 2))
+
+    def lose_cells(self, x: Any, most: float) -> Any:
+        """Leave out a share of the cells of each sample that is drawn for it, up to ``most``; signals stay as they are."""
+        if self.cells:
+            there = x[:, : self._split : len(ATTRIBUTES)]
+            there *= self._torch.rand_like(there) >= most * self._torch.rand(len(x), 1)
+        return x
+
+    def of_cells(self) -> dict[str, Any]:
+        """Give what `CurveNet` holds of the cells; nothing where the network takes signals."""
+        if not self.cells:
+            return {}
+        factor = as_array(self._pool.weight) / np.sqrt(as_array(self._pool.running_var) + np.float32(self._pool.eps))
+        return {
+            "cell_weights": tuple(half(as_array(layer.weight.T)) for layer in self.cells),
+            "cell_biases": tuple(as_array(layer.bias) for layer in self.cells),
+            "pool_factor": factor,
+            "pool_offset": as_array(self._pool.bias) - as_array(self._pool.running_mean) * factor,
+        }
 
 
 def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label: IndexArray, config: CurveTraining) -> None:
@@ -247,7 +308,7 @@ def _fit_curves(torch: Any, net: _Network, copies: Sequence[Float32Array], label
 
     def batches() -> Iterator[tuple[Any, Any]]:
         for turn in range(config.passes):
-            x = torch.from_numpy(copies[turn % len(copies)].astype(np.float32))
+            x = net.lose_cells(torch.from_numpy(copies[turn % len(copies)].astype(np.float32)), config.lost_cells)
             for rows in torch.randperm(len(label))[:full].split(batch):
                 yield (x[rows], target[rows]) if config.mixup == 0 else _mixed(torch, x[rows], target[rows], net.n_labels, config.mixup)
 

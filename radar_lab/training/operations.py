@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from radar_gestures.cells import ATTRIBUTES
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance, Rejector
+from radar_gestures.curves import TOTALS
 from radar_gestures.stream.network import StreamNet
 
 
@@ -18,7 +20,8 @@ def operations(model: Classifier) -> int:
     one also a comparison (ReLU); the softmax of k labels counts k - 1 comparisons, k subtractions, k exponentials, k - 1 additions and k
     divisions. Standardisation and temperature cost nothing: they are part of the first and the last layer.
     Networks: two for each weight each time it is used, two for each sum (bias and ReLU), two for each input's standardisation and five for
-    each label's softmax. What rejection takes is apart (`rejection_operations`).
+    each label's softmax; cells, one for each output of each in the largest and one in the sum. What rejection takes is apart
+    (`rejection_operations`).
 
     Raises
     ------
@@ -49,6 +52,10 @@ def rejection_operations(rejector: Rejector) -> int:
 
 def _of_curves(model: CurveNet) -> int:
     length, total = model.steps, 2 * len(model.names)
+    if model.cell_weights:
+        cells, width = (len(model.names) - len(TOTALS)) // len(ATTRIBUTES), len(model.cell_biases[-1])
+        total += cells * (sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in model.cell_weights) + 2 * width)
+        total += length * 2 * len(model.pool_factor)
     for number, kernel in enumerate(model.kernels):
         length = length if number == 0 else -(-length // 2)
         total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))

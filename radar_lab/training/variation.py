@@ -9,7 +9,10 @@ import numpy as np
 
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, Float64Array
-from radar_gestures.curves import PLACES, SIGNALS, CurveConfig, EventMaps, curve_names, read_curves, signals
+from radar_gestures.cells import ATTRIBUTES, CellConfig, maker_of, read_cells
+from radar_gestures.curves import read_curves, totals
+from radar_gestures.event_maps import PLACES, EventMaps, locate
+from radar_gestures.signals import SIGNALS, CurveConfig, signals
 
 _STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
 
@@ -27,6 +30,15 @@ class VariationConfig:
     amount_noise: float = knob(0.15, low=0.0, high=2.0, doc="change of the counts and strengths of every frame")
     lost: float = knob(0.15, low=0.0, high=0.9, doc="largest share of the gates that go undetected")
     mirrored: float = knob(0.0, low=0.0, high=1.0, doc="share of the copies that swap left and right; wrong where gestures differ by it")
+
+
+CELL_VARIATION: Final = VariationConfig(speed=0.05, place=0.05, amount=0.1, speed_noise=0.05, place_noise=0.025, amount_noise=0.05)
+"""For cells: of the single detections that a network on them sees, noise takes away more than of means."""
+
+
+def usual_variation(config: CurveConfig | CellConfig) -> VariationConfig:
+    """Give how much copies of curves or cells differ unless somebody says otherwise."""
+    return CELL_VARIATION if isinstance(config, CellConfig) else VariationConfig()
 
 
 def lose_gates(events: EventMaps, variation: VariationConfig, rng: np.random.Generator) -> EventMaps:
@@ -77,15 +89,43 @@ def _columns(*words: str, spreads: bool = True) -> list[int]:
     return [k for k, name in enumerate(SIGNALS) if any(w in name for w in words) and (spreads or "spread" not in name)]
 
 
+def vary_cells(
+    events: EventMaps, body: Float64Array, config: CellConfig, variation: VariationConfig, rng: np.random.Generator
+) -> Float64Array:
+    """Make one changed copy of every event's cells, shape (n_events, n_features), as `Cells` gives them; parameters as in `vary`.
+
+    ``body``, shape (n_events, 3), is where each person is, as `locate` gives it.
+    """
+    n, duration = len(events), events.duration
+    start, late = (duration * variation.ends * rng.uniform(-1.0, 1.0, n) for _ in range(2))
+    cells = read_cells(events, config, body, start, duration + late)
+    there = cells[..., ATTRIBUTES.index("there")]
+    speed, strength = ATTRIBUTES.index("speed"), ATTRIBUTES.index("strength")
+    places = [ATTRIBUTES.index(place) for place in PLACES[1:]]
+    for columns, noise in (([speed], variation.speed_noise), (places, variation.place_noise), ([strength], variation.amount_noise)):
+        cells[..., columns] += noise * rng.standard_normal((*there.shape, len(columns)), np.float32)
+    cells[..., speed] *= 1.0 + variation.speed * rng.standard_normal((n, 1))
+    cells[..., strength] += variation.amount * rng.standard_normal((n, 1))
+    cells[..., places] += variation.place * rng.standard_normal((n, 1, len(places)))
+    cells[..., ATTRIBUTES.index("side")] *= np.where(rng.random((n, 1)) < variation.mirrored, -1.0, 1.0)
+    return np.concatenate([(cells * there[..., None]).reshape(n, -1), totals(duration + late - start)], axis=1)
+
+
 def copies(
-    events: EventMaps, config: CurveConfig, variation: VariationConfig, *, n: int, seed: int, body: Float64Array | None = None
+    events: EventMaps,
+    config: CurveConfig | CellConfig,
+    variation: VariationConfig,
+    *,
+    n: int,
+    seed: int,
+    body: Float64Array | None = None,
 ) -> Float32Array:
-    """Make changed copies of the curves of events; copy k is a function of the arguments and k, however many there are.
+    """Make changed copies of the curves or cells of events; copy k is a function of the arguments and k, however many there are.
 
     Parameters
     ----------
-    events, config, variation : EventMaps, CurveConfig, VariationConfig
-        The originals, the knobs of the curves, and how much copies differ.
+    events, config, variation : EventMaps, CurveConfig or CellConfig, VariationConfig
+        The originals, the knobs of the curves or cells, and how much copies differ.
     n, seed : int
         Copies of each event; of all randomness.
     body : ndarray of float64, shape (n_events, 3), or None
@@ -94,11 +134,15 @@ def copies(
     Returns
     -------
     ndarray of float32, shape (n, n_events, n_features)
-        In the order of `curve_names`.
+        In the order of `curve_names` or `cell_names`.
     """
-    made = np.empty((n, len(events), len(curve_names(config))), np.float32)
+    made = np.empty((n, len(events), len(maker_of(config).names)), np.float32)
     for k in range(n):
         rng = np.random.default_rng([seed, k, _STREAM])
-        values = signals(lose_gates(events, variation, rng), config, body)
-        made[k] = vary(events, values, config, variation, rng)
+        lost = lose_gates(events, variation, rng)
+        if isinstance(config, CellConfig):
+            place = locate(lost, config.nearest, config.farthest) if body is None else np.asarray(body, np.float64)
+            made[k] = vary_cells(lost, place, config, variation, rng)
+        else:
+            made[k] = vary(events, signals(lost, config, body), config, variation, rng)
     return made

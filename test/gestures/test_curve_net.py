@@ -13,6 +13,7 @@ from radar_core import ConfigError, DataError
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.curves import TOTALS
+from radar_gestures.signals import CurveConfig
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.operations import operations
 
@@ -168,7 +169,7 @@ def test_training_learns_the_order_of_time_and_repeats(mixup: float) -> None:
 
     def train(seed: int) -> CurveNet:
         chosen = dataclasses.replace(settings, seed=seed)
-        return train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, config=chosen)
+        return train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CurveConfig(steps=STEPS), config=chosen)
 
     net = train(1)
     fresh, truth = waves(200, rng)
@@ -215,7 +216,7 @@ def test_numpy_gives_what_pytorch_gives() -> None:
         patch.setattr(networks, "_Network", Kept)
         x, label = waves(200, np.random.default_rng(4))
         settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
-        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), steps=STEPS, config=settings)
+        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CurveConfig(steps=STEPS), config=settings)
     standard = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
     with torch.no_grad():
         expected = torch.softmax(kept[0](torch.from_numpy(standard)), dim=1).numpy()
@@ -226,4 +227,6 @@ def test_numpy_gives_what_pytorch_gives() -> None:
 def test_training_refuses_what_does_not_fit() -> None:
     """As many labels as samples."""
     with pytest.raises(DataError, match="samples have shape"):
-        train_net(np.zeros((1, 3, len(NAMES)), np.float32), np.zeros(4, np.int64), names=NAMES, labels=("a",), steps=STEPS)
+        train_net(
+            np.zeros((1, 3, len(NAMES)), np.float32), np.zeros(4, np.int64), names=NAMES, labels=("a",), inputs=CurveConfig(steps=STEPS)
+        )

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radar_core import DataError
-from radar_gestures.curves import CURVE_NAMES, SIGNALS, CurveConfig, Curves, EventMaps, curve_names, join, locate, read_curves, signals
+from radar_gestures.curves import CURVE_NAMES, Curves, curve_names, read_curves
+from radar_gestures.event_maps import EventMaps, join, locate
 from radar_gestures.maps import FeatureMaps, GateAxis
+from radar_gestures.signals import SIGNALS, CurveConfig, signals
 from radar_lab.training.variation import VariationConfig, copies, lose_gates, vary
 
 GATE = 0.25  # m/s: a power of two, so that gate speeds are exact

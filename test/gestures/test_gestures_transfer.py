@@ -17,8 +17,9 @@ from benchmarks import gestures_daily as daily
 from benchmarks import gestures_transfer as transfer
 from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
-from radar_gestures.curves import CurveConfig, curve_names
+from radar_gestures.curves import curve_names
 from radar_gestures.maps import FeatureMaps
+from radar_gestures.signals import CurveConfig
 
 PLAN = drills.Drills(seed=5, far_share=0.0, left_arm=0.0)
 N = 2 * len(drills.LABELS)

@@ -24,8 +24,9 @@ from radar_core.geometry import cartesian_to_spherical
 from radar_core.paths import find_config
 from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, load_model, save_model
 from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
-from radar_gestures.curves import CURVE_NAMES, TOTALS, CurveConfig, Curves
+from radar_gestures.curves import CURVE_NAMES, TOTALS, Curves
 from radar_gestures.make import make_recognizer
+from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import EventStage, feature_settings
 from radar_gestures.stream.network import Member, StreamNet
 from radar_gestures.stream.slots import NAMES

@@ -31,8 +31,9 @@ from radar_dsp.refine import Refiner
 from radar_dsp.unfold import Unfolder
 from radar_gestures import FEATURE_NAMES, EventConfig, EventDetector, GestureConfig, GestureRecognizer
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.curves import CurveConfig, EventMaps
+from radar_gestures.event_maps import EventMaps
 from radar_gestures.one_channel import ChannelGestures
+from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import EventStage
 from radar_gestures.stream.network import Member, Memory, StreamNet
 from radar_gestures.stream.slots import NAMES, SlotStreams

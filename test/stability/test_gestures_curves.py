@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_gestures.curves import CurveConfig, Curves, EventMaps, join
+from radar_gestures.curves import Curves
+from radar_gestures.event_maps import EventMaps, join
 from radar_gestures.maps import FeatureMaps, GateAxis
+from radar_gestures.signals import CurveConfig
 from radar_lab.training.variation import VariationConfig, copies
 
 SPEED = GateAxis(0.25, 2.0).speed
