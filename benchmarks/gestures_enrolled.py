@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gesture_studies import CELLS, COPIES, GATES, RealSet, Study, read, study
-from benchmarks.gestures_real import from_the_end, nobody_in
+from benchmarks.gestures_people import from_the_end, nobody_in
 from benchmarks.recordings import folder
 from benchmarks.report import AbsentError, choices, measure
 from benchmarks.stores import digest, once, sources

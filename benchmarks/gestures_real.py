@@ -1,17 +1,14 @@
-"""Gestures of real people: mHomeGes and mTransSee, people held out, through the product's feature maps, curves and cells."""
+"""Gestures of real people: from one data set to another, from simulation, with fewer people, in daily life; choices and their time."""
 
 from __future__ import annotations
 
-import functools
-import importlib.util
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
 from benchmarks.gesture_model import model_file
@@ -23,91 +20,21 @@ from benchmarks.gesture_studies import (
     FEW,
     PerceptronTraining,
     Study,
-    files,
     read,
     study,
     thirteen,
     usual_inputs,
 )
+from benchmarks.gestures_people import default_training
 from benchmarks.report import against_first, matrix, measure
 from benchmarks.stores import digest, once, sources
-from radar_core import DataError
 from radar_gestures.cells import CellConfig, maker_of
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FEATURE_NAMES
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.operations import operations
-from radar_lab.training.validation import Mask, Validation, leave_subjects_out
-
-REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states
-FEWEST: Final = 6  # detections of a person in a whole segment; medians are above 60 everywhere
-
-
-def from_the_end(label: NDArray[np.str_], person: NDArray[np.int64], distance: NDArray[np.float64], back: int = 0) -> Mask:
-    """Mark the last segment of every recording (person, gesture, distance), or ``back`` ones before; DataError without segments."""
-    if not len(label) or not len(label) == len(person) == len(distance):
-        raise DataError(f"{len(label)} labels, {len(person)} people and {len(distance)} distances; each segment needs one of each")
-    change = (label[1:] != label[:-1]) | (person[1:] != person[:-1]) | (distance[1:] != distance[:-1])
-    end = np.flatnonzero(np.append(change, True))
-    start = np.concatenate([[0], end[:-1] + 1])
-    marked = np.zeros(len(label), np.bool_)
-    marked[(end - back)[end - back >= start]] = True
-    return marked
-
-
-def nobody_in(kind: str) -> Mask:
-    """Mark the segments of a data set in which `nobody_there` sees nobody, in the order of `read`."""
-    return np.concatenate([nobody_there(path) for path in files(kind)])
-
-
-def nobody_there(path: Path) -> Mask:
-    """Mark the segments with hardly a detection within `REACH` of the distance at which the person is said to stand."""
-    with np.load(path, allow_pickle=False) as file:
-        xyz, offset, distance = file["xyz_mm"].astype(np.float32) * 1e-3, file["offset"].astype(np.int64), file["distance_m"]
-    near = np.abs(np.linalg.norm(xyz, axis=1) - np.repeat(distance, np.diff(offset))) < REACH
-    return np.asarray(np.diff(np.concatenate([[0], np.cumsum(near)])[offset]) < FEWEST)
-
-
-def accuracy_without(validation: Validation, folds: Sequence[Mask], left_out: Mask) -> float:
-    """Give the share of tested samples with the right label, those that a mask over all samples marks left out."""
-    right = validation.probabilities.argmax(axis=-1) == validation.label
-    return float(right[~left_out[np.any(folds, axis=0)]].mean())
-
-
-def alone(vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], chosen: Mask) -> float:
-    """Train on some segments' curves only, test on the same of other people: the accuracy, which is chance where they hold nothing."""
-    from sklearn.ensemble import ExtraTreesClassifier
-
-    x, y = vectors[chosen], number[chosen]
-    right = np.zeros(len(y), np.bool_)
-    for test in leave_subjects_out(person[chosen], 2):
-        trees = ExtraTreesClassifier(200, min_samples_leaf=2, max_features=0.1, random_state=1).fit(x[~test], y[~test])
-        right[test] = trees.predict(x[test]) == y[test]
-    return float(right.mean())
-
-
-def closing_figures(
-    vectors: NDArray[np.float32], number: NDArray[np.int64], person: NDArray[np.int64], closing: Mask, nobody: Mask, others: Mask
-) -> dict[str, Any]:
-    """Measure what segments without a gesture hold, beside others from near the end of the same recordings.
-
-    ``vectors``, ``number``, ``person``: as in `alone`; ``closing``, ``nobody``, ``others``, shape (n,): the last segments, those with
-    nobody there, and ordinary ones.
-    Returns ``closing_share``, ``nobody_share``: of all segments, where nobody is there of those that are not the last; ``without_alone``,
-    ``others_alone``: see `alone`; ``chance``: one label in so many; ``ceiling``: accuracy on everything of a recogniser that names every
-    other segment rightly and these as `alone` does.
-    """
-    without = closing | nobody
-    share, accuracy = float(without.mean()), alone(vectors, number, person, without)
-    return {
-        "closing_share": float(closing.mean()),
-        "nobody_share": float((nobody & ~closing).mean()),
-        "without_alone": accuracy,
-        "others_alone": alone(vectors, number, person, others & ~nobody),
-        "chance": 1.0 / len(np.unique(number)),
-        "ceiling": 1.0 - share * (1.0 - accuracy),
-    }
+from radar_lab.training.validation import Validation
 
 
 def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> list[dict[str, float]]:
@@ -141,22 +68,14 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
     return measure(lambda: model.probabilities(extractor.process_many(next(events))[0]), repeat=repeat)
 
 
-def default_training(quick: bool) -> PerceptronTraining | CurveTraining:
-    """Give the network where PyTorch is installed, else the perceptron."""
-    if importlib.util.find_spec("torch") is None:
-        return PerceptronTraining(passes=4 if quick else 32)
-    return CurveTraining(passes=4 if quick else 60)
-
-
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Measure everything.
 
     ``quick``: few samples and two folds, to see that it runs; ``keep``: folder for what is simulated to train on and for what is finished:
     the same command goes on where it stopped; None: nothing is kept.
-    Returns accuracies by data set and split over all segments and, unless quick, with ``_gestures`` behind the name without those that hold
-    none, and ``_without`` on these (`closing_figures`); ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the
-    second set in training), size and operations of the model, ``confusion``, ``learning_curve`` and ``choices``; with the figures of
-    `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
+    Returns ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the second set in training), size and operations of the model,
+    ``confusion``, ``learning_curve`` and ``choices``; with the figures of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
+    People held out are in `gestures_people`.
     """
     limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
@@ -170,15 +89,10 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         return once(keep / "parts" / f"{name}_{told}.joblib", work)
 
     ours, other = read("mhomeges", limit), read("mtranssee", limit)
-    sets = {"mhomeges": study(ours, config, n_copies=n_copies), "mtranssee": study(other, config, n_copies=n_copies)}
-    first = sets["mhomeges"]
-    result: dict[str, Any] = {"real_classifier": type(config).__name__, "real_samples": len(ours.label), "confusion": {}}
-    for name, made in sets.items():
-        found = part(name, functools.partial(one_set, name, made, folds, quick))
-        result["confusion"] |= found.pop("confusion")
-        result |= found
+    first = study(ours, config, n_copies=n_copies)
+    result: dict[str, Any] = {"real_classifier": type(config).__name__, "confusion": {}}
     shared = study(ours.only(other.labels), config, n_copies=n_copies)
-    moved = part("transfer", lambda: transfer(shared, sets["mtranssee"]))
+    moved = part("transfer", lambda: transfer(shared, study(other, config, n_copies=0)))
     result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
     model = part("model", first.fit)
     result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": operations(model)}
@@ -190,23 +104,6 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(150 if quick else 0))))
     result |= simulated | daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
-
-
-def one_set(name: str, made: Study, folds: int, quick: bool) -> dict[str, Any]:
-    """Accuracies of one data set by split, over all segments and without those that hold no gesture; ``confusion`` by split."""
-    data = made.data
-    result: dict[str, Any] = {"confusion": {}}
-    if not quick:
-        closing, others = (from_the_end(data.label, data.person, data.distance, back) for back in (0, 3))
-        nobody = nobody_in(name)
-        result[f"{name}_without"] = closing_figures(made.plain, data.number, data.person, closing, nobody, others)
-    for split, short in (("subjects", "held_out"), ("random", "random")):
-        parts = made.folds(split, folds)
-        found = made.validate(parts, split)
-        result[f"{name}_{short}"] = found.accuracy
-        result |= {} if quick else {f"{name}_{short}_gestures": accuracy_without(found, parts, closing | nobody)}
-        result["confusion"][f"{name}_{short}"] = matrix(found)
-    return result
 
 
 def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[dict[str, Any]]:

@@ -66,6 +66,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_tables": Study("gesture_tables", keep="gesture_tables"),
     "gesture_worlds": Study("gesture_worlds"),
     "gestures_enrolled": Study("gestures_enrolled", LONG, keep="gestures_enrolled"),
+    "gestures_people": Study("gestures_people", keep="gestures_people"),
     "gestures_real": Study("gestures --real", keep="gestures_real"),
     "gestures_shipped": Study("gestures_shipped"),
     "gestures_speed": Study("gestures_speed"),

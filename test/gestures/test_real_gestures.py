@@ -10,7 +10,7 @@ import pytest
 from benchmarks import gesture_studies as real
 from benchmarks import gestures_shipped
 from benchmarks.gesture_model import model_file
-from benchmarks.gestures_real import FEWEST, REACH, accuracy_without, alone, closing_figures, from_the_end, nobody_there
+from benchmarks.gestures_people import FEWEST, REACH, accuracy_without, alone, closing_figures, from_the_end, nobody_there
 from benchmarks.recordings import folder
 from radar_core import DataError
 from radar_gestures.curves import CURVE_NAMES, Curves
