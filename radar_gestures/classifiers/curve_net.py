@@ -171,9 +171,8 @@ class CurveNet(Rejecting):
         count = np.bincount(key, minlength=len(cells) * self.steps).astype(np.float32)
         some = np.flatnonzero(count)
         most, total = (np.zeros((len(count), value.shape[1]), np.float32) for _ in range(2))
-        if len(some):
-            first = (np.cumsum(count[some]) - count[some]).astype(np.int64)
-            most[some], total[some] = np.maximum.reduceat(value, first), np.add.reduceat(value, first)
+        first = (np.cumsum(count[some]) - count[some]).astype(np.int64)
+        most[some], total[some] = np.maximum.reduceat(value, first), np.add.reduceat(value, first)
         pooled = np.concatenate([most, total / (count[:, None] + 1.0), np.log1p(count)[:, None]], axis=1)
         return np.asarray(pooled * self.pool_factor + self.pool_offset).reshape(len(cells), self.steps, -1)
 

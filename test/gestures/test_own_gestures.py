@@ -12,6 +12,7 @@ from test_curve_net import small_net
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, Pose, RadarInfo
 from radar_core.geometry import cartesian_to_spherical
 from radar_gestures import GestureConfig, GestureRecognizer, load_model, save_model
+from radar_gestures.cells import CellConfig
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.enrolled import Enrolled
 from radar_gestures.classifiers.model import model_of
@@ -19,6 +20,7 @@ from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.presets import usual_config
+from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import config_for, feature_settings
 from radar_lab.datasets.own import TakeConfig, TakeRecorder
 from radar_lab.training.curve_training import remember
@@ -243,7 +245,8 @@ def test_a_model_brings_its_own_features() -> None:
 
 
 @pytest.mark.long
-def test_a_network_on_curves_learns_from_detected_events(tmp_path: Path) -> None:
+@pytest.mark.parametrize("inputs", [CurveConfig(), CellConfig()], ids=["curves", "cells"])
+def test_a_network_learns_from_detected_events(tmp_path: Path, inputs: CurveConfig | CellConfig) -> None:
     """Two people's pushes and zigs, as the recorder kept them; the model brings its events along, and learns one more later."""
     pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
     from radar_lab.training.curve_training import train_curves
@@ -253,11 +256,12 @@ def test_a_network_on_curves_learns_from_detected_events(tmp_path: Path) -> None
         for name, speed in (("push", -2.0), ("zig", 2.0)):
             recorder = TakeRecorder(tmp_path / "own", name, person, INFO, GestureConfig())
             assert takes(recorder, [(3.0, 3.4, speed), (6.5, 6.9 + 0.04 * person, speed)], 10.0) == ["", ""]
-    report = train_curves([tmp_path / "own"], tmp_path / "net.npz", CurveTraining(channels=(8, 8), hidden=8, passes=40))
+    report = train_curves([tmp_path / "own"], tmp_path / "net.npz", CurveTraining(channels=(8, 8), hidden=8, passes=40), inputs=inputs)
     assert report.validation.n_folds == 2
     assert not report.missed
     model = load_model(tmp_path / "net.npz")
     assert isinstance(model, CurveNet)
+    assert model.extractor == ("cells" if isinstance(inputs, CellConfig) else "curves")
     assert (model.labels, len(model.remembered)) == (("push", "zig"), 8)
     assert config_for(model.settings, GestureConfig(walk_distance=0.9)).walk_distance == 0.9
     recogniser, tracker = (

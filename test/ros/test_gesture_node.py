@@ -218,10 +218,11 @@ def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
 
 @pytest.mark.long
 def test_curve_code_is_loaded_for_a_model_that_needs_it_only():
-    """A node with the shipped perceptron holds nothing of curves or streams."""
+    """A node with the shipped perceptron holds nothing of curves, cells or streams."""
     code = (
         "import sys, rclpy; rclpy.init(); from radar_ros.nodes.gestures import make_node; make_node();"
-        "print([name for name in sys.modules if name.startswith('radar_gestures') and ('curve' in name or 'stream' in name)])"
+        "own = [name for name in sys.modules if name.startswith('radar_gestures')];"
+        "print([name for name in own if any(word in name for word in ('curve', 'cells', 'signals', 'stream'))])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,4 +1,4 @@
-"""Curves of events that no person makes."""
+"""Curves and cells of events that no person makes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
+from radar_gestures.cells import ATTRIBUTES, CellConfig, Cells, cell_names, maker_of
+from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.curves import Curves
 from radar_gestures.event_maps import EventMaps, join
 from radar_gestures.maps import FeatureMaps, GateAxis
@@ -45,8 +47,34 @@ def maps_of(frames: int, interval: float, **layers: float) -> FeatureMaps:
 def test_absurd_detections_give_finite_vectors(layers: dict[str, float]) -> None:
     """Nothing, infinities and huge numbers in every cell; the vector and its copies stay finite."""
     maps = maps_of(5, 0.1, **layers)
-    assert np.isfinite(Curves().process(maps)).all()
-    assert np.isfinite(copies(join([maps]), CurveConfig(), VariationConfig(), n=1, seed=1)).all()
+    for config in (CurveConfig(), CellConfig()):
+        assert np.isfinite(maker_of(config).process(maps)).all()
+        assert np.isfinite(copies(join([maps]), config, VariationConfig(), n=1, seed=1)).all()
+
+
+def test_nothing_seen_is_a_vector_and_has_probabilities() -> None:
+    """No cell at all, of one event and among others, in features, in copies that lose everything, and in the network."""
+    empty, some = maps_of(5, 0.1, distance=np.nan), maps_of(5, 0.1)
+    config = CellConfig(cells=10)
+    for events in (join([empty]), join([empty, some, empty])):
+        found = Cells(config).process_many(events)
+        assert np.isfinite(found).all()
+        assert not found[0, :-2].any()
+        made = copies(events, config, VariationConfig(lost=0.9), n=3, seed=1)
+        assert np.isfinite(made).all()
+        net = network(len(found[0]), config)
+        np.testing.assert_allclose(net.probabilities(found).sum(axis=1), 1.0)
+
+
+def network(n: int, config: CellConfig) -> CurveNet:
+    """Make a network on cells with weights of one."""
+    ones = [np.ones(shape, np.float32) for shape in ((6, 2), (2, 2), (3, 5, 4), (4 * 3 + 2, 2))]
+    zero = [np.zeros(k, np.float32) for k in (2, 2, 4, 2)]
+    return CurveNet(
+        np.zeros(n, np.float32), np.ones(n, np.float32), (ones[2],), (zero[2],), (ones[3],), (zero[3],),
+        names=cell_names(config), labels=("a", "b"), steps=3, cell_weights=(ones[0], ones[1]), cell_biases=(zero[0], zero[1]),
+        pool_factor=np.ones(5, np.float32), pool_offset=np.zeros(5, np.float32),
+    )  # fmt: skip
 
 
 def test_an_event_without_frames_is_refused() -> None:
@@ -62,6 +90,11 @@ def test_any_rate(frames: int, interval: float) -> None:
     assert found[-2] == pytest.approx((frames - 1) * interval)
     steps = found[:-2].reshape(14, -1)
     np.testing.assert_allclose(steps, np.broadcast_to(steps[0], steps.shape), atol=1e-9)
+    cells = Cells().process(maps_of(frames, interval))
+    assert cells[-2] == pytest.approx((frames - 1) * interval)
+    kept = cells[:-2].reshape(-1, len(ATTRIBUTES))
+    assert kept[:, 0].sum() == min(frames * len(SPEED), len(kept))
+    assert (np.diff(kept[kept[:, 0] > 0, 1]) >= 0).all()
 
 
 def test_stamps_that_jump() -> None:
@@ -87,13 +120,17 @@ def test_times_that_are_no_numbers_are_refused() -> None:
 def test_equal_stamps_are_no_division_by_zero() -> None:
     """Two frames at the same moment: the event has no duration."""
     maps = maps_of(2, 0.0)
-    found = Curves().process(maps)
-    assert np.isfinite(found).all()
-    assert found[-2] == 0.0
+    for made in (Curves(), Cells()):
+        found = made.process(maps)
+        assert np.isfinite(found).all()
+        assert found[-2] == 0.0
+    assert found[:-2].reshape(-1, len(ATTRIBUTES))[:, 0].sum() == 2 * len(SPEED)
 
 
 def test_knobs_are_checked() -> None:
-    """Fewer than two steps are no curve."""
+    """Fewer than two steps are no curve, and somebody stands somewhere."""
+    with pytest.raises(ConfigError, match="CellConfig: nearest"):
+        CellConfig(nearest=3.0, farthest=2.0)
     with pytest.raises(ConfigError, match="steps"):
         CurveConfig(steps=1)
     with pytest.raises(ConfigError, match="lost"):
