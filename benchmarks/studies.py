@@ -67,6 +67,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_worlds": Study("gesture_worlds"),
     "gestures_enrolled": Study("gestures_enrolled", LONG, keep="gestures_enrolled"),
     "gestures_people": Study("gestures_people", keep="gestures_people"),
+    "gestures_people_random": Study("gestures_people --parts random", LONG, keep="gestures_people"),
     "gestures_real": Study("gestures --real", keep="gestures_real"),
     "gestures_shipped": Study("gestures_shipped"),
     "gestures_speed": Study("gestures_speed"),

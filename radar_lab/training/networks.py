@@ -34,7 +34,7 @@ class CurveTraining:
     hidden: int = knob(64, low=1, high=4096, doc="neurons of the dense layer")
     cell_width: int = knob(64, low=1, high=4096, doc="neurons of each of the two layers that look at a cell, where there are cells")
     cell_steps: int = knob(14, low=2, high=64, doc="of equal time, to the nearest of which each cell is sorted, where there are cells")
-    lost_cells: float = knob(0.4, low=0.0, high=0.95, doc="largest share of its cells that a sample lacks in a pass, where there are cells")
+    lost_cells: float = knob(0.8, low=0.0, high=0.95, doc="largest share of its cells that a sample lacks in a pass, where there are cells")
     dropout: float = knob(0.25, low=0.0, high=0.95, doc="in training, of the outputs of every layer but those of the cells")
     passes: int = knob(60, low=1, high=10_000, doc="over the samples, each through another changed copy")
     batch: int = knob(256, low=2, high=65_536, doc="samples a step; fewer where there are less than sixteen times as many")
