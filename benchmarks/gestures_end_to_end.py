@@ -1,0 +1,230 @@
+"""Real people's gestures end to end: streams of clouds through tracking, events and the network; nobody tells where a gesture is.
+
+Segments of mHomeGes and of mTransSee are joined to streams, one of each person and distance, in an order that `SEED` draws. Between two of
+them the person rests for a second or two: clouds of the gap hold what stood still in the segment before it, from its end backwards. The
+stream goes through the default tracker and the events of the preset for radars with so few clouds. The network learns from events that
+were found so, of other people. What begins and ends in a gap is no gesture; the network learns that as one more class.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.gesture_studies import CELLS, COPIES, FEW, GATES, SHARED, files
+from benchmarks.gestures_daily import event_config
+from benchmarks.gestures_people import SETS, by_people, default_training
+from benchmarks.report import AbsentError, rate
+from benchmarks.stores import digest, once, sources
+from radar_core import PointCloud, RadarInfo
+from radar_gestures.cells import maker_of
+from radar_gestures.event_maps import join
+from radar_gestures.maps import FeatureMaps
+from radar_gestures.stage import EventStage
+from radar_lab.importers import open_original
+from radar_lab.training.networks import CurveTraining, train_net
+from radar_lab.training.validation import Validation, leave_subjects_out
+from radar_lab.training.variation import copies, usual_variation
+from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
+
+SEED: Final = 20261127
+REST: Final = (1.0, 2.0)  # s: between two segments
+NOTHING: Final = "random"  # label of events in gaps
+_STREAM: Final = 0x57E
+_PACKAGES: Final = ("radar_core", "radar_gestures", "radar_tracking", "radar_lab/importers")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A segment of the recordings, and its clouds."""
+
+    label: str
+    person: int
+    distance: float
+    clouds: tuple[PointCloud, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An event that was found in a stream."""
+
+    maps: FeatureMaps
+    segment: int  # of the stream, with which it overlaps most; -1: with none
+    overlap: float  # s
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """One person at one distance: what was performed, and the events that were found."""
+
+    person: int
+    distance: float
+    labels: tuple[str, ...]  # of each segment, in the order of time
+    events: tuple[Found, ...]
+    hours: float
+
+
+def read_parts(kind: str, path: Path, person: int, limit: int = 0) -> tuple[RadarInfo, list[Part]]:
+    """Read one person's segments; ``limit``: so many of them."""
+    recording = open_original(kind, path, subject=person, limit=limit, idle=0.0)
+    found: list[list[PointCloud]] = []
+    for cloud in (item for item in recording.items if isinstance(item, PointCloud)):
+        if len(found) < len(recording.tally.segments):
+            found.append([])
+        found[-1].append(cloud)
+    told = recording.tally.segments
+    return recording.info, [
+        Part(SHARED.get(one.label, one.label), one.subject, one.distance, tuple(clouds)) for one, clouds in zip(told, found, strict=True)
+    ]
+
+
+def rest_of(part: Part, n: int, gate: float) -> Iterator[PointCloud]:
+    """Give ``n`` clouds of rest behind a segment: what stands still in its clouds, from the last to the first and again."""
+    for cloud in itertools.islice(itertools.cycle(reversed(part.clouds)), n):
+        yield cloud.select(np.abs(cloud.radial_speed) < gate / 2)
+
+
+def joined(parts: Sequence[Part], gate: float, interval_ns: int, seed: Sequence[int]) -> Iterator[tuple[PointCloud, int]]:
+    """Join segments in an order that the seed draws; clouds, and which of ``parts`` each belongs to, -1 for rest."""
+    rng = np.random.default_rng([_STREAM, *seed])
+    sequence = 0
+    for number in rng.permutation(len(parts)):
+        rest = rest_of(parts[number], round(rng.uniform(*REST) * 1e9 / interval_ns), gate)
+        for cloud, owner in itertools.chain(((cloud, int(number)) for cloud in parts[number].clouds), ((cloud, -1) for cloud in rest)):
+            yield replace(cloud, stamp_ns=(sequence + 1) * interval_ns, sequence=sequence), owner
+            sequence += 1
+
+
+def find(info: RadarInfo, parts: Sequence[Part], gate: float, seed: Sequence[int]) -> Stream:
+    """Run the default tracker and the events over a stream."""
+    tracker, stage = make_tracker(TrackerConfig(), info), EventStage(event_config(), info.mount)
+    interval_ns = round(info.waveform.frame_interval * 1e9)
+    owners: list[int] = []
+    events = []
+    for cloud, owner in joined(parts, gate, interval_ns, seed):
+        owners.append(owner)
+        placed = cloud.to_room(info.mount)
+        events += [
+            event
+            for event in stage.process(TrackedCloud(placed, tracker.process(placed)))
+            if event.maps is not None and len(event.maps.stamp_ns) and event.walked <= event_config().walk_distance
+        ]
+    found = []
+    for event in events:
+        first, last = (max(stamp // interval_ns - 1, 0) for stamp in (event.event.start_ns, event.event.end_ns))
+        number, overlap = most(owners[first : last + 1])
+        assert event.maps is not None
+        found.append(Found(event.maps, number, overlap * interval_ns * 1e-9))
+    one = parts[0]
+    return Stream(one.person, one.distance, tuple(part.label for part in parts), tuple(found), len(owners) * interval_ns / 3.6e12)
+
+
+def most(owners: Sequence[int]) -> tuple[int, int]:
+    """Which segment most clouds belong to, and how many; (-1, 0) where all are rest."""
+    held = [owner for owner in owners if owner >= 0]
+    if not held:
+        return -1, 0
+    number = max(set(held), key=held.count)
+    return number, held.count(number)
+
+
+def streams(kind: str, limit: int, keep: Path | None) -> list[Stream]:
+    """Find the events in the streams of all people; ``keep``: folder for each person's; ``limit``: of so many segments of two people."""
+    told, found = digest([limit, SEED, sources(_PACKAGES)]), []
+    for path in files(kind):
+        with np.load(path) as held:
+            people = sorted(set(held["subject"].tolist()))
+        for person in people[:2] if limit else people:
+            place = None if keep is None else keep / "parts" / f"streams_{kind}_{person}_{told}.joblib"
+            found += once(place, functools.partial(_of_person, kind, path, person, limit))
+    return found
+
+
+def _of_person(kind: str, path: Path, person: int, limit: int) -> list[Stream]:
+    info, parts = read_parts(kind, path, person, limit)
+    by_distance = {part.distance: [one for one in parts if one.distance == part.distance] for part in parts}
+    return [find(info, own, GATES[kind], (SEED, person, round(distance * 100))) for distance, own in sorted(by_distance.items())]
+
+
+def named(stream: Stream, names: Sequence[str]) -> tuple[list[str], int]:
+    """Name the segments of a stream by the name of the event that overlaps each most, "" where none has one; also count false gestures.
+
+    ``names``: of each event; `NOTHING` is no name. False: an event with a name that overlaps no segment.
+    """
+    best: dict[int, tuple[float, str]] = {}
+    for event, name in zip(stream.events, names, strict=True):
+        if event.segment >= 0 and name != NOTHING and event.overlap > best.get(event.segment, (0.0, ""))[0]:
+            best[event.segment] = event.overlap, name
+    false = sum(event.segment < 0 and name != NOTHING for event, name in zip(stream.events, names, strict=True))
+    return [best.get(number, (0.0, ""))[1] for number in range(len(stream.labels))], false
+
+
+def judged(made: Sequence[Stream], config: CurveTraining, n_copies: int, folds: int) -> dict[str, Any]:
+    """Name everybody's events by a network of other people's, and count."""
+    events = [event for stream in made for event in stream.events]
+    labels = [stream.labels[event.segment] if event.segment >= 0 else NOTHING for stream in made for event in stream.events]
+    person = np.array([stream.person for stream in made for _ in stream.events])
+    names = tuple(sorted(set(labels)))
+    number, maps = np.array([names.index(label) for label in labels]), join([event.maps for event in events])
+    maker = maker_of(CELLS)
+    plain = maker.process_many(maps).astype(np.float32)
+    changed = copies(maps, CELLS, usual_variation(CELLS), n=n_copies, seed=config.seed)
+    said = np.full(len(events), -1)
+    parts = leave_subjects_out(person, 2)[:folds]
+    for test in parts:
+        net = train_net(changed[:, ~test], number[~test], names=maker.names, labels=names, inputs=CELLS, config=config)
+        said[test] = net.probabilities(plain[test]).argmax(axis=1)
+    tested = set(person[np.any(parts, axis=0)].tolist())
+    return _counted([stream for stream in made if stream.person in tested], iter([names[k] for k in said[np.isin(person, list(tested))]]))
+
+
+def _counted(made: Sequence[Stream], names: Iterator[str]) -> dict[str, Any]:
+    """Shares over all segments, and false gestures an hour; ``names`` of the streams' events, in order."""
+    right: list[bool] = []
+    person: list[int] = []
+    false, met = 0, 0
+    for stream in made:
+        given, more = named(stream, list(itertools.islice(names, len(stream.events))))
+        false += more
+        met += len({event.segment for event in stream.events} - {-1})
+        right += [name == label for name, label in zip(given, stream.labels, strict=True)]
+        person += [stream.person] * len(given)
+    own = np.array(right)
+    validation = Validation(
+        "subjects", ("no", "yes"), np.stack([~own, own], axis=1).astype(np.float64), np.ones(len(own), int), np.array(person), 1
+    )
+    hours = sum(stream.hours for stream in made)
+    return {
+        "segments": len(own),
+        "": float(own.mean()),
+        **by_people(validation),
+        "with_event": met / len(own),
+        **rate("false_per_hour", false, hours),
+        "hours": hours,
+    }
+
+
+def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Measure both data sets; ``quick``: few segments of two people; ``keep``: folder for the streams of each person.
+
+    Returns ``KIND_end_to_end``: share of all segments (those that hold no gesture included) that an event is found in and named rightly,
+    of people that the network never saw; with ``_interval`` (bootstrap over people), ``_people``, ``_with_event``: share in which an event
+    is found; ``_false_per_hour``: events in gaps that are named.
+    """
+    config = default_training(quick)
+    if not isinstance(config, CurveTraining):
+        raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
+    result: dict[str, Any] = {}
+    for kind in SETS:
+        found = judged(streams(kind, FEW if quick else 0, keep), config, 1 if quick else COPIES, 1 if quick else 10)
+        result |= {f"{kind}_end_to_end" + (f"_{name}" if name else ""): value for name, value in found.items()}
+    return result | {"seed": SEED, "choices": []}
+
+
+run = figures
