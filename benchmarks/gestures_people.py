@@ -134,11 +134,11 @@ def by_people(validation: Validation, seed: int = 1) -> dict[str, Any]:
 
 
 def one_set(name: str, made: Study, split: str, folds: int, quick: bool, part: Fold) -> dict[str, Any]:
-    """Accuracies of one data set, over all segments and without those that hold no gesture; ``confusion``."""
+    """Accuracies of one data set, over all segments and without those that hold no gesture; ``confusion_people``."""
     data, key = made.data, f"{name}_{split}"
     parts = made.folds(SPLITS[split], folds)
     found = validate(made, parts, SPLITS[split], part)
-    result: dict[str, Any] = {f"{name}_samples": len(data.label), key: found.accuracy, "confusion": {key: matrix(found)}}
+    result: dict[str, Any] = {f"{name}_samples": len(data.label), key: found.accuracy, "confusion_people": {key: matrix(found)}}
     result |= {f"{key}_{what}": value for what, value in by_people(found).items()}
     if quick:
         return result
@@ -159,14 +159,14 @@ def figures(quick: bool = False, keep: Path | None = None, parts: str = "held_ou
     """
     limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
-    result: dict[str, Any] = {"classifier": type(config).__name__, "confusion": {}}
+    result: dict[str, Any] = {"classifier": type(config).__name__, "confusion_people": {}, "choices": []}
     for name, split in ((name, split) for name in sets for split in parts.split(",")):
         if split not in SPLITS:
             raise ConfigError(f"--parts {parts}: choose among {', '.join(SPLITS)}")
         made = study(read(name, limit), config, n_copies=n_copies)
         part = functools.partial(_part, keep, f"{name} {made.inputs} {config} {limit} {n_copies}", name)
         found = one_set(name, made, split, folds, quick, part)
-        result["confusion"] |= found.pop("confusion")
+        result["confusion_people"] |= found.pop("confusion_people")
         result |= found
     return result
 

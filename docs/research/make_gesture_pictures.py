@@ -2,7 +2,10 @@
 
     python -m benchmarks gestures --json --keep FOLDER > gestures.json
     python -m benchmarks gestures --real --json --keep FOLDER > real.json
-    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json
+    python -m benchmarks gestures_people --json --keep FOLDER > people.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real joined.json
+
+where joined.json holds the last two in one, as `make_all` puts them together.
 
 Either may be left out, and with it its pictures. The same versions of the libraries give the same files.
 """
@@ -120,7 +123,7 @@ def main() -> None:
             "mtranssee_held_out": "mTransSee, two people held out",
             "synthetic_to_real": "simulated to real, mHomeGes",
         }
-        save("gestures_real_confusion", lambda: matrices(real["confusion"], titles))
+        save("gestures_real_confusion", lambda: matrices(real["confusion"] | real["confusion_people"], titles))
         save("gestures_learning", lambda: learning(real["learning_curve"]))
 
 
