@@ -8,7 +8,7 @@ import pytest
 from originals import write_segments
 
 from benchmarks import gesture_studies as real
-from benchmarks.gestures_real import nobody_in
+from benchmarks.gestures_people import nobody_in
 
 
 def test_a_data_set_of_several_files_is_read_in_the_order_of_its_people(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
