@@ -150,7 +150,7 @@ class CurveNet(Rejecting):
         standard = np.clip((x.reshape(-1, x.shape[-1]) - self.mean) / self.scale, -CLIP, CLIP).astype(np.float32)
         split = len(self.names) - len(TOTALS)
         if self.cell_weights:
-            wave = self._pooled(standard[:, :split].reshape(len(standard), -1, len(ATTRIBUTES)))
+            wave = self._pooled(standard[:, :split].reshape(len(standard), split // len(ATTRIBUTES), len(ATTRIBUTES)))
         else:
             wave = standard[:, :split].reshape(len(standard), self.steps, split // self.steps)
         for number, (kernel, offset) in enumerate(zip(self.kernels, self.offsets, strict=True)):
@@ -174,7 +174,7 @@ class CurveNet(Rejecting):
         first = (np.cumsum(count[some]) - count[some]).astype(np.int64)
         most[some], total[some] = np.maximum.reduceat(value, first), np.add.reduceat(value, first)
         pooled = np.concatenate([most, total / (count[:, None] + 1.0), np.log1p(count)[:, None]], axis=1)
-        return np.asarray(pooled * self.pool_factor + self.pool_offset).reshape(len(cells), self.steps, -1)
+        return np.asarray(pooled * self.pool_factor + self.pool_offset).reshape(len(cells), self.steps, len(self.pool_factor))
 
     def probabilities(self, features: NDArray[np.floating]) -> Float64Array:
         """Probability of every label, see `Classifier`."""
