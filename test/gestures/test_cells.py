@@ -164,6 +164,7 @@ def test_the_order_of_cells_and_empty_places_do_not_matter() -> None:
     np.testing.assert_allclose(net.probabilities(mixed), net.probabilities(x), atol=1e-5)
     nothing = np.zeros((1, len(NAMES)), np.float32)
     assert net.probabilities(nothing).sum() == pytest.approx(1.0)
+    assert net.probabilities(nothing[:0]).shape == (0, 4)
 
 
 def test_a_file_keeps_the_cells_and_older_files_know_none(tmp_path: Path) -> None:
