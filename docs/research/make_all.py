@@ -36,7 +36,11 @@ BARE = (
 RECORDINGS = ("make_pictures.py", "make_recording_pictures.py")
 RESULTS = {
     "make_tracking_pictures.py": {"--figures": ("tracking",)},
-    "make_gesture_pictures.py": {"--figures": ("gesture_tables", "gesture_networks"), "--real": ("gestures_real", "gestures_people")},
+    "make_gesture_pictures.py": {
+        "--figures": ("gesture_tables", "gesture_networks"),
+        "--real": ("gestures_real",),
+        "--people": ("gestures_people",),
+    },
     "make_hand_pictures.py": {"--figures": ("hand_velocity",)},
     "make_load_pictures.py": {"--figures": ("load_steps",)},
     "make_hand_track_pictures.py": {"--figures": ("hand",)},

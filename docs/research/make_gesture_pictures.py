@@ -3,11 +3,9 @@
     python -m benchmarks gestures --json --keep FOLDER > gestures.json
     python -m benchmarks gestures --real --json --keep FOLDER > real.json
     python -m benchmarks gestures_people --json --keep FOLDER > people.json
-    python docs/research/make_gesture_pictures.py --figures gestures.json --real joined.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --people people.json
 
-where joined.json holds the last two in one, as `make_all` puts them together.
-
-Either may be left out, and with it its pictures. The same versions of the libraries give the same files.
+Any may be left out, and with it its pictures; real people need both. The same versions of the libraries give the same files.
 """
 
 from __future__ import annotations
@@ -105,6 +103,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--figures", type=Path, metavar="JSON", help="what the benchmark of simulated people printed")
     parser.add_argument("--real", type=Path, metavar="JSON", help="what the benchmark of real people printed")
+    parser.add_argument("--people", type=Path, metavar="JSON", help="what the benchmark of real people held out printed")
     options = parser.parse_args()
     if options.figures:
         found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
@@ -116,14 +115,14 @@ def main() -> None:
         }
         save("gestures_confusion", lambda: matrices(found["confusion"] | found["confusion_networks"], titles))
         save("gestures_rates", lambda: rates(found["table_4_1"]))
-    if options.real:
-        real = json.loads(options.real.read_text(encoding="utf-8").splitlines()[-1])
+    if options.real and options.people:
+        real, people = (json.loads(path.read_text(encoding="utf-8").splitlines()[-1]) for path in (options.real, options.people))
         titles = {
             "mhomeges_held_out": "mHomeGes, two people held out",
             "mtranssee_held_out": "mTransSee, two people held out",
             "synthetic_to_real": "simulated to real, mHomeGes",
         }
-        save("gestures_real_confusion", lambda: matrices(real["confusion"] | real["confusion_people"], titles))
+        save("gestures_real_confusion", lambda: matrices(real["confusion"] | people["confusion_people"], titles))
         save("gestures_learning", lambda: learning(real["learning_curve"]))
 
 
