@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from test_curve_net import kept_networks
 
 from radar_core import ConfigError
 from radar_core.arrays import description, read_description
@@ -232,22 +233,9 @@ def bumps(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArra
 def test_numpy_gives_what_pytorch_gives_and_both_learn(lost: float) -> None:
     """Fast cells early or late are told apart; the finished network against the layers that were trained; the same seed repeats."""
     torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
-    from radar_lab.training import networks
-
-    kept = []
-    network = networks._Network
-
-    class Kept(network):  # type: ignore[misc, valid-type]
-        """Remembers what was trained."""
-
-        def __init__(self, *args: object) -> None:
-            super().__init__(*args)
-            kept.append(self)
-
     x, label = bumps(300, np.random.default_rng(7))
     chosen = CurveTraining(channels=(6, 8), hidden=8, cell_width=8, cell_steps=STEPS, passes=15, batch=64, lost_cells=lost)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "_Network", Kept)
+    with kept_networks() as kept:
         nets = [train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CONFIG, config=chosen) for _ in range(2)]
     fresh, truth = bumps(200, np.random.default_rng(8))
     assert np.mean(nets[0].probabilities(fresh).argmax(axis=1) == truth) > 0.97

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -197,12 +200,12 @@ def test_mixed_samples_have_mixed_labels() -> None:
     assert np.std(shares) == pytest.approx(np.sqrt(0.25 / (2 * 0.4 + 1)), rel=0.1)
 
 
-def test_numpy_gives_what_pytorch_gives() -> None:
-    """The finished network, batch normalisation folded in, against the layers that were trained."""
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+@contextmanager
+def kept_networks() -> Iterator[list[Any]]:
+    """Keep what is trained meanwhile: the layers in PyTorch, before they become a `CurveNet`."""
     from radar_lab.training import networks
 
-    kept = []
+    kept: list[Any] = []
     network = networks._Network
 
     class Kept(network):  # type: ignore[misc, valid-type]
@@ -214,6 +217,13 @@ def test_numpy_gives_what_pytorch_gives() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(networks, "_Network", Kept)
+        yield kept
+
+
+def test_numpy_gives_what_pytorch_gives() -> None:
+    """The finished network, batch normalisation folded in, against the layers that were trained."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    with kept_networks() as kept:
         x, label = waves(200, np.random.default_rng(4))
         settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
         net = train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CurveConfig(steps=STEPS), config=settings)
