@@ -133,6 +133,8 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
             yield f"cells in {steps} steps", replace(first, config=replace(first.config, cell_steps=steps))
         for cells in (32, 192):
             yield f"{cells} cells", study(first.data, first.config, replace(CELLS, cells=cells))
+        for lost in (0.0, 0.4):
+            yield f"up to {lost:g} of the cells left out in a pass", replace(first, config=replace(first.config, lost_cells=lost))
         yield "mixup 0.4", replace(first, config=replace(first.config, mixup=0.4))
         yield (
             "half the channels and passes",
