@@ -1,7 +1,7 @@
 """Gestures of people held out, in recordings of real people: mHomeGes and mTransSee, named by the network that users get.
 
-Every person is named by a network that never saw them. Its settings were chosen on folds 1 and 5 of mHomeGes (four of the 18 people, 44 %
-of the segments), after a look at folds 1 and 2 of mTransSee. These people are in the figure as well, so that it is a little too good;
+Every person is named by a network that never saw them. Its settings were chosen on folds 1 and 5 of mHomeGes (four of the 18 people, the
+two largest folds), after a look at folds 1 and 2 of mTransSee. These people are in the figure as well, so that it is a little too good;
 ``..._people`` gives everybody's share.
 """
 
