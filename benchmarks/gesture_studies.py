@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
 from radar_core.config import config, knob
-from radar_gestures.cells import CellConfig, maker_of
+from radar_gestures.cells import CellConfig
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.event_maps import EventMaps, join, locate
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
+from radar_gestures.inputs import InputMaker, Inputs
 from radar_gestures.maps import feature_maps
 from radar_gestures.signals import CurveConfig
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Segment
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out, random_split
-from radar_lab.training.variation import copies, usual_variation
+from radar_lab.training.variation import copies
 
 GATES: Final = {"mhomeges": 0.356, "mtranssee": 0.3347}  # m/s: the Doppler step of each set's radar
 MAX_SPEED: Final = 4.2  # m/s: no arm was faster
@@ -33,6 +34,7 @@ LONGEST: Final = 4.0  # s: of a longer segment, the beginning; in the rest peopl
 CURVES: Final = CurveConfig(nearest=1.0, farthest=5.5)
 """People stood at 1.2 to 4.8 m; what is nearer is somebody at the desk, what is farther came over a wall."""
 CELLS: Final = CellConfig(nearest=CURVES.nearest, farthest=CURVES.farthest)
+BOTH: Final[Inputs] = (CELLS, CURVES)
 CHOICE_FOLDS: Final = 2  # of the ten: what the choices are compared on
 COPIES: Final = 8  # changed ones of every training sample
 FEW: Final = 120  # segments of each set in quick runs
@@ -191,7 +193,7 @@ class Study:
     plain: NDArray[np.float32]  # shape (n, n_features): samples as they are
     changed: NDArray[np.float32] | None  # shape (n_copies, n, n_features), or None: changed copies
     config: PerceptronTraining | CurveTraining
-    inputs: CurveConfig | CellConfig | None  # what the vectors are; None: the thirteen features
+    inputs: Inputs | None  # what the vectors are; None: the thirteen features
 
     def fit(self, rows: Mask | None = None) -> GestureModel | CurveNet:
         """Train on some of the samples; None: on all."""
@@ -201,7 +203,7 @@ class Study:
         if isinstance(self.config, PerceptronTraining) or self.inputs is None:
             assert isinstance(self.config, PerceptronTraining)  # networks take curves or cells
             return train_perceptron(changed, number, labels, self.names, self.config)
-        return train_net(changed, number, names=self.names, labels=labels, inputs=self.inputs, config=self.config)
+        return train_net(changed, number, labels=labels, inputs=self.inputs, config=self.config)
 
     def validate(self, folds: Sequence[Mask], split: str) -> Validation:
         """Train once for every fold and judge the samples it leaves out."""
@@ -227,19 +229,19 @@ class Study:
 def study(
     data: RealSet,
     config: PerceptronTraining | CurveTraining,
-    inputs: CurveConfig | CellConfig | None = None,
+    inputs: Inputs | None = None,
     n_copies: int = COPIES,
 ) -> Study:
-    """Make the vectors of a data set, and changed copies; ``inputs`` None: what is usual, cells for a network, else curves."""
+    """Make the vectors of a data set, and changed copies; ``inputs`` None: see `usual_inputs`."""
     inputs = inputs if inputs is not None else usual_inputs(config)
-    plain = maker_of(inputs).process_many(data.events).astype(np.float32)
-    changed = copies(data.events, inputs, usual_variation(inputs), n=n_copies, seed=config.seed) if n_copies else None
-    return Study(data, maker_of(inputs).names, plain, changed, config, inputs)
+    plain = InputMaker(inputs).process_many(data.events).astype(np.float32)
+    changed = copies(data.events, inputs, n=n_copies, seed=config.seed) if n_copies else None
+    return Study(data, InputMaker(inputs).names, plain, changed, config, inputs)
 
 
-def usual_inputs(config: PerceptronTraining | CurveTraining) -> CurveConfig | CellConfig:
-    """Give what a network or a perceptron takes unless a study says otherwise."""
-    return CELLS if isinstance(config, CurveTraining) else CURVES
+def usual_inputs(config: PerceptronTraining | CurveTraining) -> Inputs:
+    """Give what networks take unless a study says otherwise, cells and curves, or a perceptron, curves."""
+    return BOTH if isinstance(config, CurveTraining) else (CURVES,)
 
 
 def thirteen(data: RealSet, config: PerceptronTraining) -> Study:

@@ -15,17 +15,16 @@ from benchmarks.recordings import folder, tracker_for
 from radar_core import PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_gestures.cells import Cells, maker_of
-from radar_gestures.curves import Curves
 from radar_gestures.event_maps import join
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
+from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps, MapConfig
 from radar_gestures.stage import EventStage, GestureConfig
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording
 from radar_lab.training.calibration import choose_reject
 from radar_lab.training.validation import leave_subjects_out
-from radar_lab.training.variation import copies, usual_variation
+from radar_lab.training.variation import copies
 from radar_tracking import TrackedCloud
 
 LOST: Final = 0.05  # share of true gestures that rejection may lose
@@ -84,7 +83,8 @@ def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
 
 def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Judge gestures, shape (n, n_labels), and daily events of each stream by models that never saw the person, two left out at a time."""
-    extractor = _maker(made)
+    assert made.inputs is not None
+    extractor = InputMaker(made.inputs)
     vectors = [extractor.process_many(join(stream.maps)) if stream.maps else np.zeros((0, len(made.names))) for stream in streams]
     gestures = np.zeros((len(made.plain), len(made.data.labels)))
     daily = [np.zeros((0, len(made.data.labels))) for _ in streams]
@@ -96,11 +96,6 @@ def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float6
             if stream.person in made.data.person[test] or (number == 0 and stream.person not in made.data.person):
                 daily[k] = model.probabilities(vectors[k])
     return gestures, daily
-
-
-def _maker(made: Study) -> Curves | Cells:
-    assert made.inputs is not None
-    return maker_of(made.inputs)
 
 
 def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
@@ -148,9 +143,10 @@ def with_daily(made: Study, streams: Sequence[Stream]) -> Study:
         np.concatenate([data.distance, np.full(n, np.nan)]),
         np.concatenate([data.thirteen, np.zeros((n, len(FEATURE_NAMES)))]),
     )
-    plain = np.concatenate([made.plain, _maker(made).process_many(events).astype(np.float32)])
+    assert made.inputs is not None
+    plain = np.concatenate([made.plain, InputMaker(made.inputs).process_many(events).astype(np.float32)])
     changed = made.changed
-    if changed is not None and made.inputs is not None:
-        more = copies(events, made.inputs, usual_variation(made.inputs), n=len(changed), seed=made.config.seed)
+    if changed is not None:
+        more = copies(events, made.inputs, n=len(changed), seed=made.config.seed)
         changed = np.concatenate([changed, more], axis=1)
     return Study(joined, made.names, plain, changed, made.config, made.inputs)

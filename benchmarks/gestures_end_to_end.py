@@ -16,28 +16,30 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.gesture_studies import CELLS, COPIES, FEW, GATES, SHARED, files
+from benchmarks.gesture_studies import BOTH, COPIES, FEW, GATES, SHARED, files
 from benchmarks.gestures_daily import event_config
-from benchmarks.gestures_people import SETS, by_people, default_training
+from benchmarks.gestures_people import SETS, Fold, by_people, default_training, trained
 from benchmarks.report import AbsentError, rate
 from benchmarks.stores import digest, once, sources
 from radar_core import PointCloud, RadarInfo
-from radar_gestures.cells import maker_of
 from radar_gestures.event_maps import join
+from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps
 from radar_gestures.stage import EventStage
 from radar_lab.importers import open_original
 from radar_lab.training.networks import CurveTraining, train_net
-from radar_lab.training.validation import Validation, leave_subjects_out
-from radar_lab.training.variation import copies, usual_variation
+from radar_lab.training.validation import Mask, Validation, leave_subjects_out
+from radar_lab.training.variation import copies
 from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
 
 SEED: Final = 20261127
 REST: Final = (1.0, 2.0)  # s: between two segments
 NOTHING: Final = "random"  # label of events in gaps
 _STREAM: Final = 0x57E
-_PACKAGES: Final = ("radar_core", "radar_gestures", "radar_tracking", "radar_lab/importers")
+_EVENTS: Final = tuple(f"radar_gestures/{name}.py" for name in ("stage", "events", "maps", "features"))
+_SOURCES: Final = ("radar_core", "radar_tracking", "radar_lab/importers", *_EVENTS)  # what events of a stream depend on
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +138,7 @@ def most(owners: Sequence[int]) -> tuple[int, int]:
 
 def streams(kind: str, limit: int, keep: Path | None) -> list[Stream]:
     """Find the events in the streams of all people; ``keep``: folder for each person's; ``limit``: of so many segments of two people."""
-    told, found = digest([limit, SEED, sources(_PACKAGES)]), []
+    told, found = source(limit), []
     for path in files(kind):
         with np.load(path) as held:
             people = sorted(set(held["subject"].tolist()))
@@ -144,6 +146,11 @@ def streams(kind: str, limit: int, keep: Path | None) -> list[Stream]:
             place = None if keep is None else keep / "parts" / f"streams_{kind}_{person}_{told}.joblib"
             found += once(place, functools.partial(_of_person, kind, path, person, limit))
     return found
+
+
+def source(limit: int) -> str:
+    """Digest of what the streams of so many segments depend on, but the recordings."""
+    return digest([limit, SEED, str(event_config()), sources(_SOURCES)])
 
 
 def _of_person(kind: str, path: Path, person: int, limit: int) -> list[Stream]:
@@ -165,21 +172,24 @@ def named(stream: Stream, names: Sequence[str]) -> tuple[list[str], int]:
     return [best.get(number, (0.0, ""))[1] for number in range(len(stream.labels))], false
 
 
-def judged(made: Sequence[Stream], config: CurveTraining, n_copies: int, folds: int) -> dict[str, Any]:
-    """Name everybody's events by a network of other people's, and count."""
+def judged(made: Sequence[Stream], config: CurveTraining, n_copies: int, folds: int, part: Fold) -> dict[str, Any]:
+    """Name everybody's events by a network of other people's, and count; each fold is a part of the work."""
     events = [event for stream in made for event in stream.events]
     labels = [stream.labels[event.segment] if event.segment >= 0 else NOTHING for stream in made for event in stream.events]
     person = np.array([stream.person for stream in made for _ in stream.events])
     names = tuple(sorted(set(labels)))
     number, maps = np.array([names.index(label) for label in labels]), join([event.maps for event in events])
-    maker = maker_of(CELLS)
-    plain = maker.process_many(maps).astype(np.float32)
-    changed = copies(maps, CELLS, usual_variation(CELLS), n=n_copies, seed=config.seed)
+    plain = InputMaker(BOTH).process_many(maps).astype(np.float32)
+    changed = copies(maps, BOTH, n=n_copies, seed=config.seed)
     said = np.full(len(events), -1)
     parts = leave_subjects_out(person, 2)[:folds]
-    for test in parts:
-        net = train_net(changed[:, ~test], number[~test], names=maker.names, labels=names, inputs=CELLS, config=config)
-        said[test] = net.probabilities(plain[test]).argmax(axis=1)
+    for turn, test in enumerate(parts):
+
+        def work(test: Mask = test) -> NDArray[np.float64]:
+            net = train_net(changed[:, ~test], number[~test], labels=names, inputs=BOTH, config=config)
+            return net.probabilities(plain[test])
+
+        said[test] = part(f"events_{turn}", work).argmax(axis=1)
     tested = set(person[np.any(parts, axis=0)].tolist())
     return _counted([stream for stream in made if stream.person in tested], iter([names[k] for k in said[np.isin(person, list(tested))]]))
 
@@ -210,9 +220,10 @@ def _counted(made: Sequence[Stream], names: Iterator[str]) -> dict[str, Any]:
     }
 
 
-def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Measure both data sets; ``quick``: few segments of two people; ``keep``: folder for the streams of each person.
+def figures(quick: bool = False, keep: Path | None = None, sets: Sequence[str] = SETS) -> dict[str, Any]:
+    """Measure both data sets.
 
+    ``quick``: few segments of two people; ``keep``: folder for what is finished: the same command goes on where it stopped.
     Returns ``KIND_end_to_end``: share of all segments (those that hold no gesture included) that an event is found in and named rightly,
     of people that the network never saw; with ``_interval`` (bootstrap over people), ``_people``, ``_with_event``: share in which an event
     is found; ``_false_per_hour``: events in gaps that are named.
@@ -221,8 +232,10 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     if not isinstance(config, CurveTraining):
         raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
     result: dict[str, Any] = {}
-    for kind in SETS:
-        found = judged(streams(kind, FEW if quick else 0, keep), config, 1 if quick else COPIES, 1 if quick else 10)
+    for kind in sets:
+        limit, n_copies, folds = (FEW, 1, 1) if quick else (0, COPIES, 10)
+        part = functools.partial(trained, keep, f"{kind} {BOTH} {config} {n_copies} {source(limit)}", kind)
+        found = judged(streams(kind, limit, keep), config, n_copies, folds, part)
         result |= {f"{kind}_end_to_end" + (f"_{name}" if name else ""): value for name, value in found.items()}
     return result | {"seed": SEED, "choices": []}
 

@@ -16,13 +16,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_studies import CELLS, COPIES, GATES, RealSet, Study, read, study
+from benchmarks.gesture_studies import BOTH, COPIES, GATES, RealSet, Study, read, study
 from benchmarks.gestures_people import from_the_end, nobody_in
 from benchmarks.recordings import folder
 from benchmarks.report import AbsentError, choices, measure
 from benchmarks.stores import digest, once, sources
-from radar_gestures.cells import maker_of
 from radar_gestures.classifiers.curve_net import CurveNet
+from radar_gestures.inputs import InputMaker
 from radar_lab.training.curve_training import remember
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.tuning import TuningConfig, tune
@@ -107,7 +107,7 @@ def models(
         assert isinstance(found, CurveNet)
         return found
 
-    told = digest([f"{config} {CELLS} {len(data.label)}", sources(("radar_gestures",))])
+    told = digest([f"{config} {BOTH} {len(data.label)}", sources(("radar_gestures",))])
     found = []
     for number, test in enumerate(folds):
         place = None if keep is None else keep / "parts" / f"enrolled_{kind}_{number}_{told}.joblib"
@@ -124,7 +124,7 @@ def one_set(kind: str, quick: bool, keep: Path | None) -> dict[str, Any]:
     if kind == "mtranssee":
         figure = ~np.isin(data.person, DEVELOPMENT)
         data, without = data.select(figure), without[figure]
-    plain = maker_of(CELLS).process_many(data.events).astype(np.float32)
+    plain = InputMaker(BOTH).process_many(data.events).astype(np.float32)
     bench, config = Bench(data, plain, without), CurveTraining(passes=6 if quick else 60)
     folds = leave_subjects_out(data.person, 2)[: 1 if quick else None]
     found = models(kind, data, plain, folds, config, keep)

@@ -20,7 +20,7 @@ from benchmarks.gesture_studies import COPIES, CURVES, FEW, PerceptronTraining, 
 from benchmarks.report import matrix
 from benchmarks.stores import digest, once, sources
 from radar_core import ConfigError, DataError
-from radar_gestures.cells import maker_of
+from radar_gestures.inputs import InputMaker
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out
 
@@ -143,7 +143,7 @@ def one_set(name: str, made: Study, split: str, folds: int, quick: bool, part: F
     if quick:
         return result
     closing, others = (from_the_end(data.label, data.person, data.distance, back) for back in (0, 3))
-    nobody, curves = nobody_in(name), maker_of(CURVES).process_many(data.events).astype(np.float32)
+    nobody, curves = nobody_in(name), InputMaker((CURVES,)).process_many(data.events).astype(np.float32)
     result[f"{key}_gestures"] = accuracy_without(found, parts, closing | nobody)
     return result | {f"{name}_without": closing_figures(curves, data.number, data.person, closing, nobody, others)}
 
@@ -164,15 +164,15 @@ def figures(quick: bool = False, keep: Path | None = None, parts: str = "held_ou
         if split not in SPLITS:
             raise ConfigError(f"--parts {parts}: choose among {', '.join(SPLITS)}")
         made = study(read(name, limit), config, n_copies=n_copies)
-        part = functools.partial(_part, keep, f"{name} {made.inputs} {config} {limit} {n_copies}", name)
+        part = functools.partial(trained, keep, f"{name} {made.inputs} {config} {limit} {n_copies}", name)
         found = one_set(name, made, split, folds, quick, part)
         result["confusion_people"] |= found.pop("confusion_people")
         result |= found
     return result
 
 
-def _part(keep: Path | None, settings: str, name: str, fold: str, work: Callable[[], Any]) -> Any:
-    """Do a part of the work, or give what an earlier run left of it."""
+def trained(keep: Path | None, settings: str, name: str, fold: str, work: Callable[[], Any]) -> Any:
+    """Train and judge one fold, or give what an earlier run of the same code and settings left of it in the folder ``keep``."""
     if keep is None:
         return work()
     told = digest([settings, sources(("radar_core", "radar_lab/training", "radar_gestures"))])

@@ -28,10 +28,10 @@ from benchmarks.gesture_studies import (
 from benchmarks.gestures_people import default_training
 from benchmarks.report import against_first, matrix, measure
 from benchmarks.stores import digest, once, sources
-from radar_gestures.cells import CellConfig, maker_of
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.inputs import InputMaker
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.operations import operations
 from radar_lab.training.validation import Validation
@@ -64,7 +64,7 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
         return measure(lambda: model.probabilities(made.plain[0]), repeat=repeat)
     events = itertools.cycle(made.data.events.select(np.array([k])) for k in range(min(20, len(made.plain))))
     assert made.inputs is not None
-    extractor = maker_of(made.inputs)
+    extractor = InputMaker(made.inputs)
     return measure(lambda: model.probabilities(extractor.process_many(next(events))[0]), repeat=repeat)
 
 
@@ -119,9 +119,9 @@ def choices(first: Study, model: GestureModel | CurveNet, quick: bool) -> list[d
 def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     """Name and study of each choice; the first is the default."""
     perceptron = PerceptronTraining(passes=4 if quick else 32)
-    yield "cells" if isinstance(first.inputs, CellConfig) else "curves", first
+    yield "curves" if first.inputs == (CURVES,) else "cells and curves", first
     yield "thirteen features, 32 neurons", thirteen(first.data, replace(perceptron, hidden=(32,), regularisation=0.01))
-    curves = study(first.data, first.config, CURVES, 1 if quick else COPIES)
+    curves = study(first.data, first.config, (CURVES,), 1 if quick else COPIES)
     for hidden in (16, 48):
         yield f"perceptron on curves, {hidden} neurons", replace(curves, config=replace(perceptron, hidden=(hidden,)))
     if quick:
@@ -129,12 +129,14 @@ def _variants(first: Study, quick: bool) -> Iterator[tuple[str, Study]]:
     yield "no changed copies", replace(first, changed=None)
     if isinstance(first.config, CurveTraining):
         yield "curves", curves
+        cells_only = study(first.data, first.config, (CELLS,))
+        yield "cells", cells_only
         for steps in (7, 20):
-            yield f"cells in {steps} steps", replace(first, config=replace(first.config, cell_steps=steps))
+            yield f"cells in {steps} steps, no curves", replace(cells_only, config=replace(first.config, cell_steps=steps))
         for cells in (32, 192):
-            yield f"{cells} cells", study(first.data, first.config, replace(CELLS, cells=cells))
+            yield f"{cells} cells, no curves", study(first.data, first.config, (replace(CELLS, cells=cells),))
         for lost in (0.0, 0.4):
-            yield f"up to {lost:g} of the cells left out in a pass", replace(first, config=replace(first.config, lost_cells=lost))
+            yield f"cells, up to {lost:g} left out in a pass, no curves", replace(cells_only, config=replace(first.config, lost_cells=lost))
         yield "mixup 0.4", replace(first, config=replace(first.config, mixup=0.4))
         yield (
             "half the channels and passes",

@@ -13,7 +13,7 @@ of the radar gives intensities in a unit of its own), and what stands still (its
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -38,14 +38,15 @@ from benchmarks.gesture_studies import (
 )
 from benchmarks.report import choices, matrix, measure, share
 from benchmarks.stores import kept
-from radar_gestures.cells import CellConfig, maker_of
+from radar_gestures.cells import CellConfig
 from radar_gestures.event_maps import EventMaps, join, locate
 from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.inputs import InputMaker, Inputs
 from radar_gestures.maps import feature_maps
 from radar_gestures.signals import CurveConfig
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Validation
-from radar_lab.training.variation import copies, usual_variation
+from radar_lab.training.variation import copies
 
 DEVELOPMENT: Final = (801, 804, 812, 822)
 """People of mHomeGes on whose recordings the simulation was set; they are in no figure but their own."""
@@ -90,20 +91,29 @@ def transfer_training(quick: bool) -> PerceptronTraining | CurveTraining:
     return CurveTraining(passes=4 if quick else 16)
 
 
-def vectors_of(events: EventMaps, inputs: CurveConfig | CellConfig) -> NDArray[np.float32]:
+def vectors_of(events: EventMaps, inputs: Inputs) -> NDArray[np.float32]:
     """Make the vectors of events, shape (n, n_features), without what is left out."""
-    maker = maker_of(inputs)
-    moving, body = seen_moving(events) if isinstance(inputs, CellConfig) else (events, None)
-    return masked(maker.process_many(moving, body).astype(np.float32), maker.names)
+    return _each(inputs, events, lambda one, seen, body: InputMaker((one,)).process_many(seen, body).astype(np.float32))
 
 
 def transfer_study(data: RealSet, config: PerceptronTraining | CurveTraining, n_copies: int = COPIES) -> Study:
     """Make the vectors of simulated events and changed copies, without what is left out."""
     inputs = usual_inputs(config)
-    names = maker_of(inputs).names
-    moving, body = seen_moving(data.events) if isinstance(inputs, CellConfig) else (data.events, None)
-    changed = masked(copies(moving, inputs, usual_variation(inputs), n=n_copies, seed=config.seed, body=body), names)
-    return Study(data, names, vectors_of(data.events, inputs), changed, config, inputs)
+    changed = _each(inputs, data.events, lambda one, seen, body: copies(seen, (one,), n=n_copies, seed=config.seed, body=body))
+    return Study(data, InputMaker(inputs).names, vectors_of(data.events, inputs), changed, config, inputs)
+
+
+def _each(
+    inputs: Inputs,
+    events: EventMaps,
+    make: Callable[[CellConfig | CurveConfig, EventMaps, NDArray[np.float64] | None], NDArray[np.float32]],
+) -> NDArray[np.float32]:
+    """Make the vectors of each kind of inputs without what is left out, one behind the other."""
+    found = []
+    for one in inputs:
+        seen, body = seen_moving(events) if isinstance(one, CellConfig) else (events, None)
+        found.append(masked(make(one, seen, body), InputMaker((one,)).names))
+    return np.concatenate(found, axis=-1)
 
 
 def judge(training: Study, test: RealSet) -> Validation:

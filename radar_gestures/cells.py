@@ -12,10 +12,9 @@ import numpy as np
 
 from radar_core.config import config, knob
 from radar_core.types import Float64Array, IndexArray
-from radar_gestures.curves import TOTALS, Curves, totals
+from radar_gestures.curves import TOTALS, totals
 from radar_gestures.event_maps import PLACES, EventMaps, PersonConfig, beside, join, locate, seen_from_sensor
 from radar_gestures.maps import FeatureMaps
-from radar_gestures.signals import CurveConfig
 
 ATTRIBUTES: Final[tuple[str, ...]] = ("there", "when", *PLACES, "strength")
 """What a vector says of each cell.
@@ -92,8 +91,3 @@ class Cells:
         body = locate(events, self._config.nearest, self._config.farthest) if body is None else np.asarray(body, np.float64)
         cells = read_cells(events, self._config, body).reshape(len(events), -1)
         return np.concatenate([cells, totals(events.duration)], axis=1)
-
-
-def maker_of(config: CurveConfig | CellConfig) -> Curves | Cells:
-    """Make what turns feature maps into vectors, by the kind of its configuration."""
-    return Cells(config) if isinstance(config, CellConfig) else Curves(config)

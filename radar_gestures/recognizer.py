@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 
 from radar_core import GESTURES, ConfigError, Pose, vocabulary
-from radar_core.config import load
 from radar_core.types import Float64Array
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.features import FEATURE_NAMES
@@ -121,7 +120,7 @@ class GestureRecognizer:
     """
 
     def __init__(self, config: GestureConfig, model: Classifier, mount: Pose | None = None) -> None:
-        trained = {name: value for name, value in model.settings.items() if name != model.extractor}
+        trained = {name: value for name, value in model.settings.items() if name not in model.extractor.split("+")}
         different = _differences(trained, feature_settings(config) | {"maps": dataclasses.asdict(config.maps)})
         if different:
             raise ConfigError(f"the gesture model was trained with other settings: {different}; set these, or train another model")
@@ -230,7 +229,7 @@ def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, .
     """Make the extractor that a model names: what its features mean, in order, and the function that makes them, see `Extract`.
 
     ``"events"``: the thirteen features. ``"curves"`` and ``"cells"``: `radar_gestures.curves` and `radar_gestures.cells`, with the knobs of
-    that name in the model's ``settings``.
+    that name in the model's ``settings``; with ``+`` between them, one behind the other.
 
     Raises
     ------
@@ -239,14 +238,9 @@ def make_extractor(name: str, settings: Mapping[str, Any]) -> tuple[tuple[str, .
     """
     if name == "events":
         return FEATURE_NAMES, lambda view: view.features
-    if name in ("curves", "cells"):
-        from radar_gestures.cells import CellConfig, Cells  # only here: no other model needs this code
-        from radar_gestures.curves import Curves
-        from radar_gestures.signals import CurveConfig
+    if set(name.split("+")) <= {"curves", "cells"}:
+        from radar_gestures.inputs import maker_for  # only here: no other model needs this code
 
-        where = f"{name} of the gesture model"
-        maker = (
-            Cells(load(CellConfig, settings.get(name), where)) if name == "cells" else Curves(load(CurveConfig, settings.get(name), where))
-        )
+        maker = maker_for(name, settings)
         return maker.names, lambda view: maker.process(view.maps) if view.maps is not None and len(view.maps.stamp_ns) else None
     raise ConfigError(f"the gesture model takes features of the extractor {name!r}; this version of Handwave has events, curves and cells")

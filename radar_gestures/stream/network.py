@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radar_core import ConfigError, DataError
 from radar_core.arrays import description
 from radar_core.types import Float32Array, Float64Array
-from radar_gestures.classifiers.curve_net import half
+from radar_gestures.classifiers.branch import half
 from radar_gestures.classifiers.perceptron import FORMAT
 
 _KIND: Final = "stream network"

@@ -1,4 +1,4 @@
-"""Training the network on curves or cells from data sets of single gestures: on events that the detector finds."""
+"""Training the network on curves and cells from data sets of single gestures: on events that the detector finds."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ import numpy as np
 
 from radar_core import DataError, vocabulary
 from radar_core.types import Float32Array, Float64Array, IndexArray
-from radar_gestures.cells import CellConfig, maker_of
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.event_maps import EventMaps, join
+from radar_gestures.inputs import USUAL, InputMaker, Inputs, kind_of
 from radar_gestures.maps import FeatureMaps
 from radar_gestures.presets import usual_config
-from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import GestureConfig, feature_settings
 from radar_lab.datasets.readings import read
 from radar_lab.datasets.samples import info_of, read_sample, sample_files
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.training import reject_limit
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out
-from radar_lab.training.variation import copies, usual_variation
+from radar_lab.training.variation import copies
 
 COPIES: Final = 8  # changed ones of every training sample
 REMEMBERED: Final = 20  # samples of each label that the model keeps, so that it can learn from few samples later without forgetting
@@ -61,10 +60,10 @@ def train_curves(
     *,
     labels: Sequence[str] | None = None,
     gestures: GestureConfig | None = None,
-    inputs: CurveConfig | CellConfig | None = None,
+    inputs: Inputs = USUAL,
     lost: float = 0.05,
 ) -> CurveReport:
-    """Train a network on curves or cells and write it to ``out``; needs PyTorch (extra ``train``).
+    """Train a network on curves, on cells or on both, and write it to ``out``; needs PyTorch (extra ``train``).
 
     Figures and the limit for rejection come from people left out; the model itself is then trained on everybody, and remembers some of its
     samples (`tuning`).
@@ -75,8 +74,10 @@ def train_curves(
         Data sets of single samples, all of radars with the same Doppler step.
     out : str or Path or None
         Model file (.npz); None: write nothing.
-    config, inputs : CurveTraining, CurveConfig or CellConfig or None
-        The network, and how maps become curves or cells; None: the defaults, on cells.
+    config : CurveTraining or None
+        The network; None: the defaults.
+    inputs : Inputs
+        What maps become; of more than one kind, each has a network of its own, and they are averaged.
     labels : sequence of str or None
         What to tell apart; None: all that occurs.
     gestures : GestureConfig or None
@@ -89,21 +90,20 @@ def train_curves(
     ConfigError, DataError
         Without PyTorch; when there are no samples, those of fewer than two people, or fewer than two labels.
     """
-    config, inputs = config or CurveTraining(), inputs or CellConfig()
+    config = config or CurveTraining()
     events = _read(folders, gestures, labels)
     names = [name for name in (labels or vocabulary(events.gestures)) if name in events.gestures]
     if len(names) < 2:
         raise DataError(f"there are detected events of {', '.join(names) or 'nothing'} only; it takes two gestures to tell apart")
     number = np.array([names.index(name) for name in events.gestures], np.int64)
-    maker = maker_of(inputs)
-    plain = maker.process_many(events.maps).astype(np.float32)
-    changed = copies(events.maps, inputs, usual_variation(inputs), n=COPIES, seed=config.seed)
+    plain = InputMaker(inputs).process_many(events.maps).astype(np.float32)
+    changed = copies(events.maps, inputs, n=COPIES, seed=config.seed)
     maps = dataclasses.asdict(events.config.maps)
-    kind = "cells" if isinstance(inputs, CellConfig) else "curves"
-    settings: dict[str, Any] = {**feature_settings(events.config), "maps": maps, kind: dataclasses.asdict(inputs)}
+    knobs = {kind_of(one): dataclasses.asdict(one) for one in inputs}
+    settings: dict[str, Any] = {**feature_settings(events.config), "maps": maps, **knobs}
 
     def made(rows: Mask) -> CurveNet:
-        return train_net(changed[:, rows], number[rows], names=maker.names, labels=names, inputs=inputs, config=config, settings=settings)
+        return train_net(changed[:, rows], number[rows], labels=names, inputs=inputs, config=config, settings=settings)
 
     def judge(known: Mask, test: Mask) -> Float64Array:
         return made(known).probabilities(plain[test])

@@ -16,12 +16,16 @@ from radar_core import GESTURES, ConfigError, DataError
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, Float64Array, IndexArray
 from radar_gestures.cells import ATTRIBUTES, CellConfig
-from radar_gestures.classifiers.curve_net import CLIP, CurveNet, half
+from radar_gestures.classifiers.branch import CLIP, Branch, half
+from radar_gestures.classifiers.curve_net import CurveNet, averaged
 from radar_gestures.curves import TOTALS
+from radar_gestures.inputs import InputMaker, Inputs, kind_of
 from radar_gestures.signals import CurveConfig
 from radar_lab.training.cnn import CnnConfig, CnnModel, Network, export
 from radar_lab.training.validation import Judge, Mask
 
+COUNTS: Final[Mapping[str, float]] = {"cells": 2.0, "curves": 1.0}
+"""How much the network on each kind of inputs counts where there are both. Chosen on folds 1 and 5 of mHomeGes: 2 to 4 are alike there."""
 _LEAST_STEPS: Final[int] = 16  # of a pass: small data sets take smaller steps, or there would be too few of them
 _LEAST_BATCH: Final[int] = 32  # batch normalisation needs many samples
 
@@ -163,15 +167,15 @@ def train_net(
     changed: Float32Array,
     label: IndexArray,
     *,
-    names: Sequence[str],
     labels: Sequence[str],
-    inputs: CurveConfig | CellConfig,
+    inputs: Inputs,
     config: CurveTraining | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> CurveNet:
-    """Train a network on curves or cells; the same samples and seed give the same numbers on one machine.
+    """Train a network on curves, on cells, or one on each; the same samples and seed give the same numbers on one machine.
 
-    Its kernels and weights are rounded to half precision at the end (`curve_net.half`): the file takes half the bytes.
+    Several are trained each by itself, and then `averaged`, with `COUNTS`. Kernels and weights are rounded to half precision at the end
+    (`half`): the file takes half the bytes.
 
     Parameters
     ----------
@@ -179,9 +183,9 @@ def train_net(
         Samples, in copies that the passes take in turn: see `variation.copies`. One copy: the samples as they are.
     label : ndarray of int64, shape (n,)
         Index into ``labels``.
-    names, labels : sequence of str
-        What inputs and outputs are called.
-    inputs, settings : CurveConfig or CellConfig, mapping or None
+    labels : sequence of str
+        What outputs are called.
+    inputs, settings : Inputs, mapping or None
         What samples are; how they were made, for the file.
     config : CurveTraining or None
         None: the defaults.
@@ -192,31 +196,45 @@ def train_net(
         When PyTorch is not installed; when there are fewer than two samples, or their number differs from that of the labels.
     """
     config = config if config is not None else CurveTraining()
-    if changed.ndim != 3 or len(changed) == 0 or changed.shape[1] != len(label) or len(label) < 2 or changed.shape[2] != len(names):
-        raise DataError(
-            f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {len(names)} names), with at least two samples"
-        )
+    names = [maker.names for maker in InputMaker(inputs).makers]
+    n = sum(map(len, names))
+    if changed.ndim != 3 or len(changed) == 0 or changed.shape[1] != len(label) or len(label) < 2 or changed.shape[2] != n:
+        raise DataError(f"samples have shape {changed.shape}, expected (copies, {len(label)} labels, {n} names), with at least two samples")
     torch = need_torch("the network on curves or cells")
+    ends = np.cumsum([len(own) for own in names])
+    nets = [
+        _train_one(torch, part, np.asarray(label, np.int64), own, tuple(labels), one, config, settings)
+        for part, own, one in zip(np.split(changed, ends[:-1], axis=2), names, inputs, strict=True)
+    ]
+    return nets[0] if len(nets) == 1 else averaged(nets, [COUNTS[kind_of(one)] for one in inputs])
+
+
+def _train_one(
+    torch: Any,
+    changed: Float32Array,
+    label: IndexArray,
+    names: tuple[str, ...],
+    labels: tuple[str, ...],
+    inputs: CurveConfig | CellConfig,
+    config: CurveTraining,
+    settings: Mapping[str, Any] | None,
+) -> CurveNet:
     cells = isinstance(inputs, CellConfig)
     steps = config.cell_steps if isinstance(inputs, CellConfig) else inputs.steps
     mean, scale = _spread_of_cells(changed[0]) if cells else (changed[0].mean(axis=0), changed[0].std(axis=0) + np.float32(1e-3))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         net = _Network(torch, config, len(names), steps, len(labels), cells)
-        _fit_curves(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], np.asarray(label, np.int64), config)
+        _fit_curves(torch, net, [((x - mean) / scale).clip(-CLIP, CLIP) for x in changed], label, config)
     kernels, offsets = zip(*(_folded(*pair) for pair in net.convolutions), strict=True)
+    branch = Branch(mean, scale, tuple(half(kernel) for kernel in kernels), offsets, steps, **net.of_cells())
     return CurveNet(
-        mean,
-        scale,
-        tuple(half(kernel) for kernel in kernels),
-        offsets,
+        (branch,),
         tuple(half(as_array(layer.weight.T)) for layer in net.dense),
         tuple(as_array(layer.bias) for layer in net.dense),
-        names=tuple(names),
-        labels=tuple(labels),
-        steps=steps,
+        names=names,
+        labels=labels,
         settings=dict(settings) if settings is not None else {},
-        **net.of_cells(),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from radar_gestures.cells import ATTRIBUTES
+from radar_gestures.classifiers.branch import Branch
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.classifiers.perceptron import GestureModel
@@ -51,15 +52,20 @@ def rejection_operations(rejector: Rejector) -> int:
 
 
 def _of_curves(model: CurveNet) -> int:
-    length, total = model.steps, 2 * len(model.names)
-    if model.cell_weights:
-        cells, width = (len(model.names) - len(TOTALS)) // len(ATTRIBUTES), len(model.cell_biases[-1])
-        total += cells * (sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in model.cell_weights) + 2 * width)
-        total += length * 2 * len(model.pool_factor)
-    for number, kernel in enumerate(model.kernels):
+    total = sum(_of_branch(branch) for branch in model.branches)
+    return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in model.weights) + 5 * len(model.labels)
+
+
+def _of_branch(branch: Branch) -> int:
+    length, total = branch.steps, 2 * branch.mean.size
+    if branch.cell_weights:
+        cells, width = (branch.mean.size - len(TOTALS)) // len(ATTRIBUTES), len(branch.cell_biases[-1])
+        total += cells * (sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in branch.cell_weights) + 2 * width)
+        total += length * 2 * len(branch.pool_factor)
+    for number, kernel in enumerate(branch.kernels):
         length = length if number == 0 else -(-length // 2)
         total += length * (2 * kernel.size + 2 * int(kernel.shape[2]))
-    return total + sum(2 * weight.size + 2 * int(weight.shape[1]) for weight in model.weights) + 5 * len(model.labels)
+    return total
 
 
 def _of_streams(model: StreamNet) -> int:

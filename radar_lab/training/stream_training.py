@@ -14,7 +14,7 @@ import numpy as np
 from radar_core import GESTURES, DataError, RadarInfo
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, IndexArray
-from radar_gestures.classifiers.curve_net import half
+from radar_gestures.classifiers.branch import half
 from radar_gestures.classifiers.model import save_model
 from radar_gestures.needs import Needs
 from radar_gestures.stream.network import CLIP, Block, Member, StreamNet
@@ -134,7 +134,7 @@ def train_stream_net(
 ) -> StreamNet:
     """Train a network; the same sequences and seed give the same numbers on one machine.
 
-    Its weights are rounded to half precision at the end (`curve_net.half`): the file takes half the bytes.
+    Its weights are rounded to half precision at the end (`branch.half`): the file takes half the bytes.
 
     Parameters
     ----------

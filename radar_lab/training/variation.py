@@ -9,9 +9,10 @@ import numpy as np
 
 from radar_core.config import config, knob
 from radar_core.types import Float32Array, Float64Array
-from radar_gestures.cells import ATTRIBUTES, CellConfig, maker_of, read_cells
+from radar_gestures.cells import ATTRIBUTES, CellConfig, read_cells
 from radar_gestures.curves import read_curves, totals
 from radar_gestures.event_maps import PLACES, EventMaps, locate
+from radar_gestures.inputs import InputMaker, Inputs
 from radar_gestures.signals import SIGNALS, CurveConfig, signals
 
 _STREAM: Final[int] = 0xC0B1  # keeps these draws apart from others with the same seed
@@ -113,19 +114,21 @@ def vary_cells(
 
 def copies(
     events: EventMaps,
-    config: CurveConfig | CellConfig,
-    variation: VariationConfig,
+    inputs: Inputs,
+    variation: VariationConfig | None = None,
     *,
     n: int,
     seed: int,
     body: Float64Array | None = None,
 ) -> Float32Array:
-    """Make changed copies of the curves or cells of events; copy k is a function of the arguments and k, however many there are.
+    """Make changed copies of what events are to a network; copy k is a function of the arguments and k, however many there are.
+
+    Each kind of inputs is drawn as if it were the only one.
 
     Parameters
     ----------
-    events, config, variation : EventMaps, CurveConfig or CellConfig, VariationConfig
-        The originals, the knobs of the curves or cells, and how much copies differ.
+    events, inputs, variation : EventMaps, Inputs, VariationConfig or None
+        The originals, what becomes of them, and how much copies differ; None: as `usual_variation` says for each kind.
     n, seed : int
         Copies of each event; of all randomness.
     body : ndarray of float64, shape (n_events, 3), or None
@@ -134,15 +137,24 @@ def copies(
     Returns
     -------
     ndarray of float32, shape (n, n_events, n_features)
-        In the order of `curve_names` or `cell_names`.
+        In the order of `InputMaker.names`.
     """
-    made = np.empty((n, len(events), len(maker_of(config).names)), np.float32)
+    made = np.empty((n, len(events), len(InputMaker(inputs).names)), np.float32)
     for k in range(n):
-        rng = np.random.default_rng([seed, k, _STREAM])
-        lost = lose_gates(events, variation, rng)
-        if isinstance(config, CellConfig):
-            place = locate(lost, config.nearest, config.farthest) if body is None else np.asarray(body, np.float64)
-            made[k] = vary_cells(lost, place, config, variation, rng)
-        else:
-            made[k] = vary(events, signals(lost, config, body), config, variation, rng)
+        parts = [_copy(events, one, variation or usual_variation(one), np.random.default_rng([seed, k, _STREAM]), body) for one in inputs]
+        made[k] = np.concatenate(parts, axis=1)
     return made
+
+
+def _copy(
+    events: EventMaps,
+    config: CurveConfig | CellConfig,
+    variation: VariationConfig,
+    rng: np.random.Generator,
+    body: Float64Array | None,
+) -> Float64Array:
+    lost = lose_gates(events, variation, rng)
+    if not isinstance(config, CellConfig):
+        return vary(events, signals(lost, config, body), config, variation, rng)
+    place = locate(lost, config.nearest, config.farthest) if body is None else np.asarray(body, np.float64)
+    return vary_cells(lost, place, config, variation, rng)

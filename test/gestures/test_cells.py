@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_curve_net import kept_networks
+from test_curve_net import changed, kept_networks
 
 from radar_core import ConfigError
 from radar_core.arrays import description, read_description
-from radar_gestures.cells import ATTRIBUTES, CellConfig, Cells, _evenly, cell_names, maker_of, read_cells
-from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
+from radar_gestures.cells import ATTRIBUTES, CellConfig, Cells, _evenly, cell_names, read_cells
+from radar_gestures.classifiers.branch import CLIP, Branch, convolve
+from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import ADVICE, FORMAT
-from radar_gestures.curves import TOTALS, Curves
+from radar_gestures.curves import TOTALS
 from radar_gestures.event_maps import EventMaps, locate
 from radar_gestures.recognizer import make_extractor
-from radar_gestures.signals import CurveConfig
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.operations import operations
 from radar_lab.training.tuning import tune
@@ -58,11 +58,14 @@ def small_net(seed: int = 0) -> CurveNet:
         return rng.standard_normal(shape).astype(np.float32)
 
     mean, scale = np.zeros(len(NAMES), np.float32), np.ones(len(NAMES), np.float32)
-    return CurveNet(
-        mean, scale, (draw(3, 2 * WIDTH + 1, 5), draw(3, 5, 4)), (draw(5), draw(4)), (draw(4 * 4 + 2, 6), draw(6, 4)), (draw(6), draw(4)),
-        names=NAMES, labels=("a", "b", "c", "d"), steps=STEPS, settings={"cells": dataclasses.asdict(CONFIG)},
+    branch = Branch(
+        mean, scale, (draw(3, 2 * WIDTH + 1, 5), draw(3, 5, 4)), (draw(5), draw(4)), STEPS,
         cell_weights=(draw(len(ATTRIBUTES) - 1, WIDTH), draw(WIDTH, WIDTH)), cell_biases=(draw(WIDTH), draw(WIDTH)),
         pool_factor=draw(2 * WIDTH + 1), pool_offset=draw(2 * WIDTH + 1),
+    )  # fmt: skip
+    return CurveNet(
+        (branch,), (draw(4 * 4 + 2, 6), draw(6, 4)), (draw(6), draw(4)),
+        names=NAMES, labels=("a", "b", "c", "d"), settings={"cells": dataclasses.asdict(CONFIG)},
     )  # fmt: skip
 
 
@@ -98,11 +101,9 @@ def test_cells_are_the_detections_in_order_of_time() -> None:
 
 
 def test_a_vector_has_its_names_and_the_totals_last() -> None:
-    """The maker by its configuration; a cell that is not the person's is left out."""
+    """Names and totals; a cell that is not the person's is left out."""
     made = events(np.random.default_rng(2))
-    cells = maker_of(CONFIG)
-    assert isinstance(cells, Cells)
-    assert isinstance(maker_of(CurveConfig()), Curves)
+    cells = Cells(CONFIG)
     found = cells.process_many(made)
     assert found.shape == (2, len(cells.names))
     assert cells.names[-2:] == TOTALS
@@ -133,6 +134,7 @@ def test_cells_are_picked_evenly(counts: list[int], most: int) -> None:
 def test_pooling_is_the_largest_and_the_mean_over_the_cells_of_a_step() -> None:
     """Against the definition, written out cell by cell, and the convolutions and layers behind it."""
     net, x = small_net(), vectors(6, np.random.default_rng(3))
+    own = net.branches[0]
     for row, found in zip(x, net.inputs(x), strict=True):
         wave = np.zeros((STEPS, 2 * WIDTH + 1))
         of: list[list[NDArray[np.float64]]] = [[] for _ in range(STEPS)]
@@ -141,14 +143,14 @@ def test_pooling_is_the_largest_and_the_mean_over_the_cells_of_a_step() -> None:
                 at = cell[1] * (STEPS - 1)
                 step = int(np.rint(at))
                 value = np.append(cell[2:], at - step)
-                for weight, bias in zip(net.cell_weights, net.cell_biases, strict=True):
+                for weight, bias in zip(own.cell_weights, own.cell_biases, strict=True):
                     value = np.maximum(value @ weight + bias, 0)
                 of[step].append(value)
         for step, values in enumerate(of):
             most, total = (np.max(values, axis=0), np.sum(values, axis=0)) if values else (np.zeros(WIDTH), np.zeros(WIDTH))
-            wave[step] = np.concatenate([most, total / (len(values) + 1), [np.log1p(len(values))]]) * net.pool_factor + net.pool_offset
+            wave[step] = np.concatenate([most, total / (len(values) + 1), [np.log1p(len(values))]]) * own.pool_factor + own.pool_offset
         once = wave[None].astype(np.float32)
-        for number, (kernel, offset) in enumerate(zip(net.kernels, net.offsets, strict=True)):
+        for number, (kernel, offset) in enumerate(zip(own.kernels, own.offsets, strict=True)):
             once = np.maximum(convolve(once, kernel, 1 if number == 0 else 2) + offset, 0)
         np.testing.assert_allclose(found[:-2], once.ravel(), rtol=1e-3, atol=1e-3)
 
@@ -178,31 +180,42 @@ def test_a_file_keeps_the_cells_and_older_files_know_none(tmp_path: Path) -> Non
     np.testing.assert_array_equal(again.probabilities(x), net.probabilities(x))
     names, _ = make_extractor(again.extractor, again.settings)
     assert names == again.names
+
+
+def test_files_of_earlier_versions_give_the_same_numbers() -> None:
+    """One branch, its arrays without a number; before there were cells, with one number of layers less."""
+    net, x = small_net(), vectors(3, np.random.default_rng(5))
     steps = (*(f"s{k}_{step:02d}" for step in range(STEPS) for k in range(2 * WIDTH + 1)), *TOTALS)
-    plain = dataclasses.replace(
-        net, mean=np.zeros(len(steps), np.float32), scale=np.ones(len(steps), np.float32), names=steps, cell_weights=(), cell_biases=()
-    )
-    arrays = plain.arrays()
-    about = dict(read_description(arrays, FORMAT, ADVICE))
-    about["layers"] = about["layers"][:2]
-    older = CurveNet.from_arrays(about, arrays | description(FORMAT, about))
-    assert older.extractor == "curves"
+    zero, one = np.zeros(len(steps), np.float32), np.ones(len(steps), np.float32)
+    branch = dataclasses.replace(net.branches[0], mean=zero, scale=one, cell_weights=(), cell_biases=())
+    curves = dataclasses.replace(net, branches=(branch,), names=steps)
+    memory = {"memory": net.inputs(x).astype(np.float16), "remembered": np.array([0, 1, 2])}
+    for made, layers in ((dataclasses.replace(net, **memory), [2, 2, 2]), (curves, [2, 2, 0]), (curves, [2, 2])):
+        arrays = {name.removeprefix("branch0."): array for name, array in made.arrays().items()}
+        about = dict(read_description(arrays, FORMAT, ADVICE)) | {"layers": layers, "steps": STEPS}
+        del about["branches"], about["dense"]
+        older = CurveNet.from_arrays(about, arrays | description(FORMAT, about))
+        assert older.extractor == ("cells" if made.branches[0].cell_weights else "curves")
+        given = x if older.extractor == "cells" else np.ones((2, len(steps)), np.float32)
+        np.testing.assert_array_equal(older.probabilities(given), made.probabilities(given))
+        assert older.arrays().keys() == made.arrays().keys()
 
 
 def test_wrong_shapes_are_refused() -> None:
     """A network whose layers do not fit its cells."""
     net = small_net()
     with pytest.raises(ConfigError, match="pool_factor"):
-        dataclasses.replace(net, pool_factor=net.pool_factor[:-1])
+        changed(net, pool_factor=net.branches[0].pool_factor[:-1])
     with pytest.raises(ConfigError, match="cell_weights_0"):
-        dataclasses.replace(net, cell_weights=(net.cell_weights[0][1:], net.cell_weights[1]))
+        changed(net, cell_weights=(net.branches[0].cell_weights[0][1:], net.branches[0].cell_weights[1]))
 
 
 def test_operations_grow_with_cells() -> None:
     """Twice as many cells cost the layers of the cells and their standardisation once more."""
     net, more = small_net(), cell_names(CellConfig(cells=2 * CELLS))
-    double = dataclasses.replace(net, names=more, mean=np.zeros(len(more), np.float32), scale=np.ones(len(more), np.float32))
-    layers = sum(2 * weight.size + 2 * weight.shape[1] for weight in net.cell_weights)
+    wide = dataclasses.replace(net.branches[0], mean=np.zeros(len(more), np.float32), scale=np.ones(len(more), np.float32))
+    double = dataclasses.replace(net, names=more, branches=(wide,))
+    layers = sum(2 * weight.size + 2 * weight.shape[1] for weight in net.branches[0].cell_weights)
     assert operations(double) - operations(net) == CELLS * (layers + 2 * WIDTH + 2 * len(ATTRIBUTES))
 
 
@@ -210,8 +223,8 @@ def test_copies_without_variation_are_the_originals() -> None:
     """And with it each differs, by about as much as was asked for."""
     made = events(np.random.default_rng(6), (20, 20))
     plain = Cells(CONFIG).process_many(made)
-    np.testing.assert_allclose(copies(made, CONFIG, STILL, n=2, seed=1), [plain, plain], atol=1e-6)
-    noisy = copies(made, CONFIG, dataclasses.replace(STILL, speed_noise=0.2), n=200, seed=1).reshape(200, 2, -1)
+    np.testing.assert_allclose(copies(made, (CONFIG,), STILL, n=2, seed=1), [plain, plain], atol=1e-6)
+    noisy = copies(made, (CONFIG,), dataclasses.replace(STILL, speed_noise=0.2), n=200, seed=1).reshape(200, 2, -1)
     away = (noisy - plain)[..., :-2].reshape(200, 2, CELLS, -1)
     there = plain[:, :-2].reshape(2, CELLS, -1)[..., 0] > 0
     assert away[:, there, 2].std() == pytest.approx(0.2, rel=0.05)
@@ -236,11 +249,12 @@ def test_numpy_gives_what_pytorch_gives_and_both_learn(lost: float) -> None:
     x, label = bumps(300, np.random.default_rng(7))
     chosen = CurveTraining(channels=(6, 8), hidden=8, cell_width=8, cell_steps=STEPS, passes=15, batch=64, lost_cells=lost)
     with kept_networks() as kept:
-        nets = [train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CONFIG, config=chosen) for _ in range(2)]
+        nets = [train_net(x[None], label, labels=("late", "early"), inputs=(CONFIG,), config=chosen) for _ in range(2)]
     fresh, truth = bumps(200, np.random.default_rng(8))
     assert np.mean(nets[0].probabilities(fresh).argmax(axis=1) == truth) > 0.97
     np.testing.assert_array_equal(nets[0].probabilities(fresh), nets[1].probabilities(fresh))
-    standard = np.clip((fresh - nets[0].mean) / nets[0].scale, -CLIP, CLIP).astype(np.float32)
+    own = nets[0].branches[0]
+    standard = np.clip((fresh - own.mean) / own.scale, -CLIP, CLIP).astype(np.float32)
     with torch.no_grad():
         expected = torch.softmax(kept[0](torch.from_numpy(standard)), dim=1).numpy()
     np.testing.assert_allclose(nets[0].probabilities(fresh), expected, atol=5e-3)  # half precision of all weights

@@ -13,10 +13,11 @@ import pytest
 from numpy.typing import NDArray
 
 from radar_core import ConfigError, DataError
-from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve, half
+from radar_gestures.classifiers.branch import CLIP, Branch, convolve, half
+from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.curves import TOTALS
-from radar_gestures.signals import CurveConfig
+from radar_gestures.signals import SIGNALS, CurveConfig
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.operations import operations
 
@@ -31,27 +32,30 @@ def small_net(seed: int = 0) -> CurveNet:
     def draw(*shape: int) -> NDArray[np.float32]:
         return rng.standard_normal(shape).astype(np.float32)
 
+    scale = np.abs(draw(len(NAMES))) + np.float32(0.5)
     return CurveNet(
-        draw(len(NAMES)),
-        np.abs(draw(len(NAMES))) + np.float32(0.5),
-        (draw(3, WIDTH, 5), draw(3, 5, 4)),
-        (draw(5), draw(4)),
+        (Branch(draw(len(NAMES)), scale, (draw(3, WIDTH, 5), draw(3, 5, 4)), (draw(5), draw(4)), STEPS),),
         (draw(4 * 4 + 2, 6), draw(6, 4)),
         (draw(6), draw(4)),
         names=NAMES,
         labels=("a", "b", "c", "d"),
-        steps=STEPS,
-        settings={"steps": STEPS},
+        settings={"curves": {"steps": STEPS}},
         figures={"accuracy": 0.5},
     )
 
 
+def changed(net: CurveNet, **changes: Any) -> CurveNet:
+    """Return a network of one branch with other fields of its branch."""
+    return dataclasses.replace(net, branches=(dataclasses.replace(net.branches[0], **changes),))
+
+
 def waves(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Two classes that differ only in the order of time: a bump early or late, in noise; shape (n, n_features) and labels."""
-    label = rng.integers(0, 2, n)
-    x = 0.3 * rng.standard_normal((n, len(NAMES)))
+    label, width = rng.integers(0, 2, n), len(SIGNALS)
+    x = 0.3 * rng.standard_normal((n, width * STEPS + len(TOTALS)))
     for row, kind in enumerate(label):
-        x[row, WIDTH * (1 if kind else 5)] += 2.0
+        at = width * (1 if kind else 5)
+        x[row, at : at + width // 3] += 2.0
     return x.astype(np.float32), label
 
 
@@ -80,7 +84,7 @@ def test_probabilities_are_probabilities_for_one_and_many() -> None:
 def test_far_outliers_count_as_the_limit() -> None:
     """Whatever lies beyond the cut-off gives the same answer, without overflow."""
     net = small_net()
-    limit = net.mean + CLIP * net.scale
+    limit = net.branches[0].mean + CLIP * net.branches[0].scale
     np.testing.assert_allclose(
         net.probabilities(np.full(len(NAMES), 1e30)), net.probabilities(limit * (1 + 1e-5 * np.sign(limit))), atol=1e-3
     )
@@ -109,15 +113,16 @@ def test_file_gives_the_same_network_back(tmp_path: Path) -> None:
 def test_rounded_weights_take_half_the_bytes_and_come_back(tmp_path: Path) -> None:
     """Against single precision; what two bytes cannot hold exactly is kept in four."""
     net = small_net()
-    rounded = dataclasses.replace(net, kernels=tuple(half(k) for k in net.kernels), weights=tuple(half(w) for w in net.weights))
-    for one, other in zip((*rounded.kernels, *rounded.weights), (*net.kernels, *net.weights), strict=True):
+    kernels = net.branches[0].kernels
+    rounded = dataclasses.replace(changed(net, kernels=tuple(map(half, kernels))), weights=tuple(map(half, net.weights)))
+    for one, other in zip((*rounded.branches[0].kernels, *rounded.weights), (*kernels, *net.weights), strict=True):
         np.testing.assert_allclose(one, other, rtol=2**-11, atol=6e-8)  # half a step of eleven bits; the least step there is
     save_model(rounded, tmp_path / "net.npz")
     with np.load(tmp_path / "net.npz") as file:
-        assert {file[f"{name}_1"].dtype for name in ("kernel", "weights")} == {np.dtype(np.float16)}
+        assert {file[name].dtype for name in ("branch0.kernel_1", "weights_1")} == {np.dtype(np.float16)}
         assert file["bias_1"].dtype == np.float32
     again = load_model(tmp_path / "net.npz")
-    np.testing.assert_array_equal(again.kernels[1], rounded.kernels[1])
+    np.testing.assert_array_equal(again.branches[0].kernels[1], rounded.branches[0].kernels[1])
     np.testing.assert_array_equal(again.weights[0], rounded.weights[0])
     assert half(np.array([1e9], np.float32))[0] == 65504.0
 
@@ -135,14 +140,14 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
             load_model(bad)
     for change in (
         {"format": np.array(99)},
-        {"mean": np.array([object()])},
-        {"mean": content["mean"] * np.float32(np.nan)},
+        {"branch0.mean": np.array([object()])},
+        {"branch0.mean": content["branch0.mean"] * np.float32(np.nan)},
         {"about": np.zeros(3)},
     ):
         np.savez(bad, **(content | change))
         with pytest.raises(ConfigError, match=r"bad\.npz"):
             load_model(bad)
-    np.savez(bad, **{name: array for name, array in content.items() if name != "kernel_1"})
+    np.savez(bad, **{name: array for name, array in content.items() if name != "branch0.kernel_1"})
     with pytest.raises(ConfigError, match="kernel_1"):
         load_model(bad)
 
@@ -151,9 +156,15 @@ def test_wrong_numbers_are_refused() -> None:
     """Shapes that do not fit when it is made, features that do not fit when it is asked."""
     net = small_net()
     with pytest.raises(ConfigError, match="scale"):
-        dataclasses.replace(net, scale=net.scale * 0)
+        changed(net, scale=net.branches[0].scale * 0)
     with pytest.raises(ConfigError, match="kernel_1"):
-        dataclasses.replace(net, kernels=(net.kernels[0], net.kernels[1][:, :4]))
+        changed(net, kernels=(net.branches[0].kernels[0], net.branches[0].kernels[1][:, :4]))
+    with pytest.raises(ConfigError, match="take"):
+        dataclasses.replace(net, branches=net.branches * 2, names=net.names * 2)  # two of the same kind
+    with pytest.raises(ConfigError, match="take"):
+        dataclasses.replace(net, branches=())
+    with pytest.raises(ConfigError, match="take"):
+        dataclasses.replace(net, names=net.names[1:])
     with pytest.raises(ConfigError, match="labels"):
         dataclasses.replace(net, labels=("a", "b"))
     with pytest.raises(DataError, match="expected"):
@@ -172,7 +183,7 @@ def test_training_learns_the_order_of_time_and_repeats(mixup: float) -> None:
 
     def train(seed: int) -> CurveNet:
         chosen = dataclasses.replace(settings, seed=seed)
-        return train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CurveConfig(steps=STEPS), config=chosen)
+        return train_net(x[None], label, labels=("late", "early"), inputs=(CurveConfig(steps=STEPS),), config=chosen)
 
     net = train(1)
     fresh, truth = waves(200, rng)
@@ -226,8 +237,8 @@ def test_numpy_gives_what_pytorch_gives() -> None:
     with kept_networks() as kept:
         x, label = waves(200, np.random.default_rng(4))
         settings = CurveTraining(channels=(6, 8, 4), hidden=8, passes=3, batch=64)
-        net = train_net(x[None], label, names=NAMES, labels=("late", "early"), inputs=CurveConfig(steps=STEPS), config=settings)
-    standard = np.clip((x - net.mean) / net.scale, -CLIP, CLIP).astype(np.float32)
+        net = train_net(x[None], label, labels=("late", "early"), inputs=(CurveConfig(steps=STEPS),), config=settings)
+    standard = np.clip((x - net.branches[0].mean) / net.branches[0].scale, -CLIP, CLIP).astype(np.float32)
     with torch.no_grad():
         expected = torch.softmax(kept[0](torch.from_numpy(standard)), dim=1).numpy()
     # half precision moves each weight by up to 2^-12 of it, and some twenty products of order 1 add up to a score
@@ -237,6 +248,4 @@ def test_numpy_gives_what_pytorch_gives() -> None:
 def test_training_refuses_what_does_not_fit() -> None:
     """As many labels as samples."""
     with pytest.raises(DataError, match="samples have shape"):
-        train_net(
-            np.zeros((1, 3, len(NAMES)), np.float32), np.zeros(4, np.int64), names=NAMES, labels=("a",), inputs=CurveConfig(steps=STEPS)
-        )
+        train_net(np.zeros((1, 3, len(NAMES)), np.float32), np.zeros(4, np.int64), labels=("a",), inputs=(CurveConfig(steps=STEPS),))

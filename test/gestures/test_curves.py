@@ -217,7 +217,7 @@ def test_copies_without_change_are_the_original() -> None:
     """With every figure at zero, copies equal the curves themselves to float32."""
     rng = np.random.default_rng(1)
     events = join([random_maps(rng) for _ in range(3)])
-    made = copies(events, CurveConfig(), STILL, n=2, seed=4)
+    made = copies(events, (CurveConfig(),), STILL, n=2, seed=4)
     for copy in made:
         np.testing.assert_allclose(copy, Curves().process_many(events), rtol=1e-6, atol=1e-6)
 
@@ -260,9 +260,9 @@ def test_lost_gates_are_lost_and_nothing_else() -> None:
 def test_copies_do_not_depend_on_how_many_there_are() -> None:
     """The first copies of many are the same as of few; another seed gives others."""
     events, variation = join([random_maps(np.random.default_rng(2))]), VariationConfig()
-    few = copies(events, CurveConfig(), variation, n=1, seed=3)
-    np.testing.assert_array_equal(copies(events, CurveConfig(), variation, n=3, seed=3)[:1], few)
-    assert not np.allclose(copies(events, CurveConfig(), variation, n=1, seed=4), few)
+    few = copies(events, (CurveConfig(),), variation, n=1, seed=3)
+    np.testing.assert_array_equal(copies(events, (CurveConfig(),), variation, n=3, seed=3)[:1], few)
+    assert not np.allclose(copies(events, (CurveConfig(),), variation, n=1, seed=4), few)
 
 
 def test_wrong_maps_are_refused() -> None:

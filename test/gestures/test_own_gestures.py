@@ -19,6 +19,7 @@ from radar_gestures.classifiers.model import model_of
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance
 from radar_gestures.features import FEATURE_NAMES
+from radar_gestures.inputs import USUAL, kind_of
 from radar_gestures.presets import usual_config
 from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import config_for, feature_settings
@@ -245,7 +246,7 @@ def test_a_model_brings_its_own_features() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("inputs", [CurveConfig(), CellConfig()], ids=["curves", "cells"])
+@pytest.mark.parametrize("inputs", [(CurveConfig(),), (CellConfig(),), USUAL], ids=["curves", "cells", "both"])
 def test_a_network_learns_from_detected_events(tmp_path: Path, inputs: CurveConfig | CellConfig) -> None:
     """Two people's pushes and zigs, as the recorder kept them; the model brings its events along, and learns one more later."""
     pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
@@ -261,7 +262,7 @@ def test_a_network_learns_from_detected_events(tmp_path: Path, inputs: CurveConf
     assert not report.missed
     model = load_model(tmp_path / "net.npz")
     assert isinstance(model, CurveNet)
-    assert model.extractor == ("cells" if isinstance(inputs, CellConfig) else "curves")
+    assert model.extractor == "+".join(map(kind_of, inputs))
     assert (model.labels, len(model.remembered)) == (("push", "zig"), 8)
     assert config_for(model.settings, GestureConfig(walk_distance=0.9)).walk_distance == 0.9
     recogniser, tracker = (

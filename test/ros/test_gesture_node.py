@@ -23,7 +23,8 @@ from radar_core.config import flat, load_file
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.paths import find_config
 from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRecognizer, load_model, save_model
-from radar_gestures.classifiers.curve_net import CLIP, CurveNet, convolve
+from radar_gestures.classifiers.branch import CLIP, Branch, convolve
+from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.curves import CURVE_NAMES, TOTALS, Curves
 from radar_gestures.make import make_recognizer
 from radar_gestures.signals import CurveConfig
@@ -192,7 +193,8 @@ def curve_model(config):
     settings = feature_settings(config) | {"maps": dataclasses.asdict(config.maps), "curves": {}}
     offset, bias = np.zeros(6, np.float32), np.zeros(2, np.float32)
     weights = (last.astype(np.float32),)
-    return CurveNet(mean, scale, (kernel,), (offset,), weights, (bias,), CURVE_NAMES, ("pull", "push"), steps, settings=settings)
+    branch = Branch(mean, scale, (kernel,), (offset,), steps)
+    return CurveNet((branch,), weights, (bias,), CURVE_NAMES, ("pull", "push"), settings=settings)
 
 
 @pytest.mark.long

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from radar_core import ConfigError, DataError
-from radar_gestures.cells import ATTRIBUTES, CellConfig, Cells, cell_names, maker_of
+from radar_gestures.cells import ATTRIBUTES, CellConfig, Cells, cell_names
+from radar_gestures.classifiers.branch import Branch
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.curves import Curves
 from radar_gestures.event_maps import EventMaps, join
+from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps, GateAxis
 from radar_gestures.signals import CurveConfig
 from radar_lab.training.variation import VariationConfig, copies
@@ -48,8 +50,8 @@ def test_absurd_detections_give_finite_vectors(layers: dict[str, float]) -> None
     """Nothing, infinities and huge numbers in every cell; the vector and its copies stay finite."""
     maps = maps_of(5, 0.1, **layers)
     for config in (CurveConfig(), CellConfig()):
-        assert np.isfinite(maker_of(config).process(maps)).all()
-        assert np.isfinite(copies(join([maps]), config, VariationConfig(), n=1, seed=1)).all()
+        assert np.isfinite(InputMaker((config,)).process(maps)).all()
+        assert np.isfinite(copies(join([maps]), (config,), VariationConfig(), n=1, seed=1)).all()
 
 
 def test_nothing_seen_is_a_vector_and_has_probabilities() -> None:
@@ -60,7 +62,7 @@ def test_nothing_seen_is_a_vector_and_has_probabilities() -> None:
         found = Cells(config).process_many(events)
         assert np.isfinite(found).all()
         assert not found[0, :-2].any()
-        made = copies(events, config, VariationConfig(lost=0.9), n=3, seed=1)
+        made = copies(events, (config,), VariationConfig(lost=0.9), n=3, seed=1)
         assert np.isfinite(made).all()
         net = network(len(found[0]), config)
         np.testing.assert_allclose(net.probabilities(found).sum(axis=1), 1.0)
@@ -70,11 +72,12 @@ def network(n: int, config: CellConfig) -> CurveNet:
     """Make a network on cells with weights of one."""
     ones = [np.ones(shape, np.float32) for shape in ((6, 2), (2, 2), (3, 5, 4), (4 * 3 + 2, 2))]
     zero = [np.zeros(k, np.float32) for k in (2, 2, 4, 2)]
-    return CurveNet(
-        np.zeros(n, np.float32), np.ones(n, np.float32), (ones[2],), (zero[2],), (ones[3],), (zero[3],),
-        names=cell_names(config), labels=("a", "b"), steps=3, cell_weights=(ones[0], ones[1]), cell_biases=(zero[0], zero[1]),
+    branch = Branch(
+        np.zeros(n, np.float32), np.ones(n, np.float32), (ones[2],), (zero[2],), 3,
+        cell_weights=(ones[0], ones[1]), cell_biases=(zero[0], zero[1]),
         pool_factor=np.ones(5, np.float32), pool_offset=np.zeros(5, np.float32),
     )  # fmt: skip
+    return CurveNet((branch,), (ones[3],), (zero[3],), names=cell_names(config), labels=("a", "b"))
 
 
 def test_an_event_without_frames_is_refused() -> None:
