@@ -1,4 +1,4 @@
-"""Whether `handwave doctor` names the right fault first on thirteen recordings with one each, and nothing on three healthy ones.
+"""Whether `handwave doctor` names the right fault first on fourteen recordings with one each, and nothing on three healthy ones.
 
 The checks were written and their limits chosen on recordings with numbers from `DEVELOPED` on (three sets of sixteen, and healthy rooms of
 `doctor_bags.DEVELOPED_TOO`); the figure is about the sixteen from `FIGURE` on.

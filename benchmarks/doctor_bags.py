@@ -227,6 +227,13 @@ def _faint(out: Path, number: int) -> None:
     write(out, record(room))
 
 
+def _tilted(out: Path, number: int) -> None:
+    rng = np.random.default_rng([26, number])
+    tilt = float(rng.choice([-1, 1]) * rng.uniform(0.3, 0.5))
+    recording = record(Room(rng, [walker(rng)], more={"mount": {"z": 1.2, "tilt": tilt}}))
+    write(out, replace(recording, info=replace(recording.info, mount=replace(recording.info.mount, tilt=0.0))))
+
+
 def _slow_chirps(out: Path, number: int) -> None:
     rng = np.random.default_rng([26, number])
     person = {"id": 1, "position": [4.8, 0.3], "script": walk((1.5, 0.0), (4.6, -0.6), (1.8, 0.4), speed=1.3)}
@@ -373,6 +380,7 @@ FAULTS: Final = (
     Case("interference", _disturbed),
     Case("stitched frames", _stitched),
     Case("radar info missing", _undescribed),
+    Case("wrong tilt", _tilted),
 )
 DEVELOPED_TOO: Final = (Case("", _healthy("77 GHz, 2 x 4", _on_the_spot)), Case("", _healthy("77 GHz, 3 x 4", _one)))
 """Healthy rooms to choose limits by, beside those of the figure."""

@@ -1,9 +1,10 @@
 """Real people's gestures end to end: streams of clouds through tracking, events and the network; nobody tells where a gesture is.
 
 Segments of mHomeGes and of mTransSee are joined to streams, one of each person and distance, in an order that `SEED` draws. Between two of
-them the person rests for a second or two: clouds of the gap hold what stood still in the segment before it, from its end backwards. The
-stream goes through the default tracker and the events of the preset for radars with so few clouds. The network learns from events that
-were found so, of other people. What begins and ends in a gap is no gesture; the network learns that as one more class.
+them the person rests for a second or two: clouds of the gap hold what stood still in the segment before it, from its end backwards. How the
+radar was tilted no data set states: it is found from the clouds of each stream, as ``handwave calibrate-tilt`` does. The stream goes
+through the default tracker and the events of the preset for radars with so few clouds. The network learns from events that were found so,
+of other people. What begins and ends in a gap is no gesture; the network learns that as one more class.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from radar_gestures.event_maps import join
 from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps
 from radar_gestures.stage import EventStage
+from radar_lab.alignment.tilt import TiltConfig, TiltFinder
 from radar_lab.importers import open_original
 from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.validation import Mask, Validation, leave_subjects_out
@@ -39,7 +41,13 @@ REST: Final = (1.0, 2.0)  # s: between two segments
 NOTHING: Final = "random"  # label of events in gaps
 _STREAM: Final = 0x57E
 _EVENTS: Final = tuple(f"radar_gestures/{name}.py" for name in ("stage", "events", "maps", "features"))
-_SOURCES: Final = ("radar_core", "radar_tracking", "radar_lab/importers", *_EVENTS)  # what events of a stream depend on
+_SOURCES: Final = (
+    "radar_core",
+    "radar_tracking",
+    "radar_lab/importers",
+    "radar_lab/alignment/tilt.py",
+    *_EVENTS,
+)  # what events of a stream depend on
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +111,17 @@ def joined(parts: Sequence[Part], gate: float, interval_ns: int, seed: Sequence[
             sequence += 1
 
 
+def levelled(info: RadarInfo, parts: Sequence[Part]) -> RadarInfo:
+    """Say how the radar of some segments was tilted, by the heights of what moved in them."""
+    finder, start = TiltFinder(TiltConfig(activity="arms"), info), 0
+    for part in parts:
+        first, last = part.clouds[0].stamp_ns, part.clouds[-1].stamp_ns
+        for cloud in part.clouds:
+            finder.process(replace(cloud, stamp_ns=start + cloud.stamp_ns - first))
+        start += last - first + 1_000_000_000
+    return replace(info, mount=finder.result().mount)
+
+
 def find(info: RadarInfo, parts: Sequence[Part], gate: float, seed: Sequence[int]) -> Stream:
     """Run the default tracker and the events over a stream."""
     tracker, stage = make_tracker(TrackerConfig(), info), EventStage(event_config(), info.mount)
@@ -156,7 +175,9 @@ def source(limit: int) -> str:
 def _of_person(kind: str, path: Path, person: int, limit: int) -> list[Stream]:
     info, parts = read_parts(kind, path, person, limit)
     by_distance = {part.distance: [one for one in parts if one.distance == part.distance] for part in parts}
-    return [find(info, own, GATES[kind], (SEED, person, round(distance * 100))) for distance, own in sorted(by_distance.items())]
+    return [
+        find(levelled(info, own), own, GATES[kind], (SEED, person, round(distance * 100))) for distance, own in sorted(by_distance.items())
+    ]
 
 
 def named(stream: Stream, names: Sequence[str]) -> tuple[list[str], int]:

@@ -1,12 +1,15 @@
-"""Commands that calibrate a radar's array, and radars to each other."""
+"""Commands that calibrate a radar's array, its tilt, and radars to each other."""
 
 from __future__ import annotations
 
+import functools
 import json
 import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -14,7 +17,10 @@ from radar_app.parameters import Domain, Json, Namespace, Params, comma_separate
 from radar_core import ConfigError
 
 if TYPE_CHECKING:
-    from radar_lab.alignment.pair import PairCalibration
+    from radar_core import RadarInfo
+    from radar_ros.walks import Follower
+
+F = TypeVar("F", bound="Follower")
 
 
 def calibrate(
@@ -117,49 +123,103 @@ def calibrate_pair(
 
     Examples: `handwave calibrate-pair walk -o right.yaml --picture walk.png` · `handwave calibrate-pair -o right.yaml --duration 60`
     """
-    from radar_app.supervisor import environment
     from radar_core.config import load_file
-    from radar_lab.alignment.pair import PairConfig, draw
+    from radar_lab.alignment.pair import PairConfig, Walker, draw, rows
     from radar_lab.alignment.pair import as_json as report
     from radar_lab.alignment.pair import calibrate_pair as fit
-    from radar_ros.interrupts import ros
-    from radar_ros.walks import Listener, from_bag
 
     names = comma_separated(radars)
     if len(names) != 2 or names[0] == names[1]:
         raise ConfigError(f"--radars {radars!r}: name two radars, e.g. left,right")
     chosen = load_file(PairConfig, config) if config is not None else PairConfig()
     parameters = parse_parameters(param)
-    with progress_bar("reading" if bag is not None else "walk now", quiet=as_json) as progress:
-        if bag is not None:
-            walkers = from_bag(bag, names, chosen, progress, parameters)
-        elif parameters:
-            raise ConfigError("--param sets the baseband of a recording; a running graph has its own")
-        else:
-            os.environ.update(environment(domain))
-            with ros(), closing(Listener(names, chosen, namespace)) as listener:
-                walkers = listener.listen(duration, progress)
-    result = fit(*walkers, chosen)
+    first, second = _followers(bag, names, functools.partial(Walker, chosen), "walk now", duration, parameters, as_json, domain, namespace)
+    result = fit(first, second, chosen)
     result.mount.save(out)
     if picture is not None:
         draw(result, picture)
     if as_json:
         print(json.dumps(report(result)))
         return
-    _show(result)
+    _show(f"{result.mount.radar}, beside {result.mount.reference}", rows(result), result.notes())
     print(f"mount in {out}" + (f", picture in {picture}" if picture is not None else ""))
 
 
-def _show(result: PairCalibration) -> None:
+def calibrate_tilt(
+    out: Annotated[Path, typer.Option("--out", "-o", help="file for the radar's mount (.yaml)")],
+    bag: Annotated[Path | None, typer.Argument(help="recording; left out: listen to the running graph")] = None,
+    radar: Annotated[str, typer.Option(help="its namespace, where there are several")] = "",
+    activity: Annotated[str, typer.Option(help="what the person does: walk about, or stand and move their arms")] = "walk",
+    height: Annotated[float | None, typer.Option(help="of the radar above the floor [m]; default: as its driver says")] = None,
+    duration: Annotated[float, typer.Option(help="running graph: seconds to listen; Ctrl-C ends it sooner", min=2.0, max=3600.0)] = 30.0,
+    as_json: Json = False,
+    param: Params = None,
+    domain: Domain = None,
+    namespace: Namespace = "",
+) -> None:
+    """Find how far a radar is tilted, from one person who moves before it for half a minute (docs/how-to/calibration.md).
+
+    Let one person walk about alone, 1 to 5 m in front of the radar, or stand and move their arms (`--activity arms`). Where the tilt is
+    wrong people seem to float, and they and their gestures are lost. Measure the height with a tape. The file goes to the driver:
+    `handwave up --param driver.calibration=mount.yaml`. Raw frames of a recording go through a baseband that takes parameters as in the
+    graph: `--param baseband.calibration=array.npz`.
+
+    Examples: `handwave calibrate-tilt -o mount.yaml` · `handwave calibrate-tilt walk -o mount.yaml --height 1.4`
+    """
+    from radar_core.config import load
+    from radar_core.mounting import MountCalibration
+    from radar_lab.alignment.tilt import TiltConfig, TiltFinder, rows
+
+    chosen = load(TiltConfig, {"activity": activity}, "options")
+
+    def follow(info: RadarInfo) -> TiltFinder:
+        return TiltFinder(chosen, info if height is None else replace(info, mount=replace(info.mount, z=height)))
+
+    doing = "walk now" if activity == "walk" else "move your arms now"
+    (finder,) = _followers(bag, [radar], follow, doing, duration, parse_parameters(param), as_json, domain, namespace)
+    result = finder.result()
+    MountCalibration(radar=result.radar, mount=result.mount, tilt_std=result.std).save(out)
+    if as_json:
+        print(json.dumps({**asdict(result), "notes": result.notes()}))
+        return
+    _show(f"{result.radar}: {activity}", rows(result), result.notes())
+    print(f"mount in {out}")
+
+
+def _followers(
+    bag: Path | None,
+    names: Sequence[str],
+    follow: Callable[[RadarInfo], F],
+    doing: str,
+    duration: float,
+    parameters: Mapping[str, Mapping[str, object]],
+    quiet: bool,
+    domain: int | None,
+    namespace: str,
+) -> tuple[F, ...]:
+    """Follow the person with each radar, in a recording or, where there is none, in the running graph."""
+    from radar_app.supervisor import environment
+    from radar_ros.interrupts import ros
+    from radar_ros.walks import Listener, from_bag
+
+    with progress_bar("reading" if bag is not None else doing, quiet=quiet) as progress:
+        if bag is not None:
+            return from_bag(bag, names, follow, progress, parameters)
+        if parameters:
+            raise ConfigError("--param sets the baseband of a recording; a running graph has its own")
+        os.environ.update(environment(domain))
+        with ros(), closing(Listener(names, follow, namespace)) as listener:
+            return listener.listen(duration, progress)
+
+
+def _show(title: str, rows: Iterable[tuple[str, str, str]], notes: Sequence[str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from radar_lab.alignment.pair import rows
-
-    table = Table("", "measured", "standard deviation", title=f"{result.mount.radar}, beside {result.mount.reference}")
-    for row in rows(result):
+    table = Table("", "measured", "standard deviation", title=title)
+    for row in rows:
         table.add_row(*row)
     console = Console()
     console.print(table)
-    for note in result.notes():
+    for note in notes:
         console.print(f"note: {note}", markup=False, highlight=False)

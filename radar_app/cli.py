@@ -360,6 +360,7 @@ for panel, commands in _PANELS.items():
 app.command("compile", rich_help_panel=_SETUP)(compile_loops)
 app.command("calibrate-coupling", rich_help_panel=_SETUP)(calibration_commands.calibrate_coupling)
 app.command("calibrate-pair", rich_help_panel=_SETUP)(calibration_commands.calibrate_pair)
+app.command("calibrate-tilt", rich_help_panel=_SETUP)(calibration_commands.calibrate_tilt)
 app.add_typer(gesture_commands.app, name="gesture", rich_help_panel=_MORE)
 app.add_typer(lab, name="lab", rich_help_panel=_MORE)
 

@@ -26,13 +26,14 @@ _VERSION = 1
 
 @config
 class MountCalibration:
-    """Where one radar stands in ``room``, measured beside another one whose mount is taken as it is."""
+    """Where one radar stands in ``room``: measured beside another one whose mount is taken as it is, or how far it is tilted."""
 
     version: int = knob(_VERSION, low=_VERSION, high=_VERSION, doc="of this kind of file")
     radar: str = knob(doc="frame of the radar, e.g. right/radar")
     reference: str = knob("", doc="frame of the radar beside which it was measured")
-    mount: Pose = knob(doc="where it stands; height and tilt are as they were given")
+    mount: Pose = knob(doc="where it stands; what was not measured is as it was given")
     covariance: tuple[Row, Row, Row] = knob(_NOTHING, doc="of x, y and yaw of the mount [m, m, rad]")
+    tilt_std: float = knob(0.0, unit="rad", low=0.0, high=math.pi, doc="standard deviation of the tilt; 0: taken as it was given")
     clock_offset: float = knob(0.0, unit="s", low=-60.0, high=60.0, doc="to be added to its stamps to get the reference's time")
     clock_offset_std: float = knob(0.0, unit="s", low=0.0, high=60.0, doc="standard deviation of the same; 0: not measured")
 
@@ -59,6 +60,7 @@ class MountCalibration:
         result = np.zeros((6, 6))
         index = np.array([0, 1, 5])
         result[np.ix_(index, index)] = self.covariance
+        result[4, 4] = self.tilt_std**2
         return result
 
     def _written(self) -> dict[str, Any]:
@@ -75,9 +77,11 @@ class MountCalibration:
             When it cannot be written.
         """
         x, y, yaw = np.sqrt(np.maximum(np.diagonal(np.array(self.covariance)), 0.0)).tolist()
+        where = f"beside {self.reference}: handwave calibrate-pair" if self.reference else "tilt measured: handwave calibrate-tilt"
         head = (
-            f"# Where {self.radar} stands in the room, beside {self.reference}: handwave calibrate-pair (docs/how-to/calibration.md)\n"
-            f"# standard deviations: x {x * 1e3:.1f} mm, y {y * 1e3:.1f} mm, yaw {math.degrees(yaw):.3f} degrees\n"
+            f"# Where {self.radar} stands in the room, {where} (docs/how-to/calibration.md)\n"
+            f"# standard deviations: x {x * 1e3:.1f} mm, y {y * 1e3:.1f} mm, yaw {math.degrees(yaw):.3f} degrees, "
+            f"tilt {math.degrees(self.tilt_std):.2f} degrees; 0: as it was given\n"
         )
         try:
             write_whole(path, head + yaml.safe_dump(self._written(), sort_keys=False))

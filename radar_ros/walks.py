@@ -1,4 +1,4 @@
-"""What two radars saw of one person who walks: read from a recording, or from a running graph."""
+"""What radars saw of one person who moves, for their calibration: read from a recording, or from a running graph."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import handwave.msg
 
-from radar_core import DataError, RadarInfo
+from radar_core import DataError, PointCloud, RadarInfo
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, load_context
-from radar_lab.alignment.pair import PairConfig, Walker
 from radar_ros import qos
 from radar_ros.bags import contents, local, read
 from radar_ros.interrupts import Visitor
@@ -24,15 +23,26 @@ from radar_ros.offline import baseband_config, parse
 Progress = Callable[[float], None]
 """Told the share that is done, 0..1."""
 
-_WAIT = 10.0  # s: for radar/info of both radars
+_WAIT = 10.0  # s: for radar/info of all radars
 
 
-class _Radar:
-    """One radar of a recording or graph: its walker, and its baseband where there are raw frames only."""
+class Follower(Protocol):
+    """What calibrates takes in clouds, in the sensor's frame."""
 
-    def __init__(self, info: RadarInfo, config: PairConfig, baseband: CalibratedBasebandConfig | None = None) -> None:
+    def process(self, cloud: PointCloud) -> None:
+        """Take in the radar's next cloud."""
+
+
+F = TypeVar("F", bound=Follower)
+
+
+class _Radar(Generic[F]):
+    """One radar of a recording or graph: who follows the person, and its baseband where there are raw frames only."""
+
+    def __init__(self, info: RadarInfo, follow: Callable[[RadarInfo], F], baseband: CalibratedBasebandConfig | None = None) -> None:
         self.info = info
-        self.walker = Walker(config, info)
+        self.follower = follow(info)
+        self.clouds = 0
         self._config = baseband or CalibratedBasebandConfig()
         self._baseband: Baseband | None = None
 
@@ -44,26 +54,27 @@ class _Radar:
             if self._baseband is None:
                 self._baseband = Baseband(self._config, load_context(self.info, self._config.calibration).radar)
             cloud = self._baseband.process(frame_from_msg(msg))
-        self.walker.process(cloud)
+        self.follower.process(cloud)
+        self.clouds += 1
 
 
 def from_bag(
     path: Path,
     names: Sequence[str],
-    config: PairConfig,
+    follow: Callable[[RadarInfo], F],
     progress: Progress = lambda share: None,
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
-) -> tuple[Walker, Walker]:
-    """Follow the person in a recording of both radars.
+) -> tuple[F, ...]:
+    """Follow the person in a recording of one or more radars.
 
     Parameters
     ----------
     path : Path
-        Bag with ``radar/info`` and ``radar/points`` (or else ``radar/frame``) of both.
+        Bag with ``radar/info`` and ``radar/points`` (or else ``radar/frame``) of each.
     names : sequence of str
-        Namespaces of the first and the second radar, e.g. left and right.
-    config : PairConfig
-        How to follow.
+        Namespaces of the radars, e.g. left and right; empty: of none.
+    follow : callable
+        Makes what follows the person, of the description of each radar.
     progress : callable
         Told the share that is done.
     parameters : mapping
@@ -80,7 +91,7 @@ def from_bag(
     basebands = {name: baseband_config(parameters or {}, name) for name in names}
     topics = {_topic(path, counts, name) for name in names}
     total = sum(counts[topic] for topic in topics)
-    radars: dict[str, _Radar] = {}
+    radars: dict[str, _Radar[F]] = {}
     done = 0
     for item in read(path, ("radar/info", *{local(topic) for topic in topics})):
         kind = local(item.topic)
@@ -88,49 +99,53 @@ def from_bag(
         if kind == "radar/info" and name in basebands:
             info = info_from_msg(parse(item.data, kind))
             if name not in radars:
-                radars[name] = _Radar(info, config, basebands[name])
+                radars[name] = _Radar(info, follow, basebands[name])
             elif radars[name].info != info:
-                raise DataError(f"{path}: radar/info of {name} changes within the recording; cut it where the radar was changed")
+                raise DataError(f"{path}: {_joined(name, 'radar/info')} changes within the recording; cut it where the radar was changed")
         elif item.topic in topics:
             done += 1
             progress(done / total)
             if name in radars:  # frames before their info cannot be understood
                 radars[name].take(kind, parse(item.data, kind))
-    first, second = (radars[name].walker for name in names)
-    return first, second
+    return tuple(radars[name].follower for name in names)
+
+
+def _joined(name: str, topic: str) -> str:
+    return f"{name}/{topic}" if name else topic
 
 
 def _topic(path: Path, counts: dict[str, int], name: str) -> str:
     """Full name of the clouds of a radar, or of its raw frames where there are no clouds."""
     held = {topic for topic, count in counts.items() if count}
     for kind in ("radar/points", "radar/frame"):
-        if {f"/{name}/{kind}", f"/{name}/radar/info"} <= held:
-            return f"/{name}/{kind}"
-    radars = sorted({topic.removesuffix("/radar/info").strip("/") for topic in held if topic.endswith("/radar/info")})
+        if {f"/{_joined(name, kind)}", f"/{_joined(name, 'radar/info')}"} <= held:
+            return f"/{_joined(name, kind)}"
+    radars = sorted({topic.removesuffix("radar/info").strip("/") or '""' for topic in held if topic.endswith("/radar/info")})
     raise DataError(
-        f"{path}: has no {name}/radar/points with {name}/radar/info; radars in it: {', '.join(radars) or 'none'}. Name "
-        "two of them with --radars, or record both: handwave up two_radars, handwave record"
+        f"{path}: has no {_joined(name, 'radar/points')} with {_joined(name, 'radar/info')}; radars in it: {', '.join(radars) or 'none'}. "
+        "Name them (--radar, --radars), or record what you need: handwave up, handwave record"
     )
 
 
-class Listener(Visitor):
-    """Follows the person while a graph (in ``namespace``) runs, whose two radars are in the namespaces ``names``."""
+class Listener(Visitor, Generic[F]):
+    """Follows the person while a graph (in ``namespace``) runs, whose radars are in the namespaces ``names``."""
 
-    def __init__(self, names: Sequence[str], config: PairConfig, namespace: str = "") -> None:
-        super().__init__("handwave_calibrate_pair", namespace)
-        self._names, self._config = tuple(name.strip("/") for name in names), config
-        self._radars: dict[str, _Radar] = {}
+    def __init__(self, names: Sequence[str], follow: Callable[[RadarInfo], F], namespace: str = "") -> None:
+        super().__init__("handwave_calibrate", namespace)
+        self._names, self._follow = tuple(name.strip("/") for name in names), follow
+        self._radars: dict[str, _Radar[F]] = {}
         self.refused: list[str] = []
         for name in self._names:
-            qos.subscribe_latched(self.node, handwave.msg.RadarInfo, f"{name}/radar/info", partial(self._take_info, name))
-            self.node.create_subscription(handwave.msg.PointCloud, f"{name}/radar/points", partial(self._take, name), qos.sensor(depth=50))
+            qos.subscribe_latched(self.node, handwave.msg.RadarInfo, _joined(name, "radar/info"), partial(self._take_info, name))
+            topic = _joined(name, "radar/points")
+            self.node.create_subscription(handwave.msg.PointCloud, topic, partial(self._take, name), qos.sensor(depth=50))
 
     def _take_info(self, name: str, msg: Any) -> None:
         info = info_from_msg(msg)
         if name not in self._radars:
-            self._radars[name] = _Radar(info, self._config)
+            self._radars[name] = _Radar(info, self._follow)
         elif self._radars[name].info != info:
-            self.refused.append(f"radar/info of {name} changed meanwhile")
+            self.refused.append(f"{_joined(name, 'radar/info')} changed meanwhile")
 
     def _take(self, name: str, msg: Any) -> None:
         if name in self._radars:
@@ -139,29 +154,28 @@ class Listener(Visitor):
             except DataError as error:
                 self.refused.append(str(error))
 
-    def listen(self, duration: float, progress: Progress = lambda share: None) -> tuple[Walker, Walker]:
-        """Listen for so long [s], from when both radars have told what they are, or until Ctrl-C: what was heard until then counts.
+    def listen(self, duration: float, progress: Progress = lambda share: None) -> tuple[F, ...]:
+        """Listen for so long [s], from when all radars have told what they are, or until Ctrl-C: what was heard until then counts.
 
         A `DataError` says that one is silent, or that its clouds cannot be used.
         """
         end = time.monotonic() + _WAIT
         with contextlib.suppress(KeyboardInterrupt):
-            while len(self._radars) < 2 and time.monotonic() < end:
+            while len(self._radars) < len(self._names) and time.monotonic() < end:
                 self.executor.spin_once(timeout_sec=0.1)
             start = time.monotonic()
-            while len(self._radars) == 2 and (passed := time.monotonic() - start) < duration:
+            while len(self._radars) == len(self._names) and (passed := time.monotonic() - start) < duration:
                 progress(passed / duration)
                 self.executor.spin_once(timeout_sec=0.1)
-        silent = [name for name in self._names if name not in self._radars]
+        silent = [_joined(name, "radar/info") for name in self._names if name not in self._radars]
         if silent:
             raise DataError(
-                f"no radar/info from {' and '.join(silent)} within {_WAIT:g} s; start the graph (handwave up two_radars), or choose its "
-                "domain with --domain and its radars with --radars"
+                f"no {' and '.join(silent)} within {_WAIT:g} s; start the graph (handwave up), or choose its domain with --domain and its "
+                "radars with --radar or --radars"
             )
         if self.refused:
             raise DataError(f"{len(self.refused)} messages could not be used, the first: {self.refused[0]}")
-        first, second = (self._radars[name].walker for name in self._names)
-        for name, walker in zip(self._names, (first, second), strict=True):
-            if walker.clouds == 0:
-                raise DataError(f"no clouds from {name}/radar/points; is its baseband running?")
-        return first, second
+        for name in self._names:
+            if self._radars[name].clouds == 0:
+                raise DataError(f"no clouds from {_joined(name, 'radar/points')}; is its baseband running?")
+        return tuple(self._radars[name].follower for name in self._names)

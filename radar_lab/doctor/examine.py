@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from radar_lab.doctor import echoes, links, samples
+from radar_lab.doctor import echoes, links, mount, samples
 from radar_lab.doctor.evidence import Evidence
 from radar_lab.doctor.finding import Finding, in_order
 from radar_lab.doctor.tuning import Tuning
@@ -31,4 +31,5 @@ def examine(radars: Sequence[Evidence], told: Told | None = None) -> tuple[Findi
 def _one(evidence: Evidence, told: Told) -> list[Finding]:
     found = [samples.cut(evidence), links.drops(evidence), links.clock(evidence), samples.saturation(evidence)]
     found += [samples.interference(evidence), samples.angle(evidence, told.walked), echoes.aliased(evidence), echoes.low_snr(evidence)]
+    found.append(mount.tilted(evidence))
     return [*found, *samples.unusable(evidence), *Tuning(evidence, told.tracking).findings()]

@@ -16,6 +16,7 @@ Symptom = Literal[
     "wrong angle sign",
     "aliased speed",
     "low SNR",
+    "wrong tilt",
     "nobody found",
     "lost when still",
     "merged people",

@@ -106,7 +106,7 @@ class DriverNode(StageMixin, LifecycleNode):
         super().__init__("driver", **kwargs)
         self.start_stage("driver")
         kind = str(declare(self, "source", "sim", "where frames come from: sim, bag, or a board (handwave devices --boards)"))
-        doc = "file of handwave calibrate-pair with this radar's mount; empty: as the source says"
+        doc = "file of handwave calibrate-tilt or calibrate-pair with this radar's mount; empty: as the source says"
         self._calibration = str(declare(self, "calibration", "", doc))
         ends = get_args(AtEnd)
         self._at_end: AtEnd = declare(self, "at_end", "stop", f"after the last frame: {', '.join(ends)}", choices=ends)

@@ -7,6 +7,7 @@ import pytest
 
 from radar_core import PointCloud, Pose, Quality, RadarFrame, RadarInfo
 from radar_lab.doctor import echoes, links, samples
+from radar_lab.doctor import mount as mount_check
 from radar_lab.doctor.bursts import Bursts
 from radar_lab.doctor.evidence import Evidence
 from radar_lab.doctor.examine import examine
@@ -286,3 +287,24 @@ def test_frames_of_another_radar_are_named():
     first = examine([found])[0]
     assert (first.symptom, first.fault) == ("unusable data", True)
     assert "frame 3 has shape" in first.text
+
+
+@pytest.mark.parametrize(("given", "fault"), [(-0.3, False), (-0.2, False), (0.05, True), (0.0, True), (-0.6, True)])
+def test_a_tilt_that_puts_people_elsewhere(given, fault):
+    """Somebody a metre high before a radar that is tilted down by 0.3 rad, and says another tilt; the remedy names the true one."""
+    mount, rng = Pose(z=1.3, tilt=-0.3), np.random.default_rng(4)
+    c, s = np.cos(mount.tilt), np.sin(mount.tilt)
+    found = Evidence(dataclasses.replace(INFO, mount=dataclasses.replace(mount, tilt=given)))
+    for k in range(200):
+        x, y, z = 3.0 + np.sin(0.05 * k), rng.normal(0, 0.2, 5), 1.0 - mount.z + rng.normal(0, 0.3, 5)
+        ahead, up = (c * x + s * z).astype(np.float32), (c * z - s * x).astype(np.float32)
+        distance = np.sqrt(ahead**2 + y**2 + up**2).astype(np.float32)
+        one = cloud(k, ahead, y, np.ones(5))
+        polar = {"range": distance, "azimuth": np.arctan2(y, ahead).astype(np.float32), "elevation": np.arcsin(up / distance)}
+        found.cloud(dataclasses.replace(one, z=up, **polar), one.stamp_ns)
+    finding = mount_check.tilted(found)
+    assert finding.fault is fault, finding.text
+    if fault:
+        assert abs(float(finding.remedy.split()[-2]) + 0.3) < 0.1
+    flat = dataclasses.replace(one, elevation=np.full(5, np.nan, np.float32), z=np.full(5, np.nan, np.float32))
+    assert mount_check.tilted(evidence([flat])).fault is None

@@ -1,5 +1,6 @@
 """The command `calibrate-pair`: from a recording, from a running graph over real DDS, and what drivers make of its file."""
 
+import functools
 import json
 import math
 import os
@@ -25,7 +26,7 @@ from radar_app.cli import app
 from radar_core import ConfigError, DataError, Pose
 from radar_core.mounting import MountCalibration, load_mount
 from radar_dsp import Baseband, BasebandConfig
-from radar_lab.alignment.pair import PairConfig, calibrate_pair
+from radar_lab.alignment.pair import PairConfig, Walker, calibrate_pair
 from radar_ros import qos
 from radar_ros.bags import TYPES, BagWriter
 from radar_ros.messages.convert import cloud_to_msg, frame_to_msg, info_from_msg, info_to_msg
@@ -117,7 +118,7 @@ def test_a_recording_gives_mount_file_table_and_picture(bag, tmp_path):
 @pytest.mark.long
 def test_radars_may_change_roles(bag):
     """The left radar beside the right one: with the right one's true mount, the left one's comes out as it is."""
-    first, second = from_bag(bag, ["right", "left"], PairConfig())
+    first, second = from_bag(bag, ["right", "left"], functools.partial(Walker, PairConfig()))
     first.info = replace(first.info, mount=MOUNTS["right"])
     result = calibrate_pair(first, second)
     error = np.array([result.mount.mount.x - MOUNTS["left"].x, result.mount.mount.y - MOUNTS["left"].y])
@@ -130,8 +131,8 @@ def test_raw_frames_do_as_well_as_clouds(walk, tmp_path):
     infos, clouds, frames = walk
     write(tmp_path / "raw", infos, [(f.stamp_ns, name, "radar/frame", frame_to_msg(f)) for name in MOUNTS for f in frames[name]])
     write(tmp_path / "points", infos, [(c.stamp_ns, n, "radar/points", cloud_to_msg(c)) for n in MOUNTS for c in clouds[n][:40]])
-    shares = []
-    raw, points = (from_bag(tmp_path / name, list(MOUNTS), PairConfig(), shares.append) for name in ("raw", "points"))
+    shares, follow = [], functools.partial(Walker, PairConfig())
+    raw, points = (from_bag(tmp_path / name, list(MOUNTS), follow, shares.append) for name in ("raw", "points"))
     for a, b in zip(raw, points, strict=True):
         assert np.array_equal(a.trajectory().position, b.trajectory().position)
         assert len(a.trajectory()) > 20
@@ -164,7 +165,7 @@ def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
         process.wait()
     assert process.returncode == 0, errors
     check(load_mount(out))
-    first, second = from_bag(bag, list(MOUNTS), PairConfig())
+    first, second = from_bag(bag, list(MOUNTS), functools.partial(Walker, PairConfig()))
     # best effort: a reader that stalls may lose a few clouds
     assert json.loads(output)["pairs"] > 0.8 * calibrate_pair(first, second).alignment.pairs
 
@@ -174,9 +175,9 @@ def test_a_graph_that_is_not_there(ros, monkeypatch):
     from radar_ros import walks as module
 
     monkeypatch.setattr(module, "_WAIT", 0.3)
-    listener = module.Listener(["left", "right"], PairConfig())
+    listener = module.Listener(["left", "right"], functools.partial(Walker, PairConfig()))
     try:
-        with pytest.raises(DataError, match=r"left and right within .*handwave up two_radars"):
+        with pytest.raises(DataError, match=r"left/radar/info and right/radar/info within .*handwave up"):
             listener.listen(1.0)
     finally:
         listener.close()
@@ -186,7 +187,7 @@ def test_what_cannot_be_used_is_refused(walk, bag, tmp_path):
     """Radars that are not there, the same one twice, an empty room, unknown knobs; no file is written."""
     infos, clouds, _ = walk
     with pytest.raises(DataError, match="radars in it: left, right"):
-        from_bag(bag, ["left", "middle"], PairConfig())
+        from_bag(bag, ["left", "middle"], functools.partial(Walker, PairConfig()))
     nobody = [replace(c.select(np.zeros(len(c), bool))) for c in clouds["left"][:50]]
     write(
         tmp_path / "empty",
@@ -194,7 +195,7 @@ def test_what_cannot_be_used_is_refused(walk, bag, tmp_path):
         [(c.stamp_ns, n, "radar/points", cloud_to_msg(replace(c, frame_id=f"{n}/radar"))) for n in MOUNTS for c in nobody],
     )
     with pytest.raises(DataError, match="left/radar sees nobody in 50 clouds"):
-        calibrate_pair(*from_bag(tmp_path / "empty", list(MOUNTS), PairConfig()))
+        calibrate_pair(*from_bag(tmp_path / "empty", list(MOUNTS), functools.partial(Walker, PairConfig())))
     for more, match in ((["--radars", "left,left"], "name two radars"), (["--config", str(tmp_path / "no.yaml")], "cannot read it")):
         done = CliRunner().invoke(app, ["calibrate-pair", str(bag), "-o", str(tmp_path / "x.yaml"), *more])
         assert isinstance(done.exception, ConfigError)

@@ -327,6 +327,8 @@ BEHIND = {
     "TwoSources": "DirectionFinder",
     "Pipeline": "Baseband, PeopleTracker",
     "Curves": "its own tests of absurd detections; EventMaps refuses times",
+    "InputMaker": "Curves, Cells",
+    "Branch": "CurveNet",
     "Cells": "its own tests of absurd detections, with those of curves; EventMaps refuses times",
     **dict.fromkeys(("TrackManagement", "Pairs", "Reflections", "Background", "Admission", "Birth"), "PeopleTracker"),
     **dict.fromkeys(("PoissonTracker", "Measure", "Decisions"), "test/stability/test_poisson.py"),

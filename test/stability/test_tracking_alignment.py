@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radar_core import DataError, PointCloud, RadarInfo
+from radar_core import DataError, PointCloud, Pose, RadarInfo
 from radar_lab.alignment import NotObservableError, RigidConfig, Trajectory, TrajectoryConfig, align_points, align_trajectories
 from radar_lab.alignment.pair import PairConfig, Walker, calibrate_pair
+from radar_lab.alignment.tilt import TiltConfig, TiltFinder, tilts_of
 from radar_lab.alignment.trajectory_fit import groups_of, integrated_time
 
 EYE = np.eye(2)
@@ -158,3 +159,55 @@ def test_walkers_take_empty_clouds_and_nan_and_refuse_the_wrong_ones():
         crowd.trajectory()
     with pytest.raises(DataError, match="sees nobody in 0 clouds"):
         calibrate_pair(walker, Walker(PairConfig(), RadarInfo()))
+
+
+def points(distance: object, elevation: object, azimuth: object = 0.0, stamp_ns: int = 0, speed: float = 1.0) -> PointCloud:
+    """Points that move, as the radar measures them."""
+    distance, elevation, azimuth = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, np.float32)) for a in (distance, elevation, azimuth)))
+    polar = {"range": distance, "azimuth": azimuth, "elevation": elevation}
+    n = len(distance)
+    xyz = {name: np.zeros(n, np.float32) for name in "xyz"}
+    return PointCloud(stamp_ns, 0, "radar", **xyz, radial_speed=np.full(n, speed, np.float32), snr=np.full(n, 20.0, np.float32), **polar)
+
+
+def test_tilts_of_any_point_are_angles_or_not_there() -> None:
+    """At the radar, a nanometre and a thousand kilometres away, straight up, behind, without angles, and none at all."""
+    quarter = np.pi / 2
+    cloud = points(
+        [0.0, 1e-9, 1e6, 2.0, 2.0, 2.0, 2.0], [0.0, 0.0, 0.1, quarter, -quarter, 0.1, np.nan], [0.0, 0.0, 0.0, 0.0, 0.0, np.pi, 0.0]
+    )
+    for above in (-1.0, 0.0, 1.0, 1e9):
+        with np.errstate(all="raise"):
+            found = tilts_of(cloud, above)
+        assert np.isnan(found[-1])
+        assert np.isnan(found[0])
+        known = found[np.isfinite(found)]
+        assert (np.abs(known) <= 2 * np.pi).all()
+    assert tilts_of(points([], []), 1.0).shape == (0,)
+    assert tilts_of(points([2.0], [0.1], [np.nan]), 0.0)[0] == pytest.approx(-0.1, abs=1e-6)  # no azimuth: as if straight ahead
+
+
+def test_a_tilt_of_points_that_no_tilt_explains() -> None:
+    """Points nearer than they would have to be high tell nothing; those that do give the tilt, and alone they are refused."""
+    info = RadarInfo(mount=Pose(z=3.0))
+    finder, refused = (TiltFinder(TiltConfig(), info) for _ in range(2))
+    for k in range(100):
+        near = points([1.0, 1.2, 1.5], [-0.2, 0.3, 0.1], stamp_ns=k * 100_000_000)
+        finder.process(near)
+        refused.process(near)
+        finder.process(points(4.0, np.arcsin((0.8 - 3.0) / 4.0) + 0.4, stamp_ns=k * 100_000_000))
+    assert finder.result().tilt == pytest.approx(-0.4, abs=1e-5)
+    with pytest.raises(DataError, match="somebody moves in 0 s only"):
+        refused.result()
+
+
+def test_a_day_of_tilts_is_a_tilt() -> None:
+    """Gaps of hours between seconds, stamps of today: as many seconds as had somebody, and the same tilt."""
+    finder = TiltFinder(TiltConfig(), RadarInfo(mount=Pose(z=1.2)))
+    start = 1_760_000_000_000_000_000
+    for k in range(48):
+        finder.process(points(3.0, -0.1, stamp_ns=start + k * 1_800_000_000_000))
+        finder.process(points([], [], stamp_ns=start + k * 1_800_000_000_000 + 1))
+    found = finder.result()
+    assert found.seconds == 48
+    assert found.tilt == pytest.approx(np.arcsin(-0.4 / 3.0) + 0.1, abs=1e-6)
