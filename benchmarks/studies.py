@@ -48,6 +48,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "budget": Study("budget"),
     "calibrate_array": Study("calibrate_array"),
     "calibrate_pair": Study("calibrate_pair", keep="calibrate_pair"),
+    "calibrate_tilt": Study("calibrate_tilt", keep="calibrate_tilt"),
     "chain": Study("chain"),
     "doctor": Study("doctor"),
     "dsp": Study("dsp"),
