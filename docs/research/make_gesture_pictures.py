@@ -1,9 +1,10 @@
-"""Pictures of gesture recognition for docs/explanation/gestures.md: confusion matrices, rates, transmitters, real people, learning curve.
+"""Pictures of gesture recognition for docs/explanation/gestures.md: confusions, rates, transmitters, real people, random rooms.
 
     python -m benchmarks gestures --json --keep FOLDER > gestures.json
     python -m benchmarks gestures --real --json --keep FOLDER > real.json
     python -m benchmarks gestures_people --json --keep FOLDER > people.json
-    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --people people.json
+    python -m benchmarks gesture_rooms --seeds first --json --keep FOLDER > rooms.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --people people.json --rooms rooms.json
 
 Any may be left out, and with it its pictures; real people need both. The same versions of the libraries give the same files.
 """
@@ -90,6 +91,45 @@ def learning(rows: list[dict[str, float]]) -> Figure:
     return figure
 
 
+OUTCOMES = {"other name": "#E69F00", "called random": "#999999", "no event": "#56B4E9", "no track": "#333333"}
+PANELS = {
+    "distance": "distance",
+    "turn": "turned away from the radar",
+    "azimuth": "to the side (left positive)",
+    "signal": "signal against the reference",
+    "mount": "height of the radar",
+    "radar": "radar",
+}
+
+
+def _first_number(name: str) -> float:
+    head = name.split(" ", 1)[0]
+    return float(head) if head.lstrip("-").replace(".", "", 1).isdigit() else 0.0
+
+
+def where(by: dict[str, dict[str, dict[str, Any]]]) -> Figure:
+    """Draw what became of the gestures in random rooms, by what was drawn: shares, with the 95 % interval of those named rightly."""
+    figure, axes = plt.subplots(3, 2, figsize=(7.4, 6.6), layout="constrained")
+    for one, (kind, title) in zip(axes.flat, PANELS.items(), strict=True):
+        rows = sorted(by[kind].items(), key=lambda item: _first_number(item[0]))
+        for place, (_, row) in enumerate(rows):
+            right, (low, high) = row["right"], row["right_interval"]
+            one.barh(place, right, color=COLOURS[2], label="right" if place == 0 else None)
+            one.errorbar(right, place, xerr=[[right - low], [high - right]], color="black", capsize=2, linewidth=1)
+            done = right
+            for what, colour in OUTCOMES.items():
+                one.barh(place, row[what] / row["strokes"], left=done, color=colour, alpha=0.5, label=what if place == 0 else None)
+                done += row[what] / row["strokes"]
+        one.set_yticks(range(len(rows)), [f"{name} ({row['strokes']})" for name, row in rows], fontsize=7)
+        one.set(xlim=(0, 1), title=title)
+        one.title.set_fontsize(8)
+        one.tick_params(axis="x", labelsize=7)
+        one.invert_yaxis()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
+    return figure
+
+
 def save(name: str, make: Callable[[], Figure]) -> None:
     """Write one picture."""
     figure = make()
@@ -104,7 +144,11 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, metavar="JSON", help="what the benchmark of simulated people printed")
     parser.add_argument("--real", type=Path, metavar="JSON", help="what the benchmark of real people printed")
     parser.add_argument("--people", type=Path, metavar="JSON", help="what the benchmark of real people held out printed")
+    parser.add_argument("--rooms", type=Path, metavar="JSON", help="what the benchmark of gestures in random rooms printed")
     options = parser.parse_args()
+    if options.rooms:
+        rooms = json.loads(options.rooms.read_text(encoding="utf-8").splitlines()[-1])
+        save("gestures_where", lambda: where(rooms["by"]))
     if options.figures:
         found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
         titles = {
