@@ -148,7 +148,7 @@ def test_a_model_of_some_gestures_is_evaluated_on_these(folder, tmp_path):
         (train, ["--out", "model.bin"], "npz"),
         (train, ["--hidden", "many"], "whole numbers"),
         (train, ["--labels", "push,salute"], "salute"),
-        (train, ["--model", "forest"], "perceptron, cells, curves or stream"),
+        (train, ["--model", "forest"], "perceptron, network, cells, curves or stream"),
         (train, ["--model", "stream", "--labels", "push"], "one folder of lives"),
         (train, ["--lives", "3"], "--model stream only"),
         (evaluate, ["--split", "half"], "subjects, random, all"),
