@@ -21,7 +21,19 @@ from benchmarks.report import Row, checkout, join
 from benchmarks.tradeoff.document import machine
 
 NAMES = (
-    *("graph", "simulator", "dsp", "tracking", "gestures", "gesture_model", "hand", "hand_velocity", "hand_mars", "calibrate_pair", "calibrate_tilt"),
+    *(
+        "graph",
+        "simulator",
+        "dsp",
+        "tracking",
+        "gestures",
+        "gesture_model",
+        "hand",
+        "hand_velocity",
+        "hand_mars",
+        "calibrate_pair",
+        "calibrate_tilt",
+    ),
     *("boards", "effects", "budget"),
 )
 HEAD = """# What accuracy costs in time

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 import handwave.msg
+import numpy as np
 
 from radar_core import DataError, PointCloud, RadarInfo
+from radar_core.cloud import ARRAY_FIELDS
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, load_context
 from radar_ros import qos
@@ -47,9 +49,15 @@ class _Radar(Generic[F]):
         self._baseband: Baseband | None = None
 
     def take(self, kind: str, msg: Any) -> None:
-        """Follow the person through the next message of ``radar/points``, or of ``radar/frame``, of which a cloud is made."""
+        """Follow the person through the next message of ``radar/points``, or of ``radar/frame``, of which a cloud is made.
+
+        Raises `DataError` for infinite values, whoever follows: NaN is what was not measured.
+        """
         if kind == "radar/points":
             cloud = cloud_from_msg(msg)
+            infinite = [name for name in ARRAY_FIELDS if np.isinf(getattr(cloud, name)).any()]
+            if infinite:
+                raise DataError(f"cloud {cloud.sequence} of {cloud.frame_id!r} has infinite values of {infinite[0]}; its sender is broken")
         else:
             if self._baseband is None:
                 self._baseband = Baseband(self._config, load_context(self.info, self._config.calibration).radar)

@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -125,17 +126,20 @@ def test_a_driver_takes_the_tilt(ros, walk, tmp_path):
 
 
 def test_what_cannot_be_used_is_refused(walk, tmp_path):
-    """Nobody who moves, a radar that is not there, another activity; no file is written."""
+    """Nobody who moves, infinite elevations, a radar that is not there, another activity; no file is written."""
     info, clouds, _ = walk
     still = [replace(c, radial_speed=0 * c.radial_speed) for c in clouds]
     write(tmp_path / "still", info, [(c.stamp_ns, "radar/points", cloud_to_msg(c)) for c in still])
+    loud = [replace(c, elevation=np.full_like(c.elevation, np.inf)) for c in clouds]
+    write(tmp_path / "infinite", info, [(c.stamp_ns, "radar/points", cloud_to_msg(c)) for c in loud])
     wrong = (
-        ([], "somebody moves in 0 s only"),
-        (["--radar", "left"], 'has no left/radar/points with left/radar/info; radars in it: ""'),
-        (["--activity", "sit"], "activity"),
+        ("still", [], "somebody moves in 0 s only"),
+        ("infinite", [], "infinite values of elevation"),
+        ("still", ["--radar", "left"], 'has no left/radar/points with left/radar/info; radars in it: ""'),
+        ("still", ["--activity", "sit"], "activity"),
     )
-    for more, text in wrong:
-        done = CliRunner().invoke(app, ["calibrate-tilt", str(tmp_path / "still"), "-o", str(tmp_path / "x.yaml"), *more])
+    for bag, more, text in wrong:
+        done = CliRunner().invoke(app, ["calibrate-tilt", str(tmp_path / bag), "-o", str(tmp_path / "x.yaml"), *more])
         assert isinstance(done.exception, HandwaveError)
         assert text in str(done.exception)
     assert not (tmp_path / "x.yaml").exists()
