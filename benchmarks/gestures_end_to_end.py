@@ -24,7 +24,7 @@ from benchmarks.gestures_daily import event_config
 from benchmarks.gestures_people import SETS, Fold, by_people, default_training, trained
 from benchmarks.report import AbsentError, rate
 from benchmarks.stores import digest, once, sources
-from radar_core import PointCloud, RadarInfo
+from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_gestures.event_maps import join
 from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps
@@ -241,8 +241,8 @@ def _counted(made: Sequence[Stream], names: Iterator[str]) -> dict[str, Any]:
     }
 
 
-def figures(quick: bool = False, keep: Path | None = None, sets: Sequence[str] = SETS) -> dict[str, Any]:
-    """Measure both data sets.
+def figures(quick: bool = False, keep: Path | None = None, parts: str = ",".join(SETS)) -> dict[str, Any]:
+    """Measure the data sets that ``parts`` names, with commas.
 
     ``quick``: few segments of two people; ``keep``: folder for what is finished: the same command goes on where it stopped.
     Returns ``KIND_end_to_end``: share of all segments (those that hold no gesture included) that an event is found in and named rightly,
@@ -253,7 +253,9 @@ def figures(quick: bool = False, keep: Path | None = None, sets: Sequence[str] =
     if not isinstance(config, CurveTraining):
         raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
     result: dict[str, Any] = {}
-    for kind in sets:
+    for kind in parts.split(","):
+        if kind not in SETS:
+            raise ConfigError(f"--parts {parts}: choose among {', '.join(SETS)}")
         limit, n_copies, folds = (FEW, 1, 1) if quick else (0, COPIES, 10)
         part = functools.partial(trained, keep, f"{kind} {BOTH} {config} {n_copies} {source(limit)}", kind)
         found = judged(streams(kind, limit, keep), config, n_copies, folds, part)

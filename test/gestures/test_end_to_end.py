@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.gesture_studies import GATES, files
-from benchmarks.gestures_end_to_end import NOTHING, REST, Found, Part, Stream, joined, most, named, read_parts, rest_of
+from benchmarks.gestures_end_to_end import NOTHING, REST, Found, Part, Stream, figures, joined, levelled, most, named, read_parts, rest_of
 from benchmarks.recordings import folder
-from radar_core import DataError, PointCloud
+from radar_core import ConfigError, DataError, PointCloud, Pose, RadarInfo
 from radar_gestures.maps import FeatureMaps
+from radar_lab.alignment.tilt import HEIGHTS
 
 GATE, STEP = 0.35, 100_000_000
 
@@ -47,6 +50,25 @@ def test_rest_goes_back_from_the_end() -> None:
     """And comes again where it lasts longer than the segment."""
     part = parts()[0]
     assert [one.snr.tolist() for one in rest_of(part, 7, GATE)] == [[4.0], [3.0], [2.0], [1.0], [0.0], [4.0], [3.0]]
+
+
+def test_a_radar_is_levelled_by_what_moves() -> None:
+    """Arms as high as the radar at an elevation of 0.2 rad: it is tilted down by as much. What stands still elsewhere does not count."""
+    clouds = []
+    for k in range(80):
+        one = cloud((1.0, -1.0, 0.0), 20.0)
+        clouds.append(replace(one, stamp_ns=k * STEP, elevation=np.array([0.2, 0.2, -0.6], np.float32)))
+    info = RadarInfo(frame_id="radar", mount=Pose(z=HEIGHTS["arms"][0], tilt=0.3))
+    found = levelled(info, [Part("a", 1, 2.0, tuple(clouds[:40])), Part("b", 1, 2.0, tuple(clouds[40:]))])
+    assert found.mount.tilt == pytest.approx(-0.2, abs=1e-6)
+    assert found == replace(info, mount=replace(info.mount, tilt=found.mount.tilt))
+
+
+def test_data_sets_that_are_not_there_are_named() -> None:
+    """Before anything is read."""
+    pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    with pytest.raises(ConfigError, match="--parts mars: choose among mhomeges, mtranssee"):
+        figures(quick=True, parts="mars")
 
 
 def test_an_event_belongs_to_whom_it_overlaps_most() -> None:
