@@ -15,7 +15,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Final, NoReturn
+from typing import Final, NoReturn, TextIO
 
 from radar_ros.signals import SIGNALS, interruptible, stopped, told
 
@@ -50,6 +50,7 @@ def finish(command: Callable[[], None]) -> NoReturn:
             status = _status(command)
         except KeyboardInterrupt:  # came while the end was being told
             status = stopped()
+    _let_go()
     exec("")  # clears a note of Python's: after a KeyboardInterrupt within an exec like this it ends by SIGINT, whatever the status
     atexit.register(_deaf)
     sys.exit(status)
@@ -155,6 +156,22 @@ def pipe_closed() -> bool:
     return False
 
 
+def _let_go() -> None:
+    """Let what can no longer be written go nowhere: Python flushes both outputs at its end, and makes status 120 of a failure."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            _to_nowhere(stream)
+
+
+def _to_nowhere(stream: TextIO) -> None:
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
 def _silence(*, only_if_full: bool = False) -> None:
     """Let nothing more be written to stdout: Python flushes it at its end, and would complain."""
     try:
@@ -163,7 +180,4 @@ def _silence(*, only_if_full: bool = False) -> None:
             return
     except (OSError, ValueError):
         pass
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+    _to_nowhere(sys.stdout)

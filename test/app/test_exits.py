@@ -144,11 +144,13 @@ def test_signals_at_any_moment_end_in_one_line(number, seed, raw, tmp_path):
 
 
 @pytest.mark.long
-def test_a_closed_terminal_ends_a_command(tmp_path):
-    """A real terminal that goes away: SIGHUP, status 129, and nothing hangs because nothing can be written any more."""
+@pytest.mark.parametrize("bare", [False, True])
+def test_a_closed_terminal_ends_a_command(bare, tmp_path):
+    """A real terminal that goes away: SIGHUP, status 129, and nothing hangs though nothing can be written; in a bare environment, too."""
+    environment = {name: os.environ[name] for name in ("PATH", "HOME")} if bare else dict(os.environ)
     pid, master = pty.fork()
     if pid == 0:
-        os.execv(sys.executable, [*COMMAND, "simulate", "demo", "--out", str(tmp_path / "out")])
+        os.execve(sys.executable, [*COMMAND, "simulate", "demo", "--out", str(tmp_path / "out")], environment)
     wait_until(lambda: listens(pid))
     time.sleep(0.5)
     os.close(master)
