@@ -3,16 +3,12 @@
 import functools
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
+from calibrating import listened
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
@@ -148,22 +144,14 @@ def test_a_running_graph_gives_the_same(ros, walk, bag, tmp_path):
     points = {name: ros.node.create_publisher(PointCloudMsg, f"{name}/radar/points", qos.stream_out()) for name in MOUNTS}
     for name, publisher in zip(MOUNTS, readers, strict=True):
         publisher.publish(info_to_msg(infos[name], 0))
-    command = [sys.executable, "-m", "radar_app.cli", "calibrate-pair", "-o", str(out), "--duration", "100", "--json"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
-    try:
-        assert ros.spin_until(lambda: all(p.get_subscription_count() for p in (*readers, *points.values())), 60.0)
-        ros.spin_until(lambda: False, 1.0)  # the command has the infos
+
+    def play():
         for pair in zip(*(clouds[name] for name in MOUNTS), strict=True):
             for publisher, cloud in zip(points.values(), pair, strict=True):
                 publisher.publish(cloud_to_msg(cloud))
-            time.sleep(0.006)
-        ros.spin_until(lambda: False, 1.0)  # the last ones arrive
-        process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.wait()
-    assert process.returncode == 0, errors
+            yield
+
+    output = listened(ros, ["calibrate-pair", "-o", str(out), "--duration", "100", "--json"], (*readers, *points.values()), play())
     check(load_mount(out))
     first, second = from_bag(bag, list(MOUNTS), functools.partial(Walker, PairConfig()))
     # best effort: a reader that stalls may lose a few clouds

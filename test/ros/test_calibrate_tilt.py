@@ -1,15 +1,11 @@
 """The command `calibrate-tilt`: from a recording, from a running graph over real DDS, and what a driver makes of its file."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibrating import listened
 from handwave.msg import PointCloud as PointCloudMsg
 from handwave.msg import RadarInfo as RadarInfoMsg
 from rclpy.parameter import Parameter
@@ -95,21 +91,12 @@ def test_a_running_graph_gives_the_same(ros, walk, tmp_path):
     told = ros.node.create_publisher(RadarInfoMsg, "radar/info", qos.LATCHED)
     points = ros.node.create_publisher(PointCloudMsg, "radar/points", qos.stream_out())
     told.publish(info_to_msg(info, 0))
-    command = [sys.executable, "-m", "radar_app.cli", "calibrate-tilt", "-o", str(out), "--duration", "100"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
-    try:
-        assert ros.spin_until(lambda: told.get_subscription_count() and points.get_subscription_count(), 60.0)
-        ros.spin_until(lambda: False, 1.0)  # the command has the info
-        for cloud in clouds:
-            points.publish(cloud_to_msg(cloud))
-            time.sleep(0.006)
-        ros.spin_until(lambda: False, 1.0)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.wait()
-    assert process.returncode == 0, errors
+    listened(
+        ros,
+        ["calibrate-tilt", "-o", str(out), "--duration", "100"],
+        (told, points),
+        (points.publish(cloud_to_msg(cloud)) for cloud in clouds),
+    )
     check(load_mount(out))
 
 
