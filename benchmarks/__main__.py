@@ -112,7 +112,9 @@ def main() -> int:
     except AbsentError as error:
         print(f"{options.name} is left out: {error}", file=sys.stderr)
         return os.EX_UNAVAILABLE
-    if options.plot:
+    if options.plot and not result["choices"]:
+        print(f"{options.name} compares no choices: no plot", file=sys.stderr)
+    elif options.plot:
         from benchmarks.plot import draw
 
         draw(result["choices"], options.plot)

@@ -1,5 +1,6 @@
 """What benchmarks share: commands, rows, configurations that are compared; no test asserts a time."""
 
+import json
 import os
 import subprocess
 import sys
@@ -43,6 +44,17 @@ def test_all_goes_on_after_one_that_fails(monkeypatch, capsys):
     assert "c: broken" in capsys.readouterr().err
     del said["c"]
     assert command.everything(quick=True)[1]
+
+
+def test_a_plot_of_no_choices_is_refused_in_one_line(monkeypatch, tmp_path, capsys):
+    """A benchmark that compares nothing prints its figures, says that there is no plot, and writes none."""
+    monkeypatch.setattr(command, "runner", lambda name: lambda quick: {"error": 0.5})
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "chain", "--json", "--plot", str(tmp_path / "plot.png")])
+    assert command.main() == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == {"choices": [], "error": 0.5}
+    assert printed.err == "chain compares no choices: no plot\n"
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_stage_and_every_part_is_a_benchmark():

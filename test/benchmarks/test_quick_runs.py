@@ -15,9 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "board_gestures", "calibrate_array",
-    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_shipped", "graph_costs", "hand_losses", "hand_noise", "house",
-    "living", "load_steps", "machines", "newcomer", "one_channel", "person_odds", "probe", "ptp", "recorded_echoes", "soak",
-    "vertex_rcs", "vital",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_end_to_end", "gestures_people", "gestures_shipped", "graph_costs",
+    "hand_losses", "hand_noise", "house", "living", "load_steps", "machines", "newcomer", "one_channel",
+    "person_odds", "probe", "ptp", "recorded_echoes", "soak", "vertex_rcs", "vital",
 }  # fmt: skip
 
 # Half a minute and more each, on a slow machine: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
