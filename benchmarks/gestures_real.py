@@ -1,4 +1,4 @@
-"""Gestures of real people: from one data set to another, from simulation, with fewer people, in daily life; choices and their time."""
+"""Gestures of real people: with fewer people to learn from, in daily life, by the shipped model; choices and their time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import gestures_daily, gestures_shipped, gestures_transfer
+from benchmarks import gestures_daily, gestures_shipped
 from benchmarks.gesture_model import model_file
 from benchmarks.gesture_studies import (
     CELLS,
@@ -26,7 +26,7 @@ from benchmarks.gesture_studies import (
     usual_inputs,
 )
 from benchmarks.gestures_people import default_training
-from benchmarks.report import against_first, matrix, measure
+from benchmarks.report import against_first, measure
 from benchmarks.stores import digest, once, sources
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
@@ -34,7 +34,6 @@ from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.inputs import InputMaker
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.operations import operations
-from radar_lab.training.validation import Validation
 
 
 def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> list[dict[str, float]]:
@@ -52,12 +51,6 @@ def learning_curve(made: Study, counts: Sequence[int], seeds: Sequence[int]) -> 
     return rows
 
 
-def transfer(training: Study, test: Study) -> Validation:
-    """Train on one data set, test on another that has the same gestures."""
-    probabilities = training.fit().probabilities(test.plain)
-    return Validation("all", training.data.labels, probabilities, test.data.number, test.data.person, 1)
-
-
 def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> list[float]:
     """Milliseconds from the feature maps of one event to its probabilities; for the thirteen features: of the classifier only."""
     if model.names == FEATURE_NAMES:
@@ -71,11 +64,10 @@ def event_times(made: Study, model: GestureModel | CurveNet, repeat: int) -> lis
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """Measure everything.
 
-    ``quick``: few samples and two folds, to see that it runs; ``keep``: folder for what is simulated to train on and for what is finished:
-    the same command goes on where it stopped; None: nothing is kept.
-    Returns ``mhomeges_to_mtranssee`` (the five shared gestures, no sample of the second set in training), size and operations of the model,
-    ``confusion``, ``learning_curve`` and ``choices``; with the figures of `gestures_transfer`, `gestures_daily` and `gestures_shipped`.
-    People held out are in `gestures_people`.
+    ``quick``: few samples and two folds, to see that it runs; ``keep``: folder for what is finished: the same command goes on where it
+    stopped; None: nothing is kept.
+    Returns size and operations of the model, ``learning_curve`` and ``choices``; with the figures of `gestures_daily` and
+    `gestures_shipped`. People held out are in `gestures_people`, other worlds in `gestures_transfer`.
     """
     limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
@@ -88,21 +80,15 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         )
         return once(keep / "parts" / f"{name}_{told}.joblib", work)
 
-    ours, other = read("mhomeges", limit), read("mtranssee", limit)
-    first = study(ours, config, n_copies=n_copies)
-    result: dict[str, Any] = {"real_classifier": type(config).__name__, "confusion": {}}
-    shared = study(ours.only(other.labels), config, n_copies=n_copies)
-    moved = part("transfer", lambda: transfer(shared, study(other, config, n_copies=0)))
-    result["mhomeges_to_mtranssee"], result["confusion"]["mhomeges_to_mtranssee"] = moved.accuracy, matrix(moved)
+    first = study(read("mhomeges", limit), config, n_copies=n_copies)
+    result: dict[str, Any] = {"real_classifier": type(config).__name__}
     model = part("model", first.fit)
     result |= {"real_model_bytes": len(model_file(model)), "real_model_flop": operations(model)}
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
     result["learning_curve"] = part("learning_curve", lambda: learning_curve(first, counts, (1,)))
-    simulated = part("simulated", lambda: gestures_transfer.figures(first, quick, keep))
-    result["confusion"] |= simulated.pop("confusion")
-    rows = part("choices", lambda: choices(first, model, quick)) + simulated.pop("choices")
+    rows = part("choices", lambda: choices(first, model, quick))
     daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(150 if quick else 0))))
-    result |= simulated | daily | gestures_shipped.figures(quick)
+    result |= daily | gestures_shipped.figures(quick)
     return result | {"choices": rows}
 
 

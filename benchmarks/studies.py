@@ -74,6 +74,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gestures_real": Study("gestures --real", keep="gestures_real"),
     "gestures_shipped": Study("gestures_shipped"),
     "gestures_speed": Study("gestures_speed"),
+    "gestures_transfer": Study("gestures_transfer", keep="gestures_transfer"),
     "graph": Study("graph"),
     "graph_costs": Study("graph_costs"),
     "hand": Study("hand", keep="hand"),

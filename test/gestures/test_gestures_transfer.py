@@ -153,7 +153,7 @@ def test_tests_may_lack_a_gesture_or_have_others(place: Path) -> None:
     training = transfer.transfer_study(data, real.PerceptronTraining(passes=40), n_copies=4)
     some = data.only(("push", "pull", "up"))
     strange = replace(some, label=np.where(some.label == "up", "yawn", some.label))
-    found = transfer.judge(training, strange)
+    found = transfer.judge(training, training.fit(), strange)
     assert found.labels == drills.LABELS
     assert [found.labels[k] for k in found.label] == [label for label in strange.label if label != "yawn"]
     assert found.accuracy >= 0.75  # of four, at most one wrong
