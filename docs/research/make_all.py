@@ -40,6 +40,8 @@ RESULTS = {
         "--figures": ("gesture_tables", "gesture_networks"),
         "--real": ("gestures_real",),
         "--people": ("gestures_people",),
+        "--transfer": ("gestures_transfer",),
+        "--rooms": ("gesture_rooms_first",),
     },
     "make_hand_pictures.py": {"--figures": ("hand_velocity",)},
     "make_load_pictures.py": {"--figures": ("load_steps",)},

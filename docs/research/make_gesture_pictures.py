@@ -3,10 +3,13 @@
     python -m benchmarks gestures --json --keep FOLDER > gestures.json
     python -m benchmarks gestures --real --json --keep FOLDER > real.json
     python -m benchmarks gestures_people --json --keep FOLDER > people.json
+    python -m benchmarks gestures_transfer --json --keep FOLDER > transfer.json
     python -m benchmarks gesture_rooms --seeds first --json --keep FOLDER > rooms.json
-    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --people people.json --rooms rooms.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --rooms rooms.json
+    python docs/research/make_gesture_pictures.py --people people.json --transfer transfer.json
 
-Any may be left out, and with it its pictures; real people need both. The same versions of the libraries give the same files.
+Any may be left out, and with it its pictures; confusions of real people need ``--people`` and ``--transfer``. The same versions of the
+libraries give the same files.
 """
 
 from __future__ import annotations
@@ -138,19 +141,26 @@ def save(name: str, make: Callable[[], Figure]) -> None:
     print(IMG / f"{name}.png")
 
 
+def printed(path: Path) -> dict[str, Any]:
+    """Read what a benchmark printed: its last line."""
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8").splitlines()[-1])
+    return found
+
+
 def main() -> None:
     """Draw what there are figures for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--figures", type=Path, metavar="JSON", help="what the benchmark of simulated people printed")
     parser.add_argument("--real", type=Path, metavar="JSON", help="what the benchmark of real people printed")
     parser.add_argument("--people", type=Path, metavar="JSON", help="what the benchmark of real people held out printed")
+    parser.add_argument("--transfer", type=Path, metavar="JSON", help="what the benchmark of real people named from other worlds printed")
     parser.add_argument("--rooms", type=Path, metavar="JSON", help="what the benchmark of gestures in random rooms printed")
     options = parser.parse_args()
     if options.rooms:
-        rooms = json.loads(options.rooms.read_text(encoding="utf-8").splitlines()[-1])
+        rooms = printed(options.rooms)
         save("gestures_where", lambda: where(rooms["by"]))
     if options.figures:
-        found = json.loads(options.figures.read_text(encoding="utf-8").splitlines()[-1])
+        found = printed(options.figures)
         titles = {
             "subjects": "perceptron, two people held out",
             "random": "perceptron, random split",
@@ -159,14 +169,16 @@ def main() -> None:
         }
         save("gestures_confusion", lambda: matrices(found["confusion"] | found["confusion_networks"], titles))
         save("gestures_rates", lambda: rates(found["table_4_1"]))
-    if options.real and options.people:
-        real, people = (json.loads(path.read_text(encoding="utf-8").splitlines()[-1]) for path in (options.real, options.people))
+    if options.people and options.transfer:
+        people, transfer = printed(options.people), printed(options.transfer)
         titles = {
             "mhomeges_held_out": "mHomeGes, two people held out",
             "mtranssee_held_out": "mTransSee, two people held out",
             "synthetic_to_real": "simulated to real, mHomeGes",
         }
-        save("gestures_real_confusion", lambda: matrices(real["confusion"] | people["confusion_people"], titles))
+        save("gestures_real_confusion", lambda: matrices(people["confusion_people"] | transfer["confusion"], titles))
+    if options.real:
+        real = printed(options.real)
         save("gestures_learning", lambda: learning(real["learning_curve"]))
 
 
