@@ -60,6 +60,7 @@ DEVELOPMENT: Final = (801, 804, 812, 822)
 LEFT_OUT: Final = ("still", "strength", "count")  # signals whose name has one of these words read 0 in training and test
 SAMPLES: Final = 2000
 _FEWER: Final = (250, 500, 1000)
+_SAME: Final = 0.01  # m: distances that data sets state are no nearer to each other
 _TIMED: Final = 10  # drills, two of each gesture
 
 
@@ -146,7 +147,9 @@ def between_sets(config: PerceptronTraining | CurveTraining, quick: bool, keep: 
     found = Validation("all", other.labels, probabilities, other.number, other.person, 1)
     key = "mhomeges_to_mtranssee"
     people = {f"{key}_{what}": value for what, value in by_people(found).items()}
-    return {key: found.accuracy, f"{key}_samples": len(other.label)} | people | {"confusion": {key: matrix(found)}}
+    right, beyond = probabilities.argmax(axis=-1) == other.number, other.distance > ours.distance.max() + _SAME
+    far = {f"{key}_within": float(right[~beyond].mean()), f"{key}_beyond": float(right[beyond].mean()) if beyond.any() else None}
+    return {key: found.accuracy, f"{key}_samples": len(other.label), **people, **far, "confusion": {key: matrix(found)}}
 
 
 def from_simulation(config: PerceptronTraining | CurveTraining, quick: bool, folder: Path, keep: Path | None) -> dict[str, Any]:
@@ -194,7 +197,8 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
 
     ``quick``: few samples, to see that it runs; ``keep``: folder for what is simulated and for what networks answered: the same command
     goes on where it stopped; None: nothing is kept.
-    Returns ``mhomeges_to_mtranssee``: accuracy over mTransSee's five gestures, no sample of which is in training; ``synthetic_to_real``:
+    Returns ``mhomeges_to_mtranssee``: accuracy over mTransSee's five gestures, no sample of which is in training, ``_within``
+    and ``_beyond``: at the distances of mHomeGes and farther away; ``synthetic_to_real``:
     trained on simulated drills alone, accuracy over the five gestures of the fourteen people of mHomeGes who are not in `DEVELOPMENT`;
     ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of mTransSee; each with
     ``_interval`` (bootstrap over people) and ``_people`` (of each); ``confusion``; ``choices``: accuracy and time to simulate by number of
