@@ -195,15 +195,24 @@ class Study:
     config: PerceptronTraining | CurveTraining
     inputs: Inputs | None  # what the vectors are; None: the thirteen features
 
-    def fit(self, rows: Mask | None = None) -> GestureModel | CurveNet:
-        """Train on some of the samples; None: on all."""
-        own = np.ones(len(self.plain), np.bool_) if rows is None else rows
-        changed = self.plain[None, own] if self.changed is None else self.changed[:, own]
-        number, labels = self.data.number[own], self.data.labels
+    def fit(self, rows: Mask | None = None, others: Study | None = None) -> GestureModel | CurveNet:
+        """Train on some of the samples, None: on all, and on all samples of ``others``, who made the same gestures."""
+        changed, number = self.samples(rows)
+        if others is not None:
+            assert others.data.labels == self.data.labels
+            assert others.names == self.names
+            more, numbers = others.samples()
+            changed, number = np.concatenate([changed, more], axis=1), np.concatenate([number, numbers])
+        labels = self.data.labels
         if isinstance(self.config, PerceptronTraining) or self.inputs is None:
             assert isinstance(self.config, PerceptronTraining)  # networks take curves or cells
             return train_perceptron(changed, number, labels, self.names, self.config)
         return train_net(changed, number, labels=labels, inputs=self.inputs, config=self.config)
+
+    def samples(self, rows: Mask | None = None) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Give what a training takes of some samples, None: of all: copies, shape (n_copies, n, n_features), and labels, shape (n,)."""
+        own = np.ones(len(self.plain), np.bool_) if rows is None else rows
+        return self.plain[None, own] if self.changed is None else self.changed[:, own], self.data.number[own]
 
     def validate(self, folds: Sequence[Mask], split: str) -> Validation:
         """Train once for every fold and judge the samples it leaves out."""
