@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,19 @@ def test_people_never_seen_are_recognised(made: real.Study) -> None:
     curves = made.held_out(2).accuracy
     assert curves > 0.6
     assert curves > real.thirteen(made.data, real.PerceptronTraining(passes=12)).held_out(2).accuracy
+
+
+def test_others_are_in_every_training(made: real.Study) -> None:
+    """Without a push in the training no push is named; with those of other people, who are no rows of the set, most are."""
+    people = np.unique(made.data.person)
+    own, others = (np.isin(made.data.person, part) for part in (people[::2], people[1::2]))
+    push = made.data.labels.index("push")
+    ours, theirs = (replace(made, data=made.data.select(who), plain=made.plain[who], changed=made.changed[:, who]) for who in (own, others))
+    rows = ours.data.number != push
+    alone_named = ours.fit(rows).probabilities(ours.plain[~rows]).argmax(axis=-1)
+    named = ours.fit(rows, theirs).probabilities(ours.plain[~rows]).argmax(axis=-1)
+    assert not (alone_named == push).any()
+    assert np.mean(named == push) > 0.5
 
 
 def test_the_model_keeps_to_its_size(made: real.Study) -> None:
