@@ -1,7 +1,8 @@
 """Enrolment of real people: three and five samples of each gesture of somebody whom the model never saw, against the model as it is.
 
-Tuning was chosen on people 9 to 19 of mTransSee (``segments_2.npz``), with a model of people 1 to 8: `DEVELOPMENT`. They are in no figure
-here. The figures are of everybody in mHomeGes and of people 1 to 8 of mTransSee, each person by a network that was trained without them.
+Steps, learning rate, dropout, smoothing and replay were chosen on people 9 to 19 of mTransSee (``segments_2.npz``), with a model of people
+1 to 8; they are in no figure here. Weight and copies were chosen on four people of mHomeGes, who are in the figure: `DEVELOPMENT`. The
+figures are of everybody in mHomeGes and of people 1 to 8 of mTransSee, each person by a network that was trained without them.
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ from radar_lab.training.curve_training import remember
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.tuning import TuningConfig, tune
 from radar_lab.training.validation import Mask, leave_subjects_out
+from radar_lab.training.variation import copies
 
-DEVELOPMENT: Final = tuple(range(9, 20))
-"""People of mTransSee on whom tuning was chosen."""
+DEVELOPMENT: Final = {"mtranssee": tuple(range(9, 20)), "mhomeges": (806, 810, 814, 822)}
+"""People on whom tuning was chosen; those of mTransSee are in no figure."""
 COUNTS: Final = (3, 5)  # samples of each gesture
 DRAWS: Final = 2  # of samples of each person
 _BOOTSTRAPS: Final = 2000
@@ -88,10 +90,18 @@ class Bench:
         near = self.data.distance[rows] == rng.choice(np.unique(self.data.distance[rows])) if one_distance else np.ones(len(rows), np.bool_)
         chosen = draw(self.data.number, rows[near], count, rng)
         test = rows[~near] if one_distance else np.setdiff1d(rows, chosen)
-        head = tune(model, self.plain[chosen], [self.data.labels[k] for k in self.data.number[chosen]], TuningConfig())
-        wrong = [made.probabilities(self.plain[test]).argmax(axis=1) != self.data.number[test] for made in (model, head)]
+        head = self.tuned(model, chosen)
+        before, after = (made.probabilities(self.plain[test]).argmax(axis=1) != self.data.number[test] for made in (model, head))
         holds = ~self.without[test]
-        return Errors(who, *(int(w.sum()) for w in wrong), *(int(w[holds].sum()) for w in wrong), len(test))
+        return Errors(who, int(before.sum()), int(after.sum()), int(before[holds].sum()), int(after[holds].sum()), len(test))
+
+    def tuned(self, model: CurveNet, rows: NDArray[np.int64]) -> CurveNet:
+        """Tune a network to some samples as `handwave gesture enrol` does."""
+        config, gestures = TuningConfig(), [self.data.labels[k] for k in self.data.number[rows]]
+        changed = copies(self.data.events.select(rows), BOTH, n=config.copies, seed=config.seed)
+        head = tune(model, self.plain[rows], gestures, config, changed)
+        assert isinstance(head, CurveNet)
+        return head
 
 
 def models(
@@ -122,7 +132,7 @@ def one_set(kind: str, quick: bool, keep: Path | None) -> dict[str, Any]:
     if not quick:
         without |= nobody_in(kind)
     if kind == "mtranssee":
-        figure = ~np.isin(data.person, DEVELOPMENT)
+        figure = ~np.isin(data.person, DEVELOPMENT["mtranssee"])
         data, without = data.select(figure), without[figure]
     plain = InputMaker(BOTH).process_many(data.events).astype(np.float32)
     bench, config = Bench(data, plain, without), CurveTraining(passes=6 if quick else 60)
@@ -138,16 +148,16 @@ def one_set(kind: str, quick: bool, keep: Path | None) -> dict[str, Any]:
                 if not one_distance or len(np.unique(data.distance[data.person == who])) > 1
                 for turn in range(1 if quick or one_distance else DRAWS)
             ]
+            others = [one for one in errors if one.person not in DEVELOPMENT[kind]]
             for part in ("", "_gestures"):
                 key = f"{kind}_error_ratio_{count}{name}{part}"
                 result[key], result[f"{key}_interval"] = ratio(errors, part)
+                result[f"{key}_others"] = ratio(others, part)[0] if others else None
             if not one_distance:
                 result[f"{kind}_error_before_{count}"] = sum(e.before for e in errors) / max(sum(e.tested for e in errors), 1)
                 result[f"{kind}_error_after_{count}"] = sum(e.after for e in errors) / max(sum(e.tested for e in errors), 1)
                 result[f"{kind}_people_{count}"] = [dataclasses.asdict(e) for e in errors]
-    few = bench.plain[:5]
-    names = [data.labels[k] for k in data.number[:5]]
-    return result | {"times": measure(lambda: tune(found[0], few, names), repeat=3, warmup=1)}
+    return result | {"times": measure(lambda: bench.tuned(found[0], np.arange(5)), repeat=3, warmup=1)}
 
 
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
@@ -156,14 +166,14 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     ``quick``: few segments and one fold, to see that it runs; ``keep``: folder of trained networks.
     Returns by data set ``_error_ratio_3`` and ``_5``: wrong names after enrolment over those before, pooled over people, with the bootstrap
     ``_interval`` over people; ``_gestures``: of segments that hold a gesture only; ``_other_distances``: enrolled at one distance, tested
-    at the others; ``_error_before_5`` and ``_after``; ``_people_5``: person by person.
+    at the others; ``_others``: of people on whom nothing was chosen; ``_error_before_5`` and ``_after``; ``_people_5``: person by person.
     """
     absent = [kind for kind in GATES if not (folder() / kind / "segments.npz").is_file()]
     if absent:
         raise AbsentError(f"the recordings of {', '.join(absent)} are not there; docs/reference/recordings.md says where they are")
     if importlib.util.find_spec("torch") is None:
         raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
-    result: dict[str, Any] = {"enrolment_development": list(DEVELOPMENT)}
+    result: dict[str, Any] = {"enrolment_development": {kind: list(people) for kind, people in DEVELOPMENT.items()}}
     values, times = {}, {}
     for kind in GATES:
         found = one_set(kind, quick, keep)

@@ -68,7 +68,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_worlds": Study("gesture_worlds"),
     "gestures_end_to_end_mhomeges": Study("gestures_end_to_end --parts mhomeges", keep="gestures_end_to_end"),
     "gestures_end_to_end_mtranssee": Study("gestures_end_to_end --parts mtranssee", keep="gestures_end_to_end"),
-    "gestures_enrolled": Study("gestures_enrolled", LONG, keep="gestures_enrolled"),
+    "gestures_enrolled": Study("gestures_enrolled", keep="gestures_enrolled"),
     "gestures_people": Study("gestures_people", keep="gestures_people"),
     "gestures_people_random": Study("gestures_people --parts random", LONG, keep="gestures_people"),
     "gestures_real": Study("gestures --real", keep="gestures_real"),

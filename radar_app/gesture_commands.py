@@ -179,10 +179,11 @@ def enrol(
 
     _check_out(out)
     known = _tunable(model)
-    samples = read_for(folders, known).of(number)
+    tuning = usual_tuning(known.base if isinstance(known, Enrolled) else known, seed)
+    samples = read_for(folders, known, tuning.copies, seed).of(number)
     if gestures:
         samples = samples.only(comma_separated(gestures))
-    made = adapt(known, person, samples, usual_tuning(known.base if isinstance(known, Enrolled) else known, seed))
+    made = adapt(known, person, samples, tuning)
     save_model(made, out)
     print(f"{person} enrolled with {len(samples.gestures)} samples; {out} knows {', '.join(made.heads)}")
 

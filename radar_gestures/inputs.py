@@ -46,6 +46,11 @@ class InputMaker:
         return np.concatenate([maker.process_many(events, body) for maker in self.makers], axis=1)
 
 
+def inputs_for(extractor: str, settings: Mapping[str, Any]) -> Inputs:
+    """Give what a model names: kinds with ``+`` between them, with the knobs of these names in its settings; errors as `config.load`."""
+    return tuple(load(KINDS[name], settings.get(name), f"{name} of the gesture model") for name in extractor.split("+"))
+
+
 def maker_for(extractor: str, settings: Mapping[str, Any]) -> InputMaker:
-    """Make what a model names: kinds with ``+`` between them, with the knobs of these names in its settings; errors as `config.load`."""
-    return InputMaker(tuple(load(KINDS[name], settings.get(name), f"{name} of the gesture model") for name in extractor.split("+")))
+    """Make what turns feature maps into what a model names, see `inputs_for`."""
+    return InputMaker(inputs_for(extractor, settings))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +13,15 @@ from radar_core import ConfigError, DataError
 from radar_core.types import Float64Array, IndexArray
 from radar_gestures.classifiers.enrolled import Base, Enrolled
 from radar_gestures.classifiers.model import Classifier
+from radar_gestures.event_maps import join
+from radar_gestures.inputs import inputs_for
 from radar_gestures.recognizer import make_extractor
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.datasets.readings import collect, read
 from radar_lab.datasets.samples import SampleSet, join_samples, read_manifest, read_sample, sample_files
 from radar_lab.training.training import TrainingConfig, fit, of_labels, usual_labels
-from radar_lab.training.tuning import TuningConfig, tune
+from radar_lab.training.tuning import TuningConfig, tune, usual_tuning
+from radar_lab.training.variation import copies
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,40 +32,50 @@ class Samples:
     gestures: tuple[str, ...]  # length n
     person: IndexArray  # shape (n,)
     missed: tuple[str, ...]  # gestures of the samples in which nothing was found
+    changed: Float64Array | None = None  # shape (n_copies, n, n_features): changed copies, where the model takes feature maps
 
     def of(self, person: int | None) -> Samples:
         """Return those of one person; None: all."""
         if person is None:
             return self
-        keep = np.flatnonzero(self.person == person)
-        return dataclasses.replace(
-            self, features=self.features[keep], gestures=tuple(self.gestures[k] for k in keep), person=self.person[keep]
-        )
+        return self._select(np.flatnonzero(self.person == person), self.missed)
 
     def only(self, gestures: Sequence[str]) -> Samples:
         """Return those of some gestures."""
-        keep = [k for k, name in enumerate(self.gestures) if name in gestures]
-        missed = tuple(name for name in self.missed if name in gestures)
-        return Samples(self.features[keep], tuple(self.gestures[k] for k in keep), self.person[keep], missed)
+        keep = np.flatnonzero([name in gestures for name in self.gestures])
+        return self._select(keep, tuple(name for name in self.missed if name in gestures))
+
+    def _select(self, keep: IndexArray, missed: tuple[str, ...]) -> Samples:
+        changed = None if self.changed is None else self.changed[:, keep]
+        return Samples(self.features[keep], tuple(self.gestures[k] for k in keep), self.person[keep], missed, changed)
 
 
-def read_for(folders: Sequence[str | Path], model: Classifier) -> Samples:
-    """Read the samples of data sets into features of a model. Raises `DataError` when there are none, or nothing is found in any."""
+def read_for(folders: Sequence[str | Path], model: Classifier, n_copies: int = 0, seed: int = 1) -> Samples:
+    """Read the samples of data sets into features of a model, and make changed copies of those that are made of feature maps.
+
+    Raises `DataError` when there are none, or nothing is found in any.
+    """
     config = config_for(model.settings, GestureConfig())
     _, extract = make_extractor(model.extractor, model.settings)
-    rows, gestures, people, missed = [], [], [], []
+    rows, gestures, people, missed, maps = [], [], [], [], []
     for path in (path for folder in folders for path in sample_files(folder)):
         reading = read(read_sample(path), config)
-        features = None if reading.event is None or not reading.event.views else extract(reading.event.views[0])
-        if features is None:
+        view = reading.event.views[0] if reading.event is not None and reading.event.views else None
+        features = None if view is None else extract(view)
+        if view is None or features is None:
             missed.append(reading.gesture)
             continue
         rows.append(features)
+        maps.append(view.maps)
         gestures.append(reading.gesture)
         people.append(reading.person)
     if not rows:
         raise DataError(f"{', '.join(map(str, folders))}: the model's event detector finds a gesture in none of {len(missed)} samples")
-    return Samples(np.array(rows, np.float64), tuple(gestures), np.array(people, np.int64), tuple(missed))
+    changed = None
+    if n_copies and model.extractor != "events":
+        inputs = inputs_for(model.extractor, model.settings)
+        changed = copies(join([one for one in maps if one is not None]), inputs, n=n_copies, seed=seed).astype(np.float64)
+    return Samples(np.array(rows, np.float64), tuple(gestures), np.array(people, np.int64), tuple(missed), changed)
 
 
 def learn(folders: Sequence[str | Path], base: Base | None, tuning: TuningConfig | None = None) -> Base:
@@ -76,7 +88,7 @@ def learn(folders: Sequence[str | Path], base: Base | None, tuning: TuningConfig
     base : GestureModel, CurveNet or None
         What learns them beside those that it knows; None: a perceptron that knows nothing else, made with the data sets' own settings.
     tuning : TuningConfig or None
-        None: the defaults.
+        None: what is usual for the base.
 
     Raises
     ------
@@ -86,8 +98,9 @@ def learn(folders: Sequence[str | Path], base: Base | None, tuning: TuningConfig
         When the data sets were made with different settings, or hold one gesture only where there is no base.
     """
     if base is not None:
-        samples = read_for(folders, base)
-        return tune(base, samples.features, samples.gestures, tuning)
+        tuning = tuning or usual_tuning(base)
+        samples = read_for(folders, base, tuning.copies, tuning.seed)
+        return tune(base, samples.features, samples.gestures, tuning, samples.changed)
     made = join_samples([_features(folder) for folder in folders])
     labels = [name for number, name in enumerate(made.labels) if np.any(made.label == number)]
     if len(labels) < 2:
@@ -116,7 +129,7 @@ def enrol(model: Base | Enrolled, person: str, samples: Samples, tuning: TuningC
     unknown = sorted({name for name in samples.gestures if name not in known.labels})
     if unknown:
         raise ConfigError(f"the model does not know {', '.join(unknown)}; teach it with handwave gesture train first")
-    head = tune(known.base, samples.features, samples.gestures, tuning)
+    head = tune(known.base, samples.features, samples.gestures, tuning, samples.changed)
     return Enrolled(known.base, {**known.heads, person: head})
 
 

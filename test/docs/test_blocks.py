@@ -78,6 +78,7 @@ ELSEWHERE = {  # beginning of the line to the test, or the folder of tests, that
     "handwave devices": "test/ros/test_device_commands.py",
     "handwave lab dataset": "test/ros/test_dataset_commands.py",
     "handwave calibrate-pair": "test/ros/test_calibrate_pair.py",
+    "handwave calibrate-tilt": "test/ros/test_calibrate_tilt.py",
     "handwave calibrate-coupling": "test/ros/test_calibrate_coupling.py",
     "handwave probe cube.npy": "test/importers/test_cube_faults.py",
     "make": "Makefile",  # what .ci/run calls

@@ -25,7 +25,7 @@ from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import config_for, feature_settings
 from radar_lab.datasets.own import TakeConfig, TakeRecorder
 from radar_lab.training.curve_training import remember
-from radar_lab.training.own import Samples, enrol, judge, learn
+from radar_lab.training.own import Samples, enrol, judge, learn, read_for
 from radar_lab.training.tuning import TuningConfig, replayed, tune
 from radar_tracking import PeopleTracker, TrackedCloud
 
@@ -157,6 +157,20 @@ def test_a_model_learns_a_gesture_and_forgets_none() -> None:
     assert taught.known(fresh[0], taught.probabilities(fresh[0]))
 
 
+def test_copies_of_samples_are_learnt_too() -> None:
+    """Copies farther out than the samples widen what gets the new name; each copy is of all samples."""
+    base = perceptron(MEANS)
+    features, names = clusters(10, {"zig": 0.0})
+    out = clusters(10, {"zig": -1.2}, seed=5)[0]  # on the way to another gesture
+    config = TuningConfig(steps=400, learning_rate=1e-2)
+    alone, both = tune(base, features, names, config), tune(base, features, names, config, np.stack([out, out]))
+    test = clusters(100, {"zig": -1.2}, seed=9)
+    assert accuracy(both, *test) > accuracy(alone, *test) + 0.2
+    assert accuracy(both, *clusters(100, {"zig": 0.0}, seed=9)) > 0.95
+    with pytest.raises(DataError, match="are not of samples of shape"):
+        tune(base, features, names, config, out[None, :3])
+
+
 def test_enrolment_helps_the_person_it_is_for() -> None:
     """Somebody whose gestures lie elsewhere: half of them are wrong before; others keep the head for everybody."""
     base = perceptron(MEANS)
@@ -276,3 +290,8 @@ def test_a_network_learns_from_detected_events(tmp_path: Path, inputs: CurveConf
     assert [g.labels[int(g.probabilities.argmax())] for g in found] == ["zig"]
     taught = learn([tmp_path / "own"], model)
     assert taught.labels == model.labels
+    samples = read_for([tmp_path / "own"], model, 3)
+    assert samples.changed is not None
+    assert samples.changed.shape == (3, *samples.features.shape) == (3, 8, len(model.names))
+    assert (samples.changed != samples.features).any(axis=(1, 2)).all()
+    np.testing.assert_array_equal(samples.of(1).only(["zig"]).changed, samples.changed[:, 6:])
