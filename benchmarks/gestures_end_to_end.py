@@ -40,7 +40,7 @@ SEED: Final = 20261127
 REST: Final = (1.0, 2.0)  # s: between two segments
 NOTHING: Final = "random"  # label of events in gaps
 _STREAM: Final = 0x57E
-_EVENTS: Final = tuple(f"radar_gestures/{name}.py" for name in ("stage", "events", "maps", "features"))
+_EVENTS: Final = tuple(f"radar_gestures/{name}.py" for name in ("stage", "events", "activation", "maps", "features"))
 _SOURCES: Final = (
     "radar_core",
     "radar_tracking",
@@ -67,6 +67,7 @@ class Found:
     maps: FeatureMaps
     segment: int  # of the stream, with which it overlaps most; -1: with none
     overlap: float  # s
+    rested: float  # s: before it, see `Event`
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,7 @@ def find(info: RadarInfo, parts: Sequence[Part], gate: float, seed: Sequence[int
         first, last = (max(stamp // interval_ns - 1, 0) for stamp in (event.event.start_ns, event.event.end_ns))
         number, overlap = most(owners[first : last + 1])
         assert event.maps is not None
-        found.append(Found(event.maps, number, overlap * interval_ns * 1e-9))
+        found.append(Found(event.maps, number, overlap * interval_ns * 1e-9, event.event.rested_ns * 1e-9))
     one = parts[0]
     return Stream(one.person, one.distance, tuple(part.label for part in parts), tuple(found), len(owners) * interval_ns / 3.6e12)
 

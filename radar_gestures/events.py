@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from radar_core import ConfigError
 from radar_core.config import config, knob
+from radar_gestures.activation import Rests
 
 
 @config
@@ -30,10 +32,14 @@ class EventConfig:
 
 @dataclass(frozen=True)
 class Event:
-    """A motion that may be a gesture: from the first to the last sample above the threshold [ns]."""
+    """A motion that may be a gesture: from the first to the last sample above the threshold [ns].
+
+    ``rested_ns``: for how long nothing was faster than ``release`` before the motion that it is part of [ns].
+    """
 
     start_ns: int
     end_ns: int
+    rested_ns: int = 0
 
 
 class EventDetector:
@@ -56,6 +62,7 @@ class EventDetector:
         self._quiet_ns = round(config.quiet * 1e9)
         self._max_ns = round(config.max_duration * 1e9)
         self._gap_ns = round(config.max_gap * 1e9)
+        self._rests = Rests(self._bridge_ns)
         self._start: int | None = None
         self._last_above = 0
         self._last_stamp: int | None = None
@@ -73,6 +80,7 @@ class EventDetector:
     def process(self, stamp_ns: int, speed: float) -> Event | None:
         """Take the speed [m/s] at ``stamp_ns`` (either sign; NaN counts as rest) and return the event that ended with it, if any."""
         self._follow(stamp_ns)
+        self._rests.process(stamp_ns, math.isfinite(speed) and abs(speed) > self._config.release)
         above = abs(speed) > (self._config.release if self.active else self._config.threshold)
         if self._wait_for_rest:
             self._wait_for_rest = above or stamp_ns - self._last_above < self._quiet_ns
@@ -91,6 +99,7 @@ class EventDetector:
             step = stamp_ns - self._last_stamp
             if not 0 < step <= self._gap_ns:
                 self._start, self._wait_for_rest, self._interval_ns = None, False, 0
+                self._rests.clear()
             else:  # the shortest, because lost clouds make it look longer
                 self._interval_ns = min(step, self._interval_ns or step)
         self._last_stamp = stamp_ns
@@ -98,7 +107,7 @@ class EventDetector:
     def _close(self, stamp_ns: int) -> Event | None:
         if self._start is None:
             return None
-        event = Event(self._start, self._last_above)
+        event = Event(self._start, self._last_above, self._rests.before(self._start))
         rest = stamp_ns - self._last_above
         if not self.active:
             if rest > self._bridge_ns:

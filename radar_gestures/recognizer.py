@@ -11,6 +11,7 @@ import numpy as np
 
 from radar_core import GESTURES, ConfigError, Pose, vocabulary
 from radar_core.types import Float64Array
+from radar_gestures.activation import Activation
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.stage import EventStage, GestureConfig, SensorView, TrackEvent, feature_settings
@@ -96,7 +97,7 @@ class GestureRecognizer:
     than ``min_confidence``, or it is a push or pull after which the person stands elsewhere (``step_distance``) and that looks less like
     one than ``step_score`` asks for: a step towards the radar, or back, looks much like either. Unknown events and those without features
     are not ``known``. The speed of the body is not subtracted from the arm's: a standing person's is zero, an estimate of it would only
-    add its error, and events of walking people are random anyway.
+    add its error, and events of walking people are random anyway. A gesture that does not count (``activation``) is random, too.
 
     Of a fused cloud every sensor's view is classified, because models are trained on what one radar sees. The probabilities are averaged;
     a view counts as much as it looks like something that the model knows (``model.score``). The event is known when a view that has the
@@ -116,7 +117,7 @@ class GestureRecognizer:
     ------
     ConfigError
         When the model was trained with other features or events than ``config`` asks for, names a gesture that cannot be a name, or was
-        trained on other features than its extractor makes.
+        trained on other features than its extractor makes; when the gesture that wakes is none of the model's.
     """
 
     def __init__(self, config: GestureConfig, model: Classifier, mount: Pose | None = None) -> None:
@@ -131,6 +132,7 @@ class GestureRecognizer:
         self.labels = vocabulary(model.labels)
         self._config = config
         self._model = model
+        self.activation = Activation(config.activation, self.labels)
         self._place = [self.labels.index(label) for label in model.labels]
         self._stage = EventStage(config, mount if mount is not None else Pose())
 
@@ -156,7 +158,10 @@ class GestureRecognizer:
 
     def decide(self, tracked: TrackedCloud) -> tuple[tuple[TrackEvent, Gesture], ...]:
         """Take one cloud with its tracks and return the events that ended with it, with their maps, and what each is, `wanted` or not."""
-        return tuple((event, self.name(event, tracked.tracks.stamp_ns)) for event in self.find(tracked))
+        found = self.find(tracked)
+        self.activation.keep(self.track_ids)
+        named = ((event, self.name(event, tracked.tracks.stamp_ns)) for event in found)
+        return tuple((event, self.activation.process(gesture, event.event.rested_ns)) for event, gesture in named)
 
     def find(self, tracked: TrackedCloud) -> tuple[TrackEvent, ...]:
         """Take one cloud with its tracks and return the events that ended with it, with their maps; for who names them later."""
@@ -167,7 +172,7 @@ class GestureRecognizer:
         return self._config.publish_random or gesture.label != RANDOM
 
     def name(self, found: TrackEvent, stamp_ns: int) -> Gesture:
-        """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns]."""
+        """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns], as if it counted."""
         probabilities = np.zeros(len(self.labels))
         opinions = self._opinions(found)
         features = opinions[0].features if opinions else np.full(len(self._model.names), np.nan)

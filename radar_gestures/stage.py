@@ -14,6 +14,7 @@ from radar_core import CloudComposite, Pose
 from radar_core.config import config, flat, knob, override
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.types import Float64Array
+from radar_gestures.activation import ActivationConfig
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FeatureConfig, MotionRing, MotionSample, extract, summarise
 from radar_gestures.maps import FeatureMaps, GateAxis, MapConfig, MapRing, Share, doppler_gates, shares
@@ -40,6 +41,7 @@ class GestureConfig:
     step_score: float = knob(0.6, low=0.0, high=1.0, doc="a push or pull like that with a lower score is unknown; 0: off")
     min_confidence: float = knob(0.0, low=0.0, high=1.0, doc="a less probable gesture is unknown (random), whatever the model's limit")
     publish_random: bool = knob(True, doc="publish events that are no gesture, with label 0 (random)")
+    activation: ActivationConfig = ActivationConfig()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,12 @@ import numpy as np
 
 from radar_core import ConfigError, RadarInfo, vocabulary
 from radar_core.types import Float64Array
+from radar_gestures.activation import Activation, Rests
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.recognizer import RANDOM, Gesture
 from radar_gestures.stage import GestureConfig
 from radar_gestures.stream.network import Memory, StreamNet
-from radar_gestures.stream.slots import NAMES, SLOT_NS, Slot, SlotStreams
+from radar_gestures.stream.slots import NAMES, SLOT_NS, Slot, SlotStreams, moving
 from radar_tracking.tracks import TrackedCloud
 
 ON, OFF = 0.5, 0.4
@@ -23,6 +24,8 @@ LEAST: Final = 4
 """Slots: what is shorter is nothing."""
 MOST: Final = 100
 """Slots: whatever is longer is cut, so that no sum grows without end."""
+_BRIDGE_NS: Final = 3 * SLOT_NS
+"""Longest pause within one motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,8 @@ class StreamEvent:
         Mean over the slots that were taken while it lasted.
     position : ndarray of float64, shape (3,)
         Of the track when it ended, in ``room`` [m].
+    rested_ns : int
+        For how long nothing moved before the motion that it is part of [ns].
     """
 
     track_id: int
@@ -49,6 +54,7 @@ class StreamEvent:
     probabilities: Float64Array
     features: Float64Array
     position: Float64Array
+    rested_ns: int = 0
 
 
 class StreamRecognizer:
@@ -62,7 +68,7 @@ class StreamRecognizer:
     Parameters
     ----------
     config : GestureConfig
-        ``min_confidence`` and ``publish_random`` are used.
+        ``min_confidence``, ``publish_random`` and ``activation`` are used.
     model : Classifier
         A `StreamNet`, see `radar_gestures.load_model`.
     info : RadarInfo or None
@@ -71,7 +77,8 @@ class StreamRecognizer:
     Raises
     ------
     ConfigError
-        When the model is no `StreamNet`, takes other features than `NAMES`, or names a gesture that cannot be a name.
+        When the model is no `StreamNet`, takes other features than `NAMES`, or names a gesture that cannot be a name; when the gesture
+        that wakes is none of the model's.
     """
 
     def __init__(self, config: GestureConfig, model: Classifier, info: RadarInfo | None = None) -> None:
@@ -81,6 +88,7 @@ class StreamRecognizer:
             raise ConfigError(f"the gesture model takes {len(model.names)} inputs, slots have {len(NAMES)} in this version; train another")
         self.labels = vocabulary(model.labels)
         self._config, self._model = config, model
+        self.activation = Activation(config.activation, self.labels)
         self._place = [self.labels.index(label) for label in model.labels]
         self._slots = SlotStreams(info if info is not None else RadarInfo())
         self._tracks: dict[int, _TrackState] = {}
@@ -96,7 +104,10 @@ class StreamRecognizer:
 
     def decide(self, tracked: TrackedCloud) -> tuple[tuple[StreamEvent, Gesture], ...]:
         """Take one cloud with its tracks and return the events that ended with it, and what each is, `wanted` or not."""
-        return tuple((event, self.name(event, tracked.tracks.stamp_ns)) for event in self.find(tracked))
+        found = self.find(tracked)
+        self.activation.keep(self._tracks)
+        named = ((event, self.name(event, tracked.tracks.stamp_ns)) for event in found)
+        return tuple((event, self.activation.process(gesture, event.rested_ns)) for event, gesture in named)
 
     def find(self, tracked: TrackedCloud) -> tuple[StreamEvent, ...]:
         """Take one cloud with its tracks and return the parts of their streams that ended with it and are probably gestures."""
@@ -116,7 +127,7 @@ class StreamRecognizer:
         return self._config.publish_random or gesture.label != RANDOM
 
     def name(self, found: StreamEvent, stamp_ns: int) -> Gesture:
-        """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns]."""
+        """Name one event of `find`, which ended with the cloud at ``stamp_ns`` [ns], as if it counted."""
         probabilities = np.zeros(len(self.labels))
         probabilities[self._place] = found.probabilities
         best = 1 + int(np.argmax(found.probabilities[1:]))
@@ -143,6 +154,7 @@ class _TrackState:
     def __init__(self, model: StreamNet) -> None:
         self._model = model
         self._memories: dict[str, Memory] = {}
+        self._rests = Rests(_BRIDGE_NS)
         self._begun: int | None = None  # number of the first slot
         self._count, self._sum, self._features = 0, np.zeros(len(model.labels)), np.zeros(len(model.names))
 
@@ -151,6 +163,9 @@ class _TrackState:
         for slot in slots:
             if slot.begins or slot.sensor not in self._memories:
                 self._memories[slot.sensor] = Memory(self._model)
+        if slots[0].begins:
+            self._rests.clear()
+        self._rests.process(slots[0].number * SLOT_NS, any(moving(slot.features) for slot in slots))
         told = [self._memories[slot.sensor].process(slot.features) for slot in slots]
         return self._decide(slots[0], np.mean(told, axis=0), np.mean([slot.features for slot in slots], axis=0))
 
@@ -173,5 +188,5 @@ class _TrackState:
         self._sum, self._features = np.zeros_like(self._sum), np.zeros_like(self._features)
         if count < LEAST:
             return None
-        times = ((start - late) * SLOT_NS, (start + count - late) * SLOT_NS)
-        return StreamEvent(slot.track_id, *times, mean, features, slot.position)
+        first, last = (start - late) * SLOT_NS, (start + count - late) * SLOT_NS
+        return StreamEvent(slot.track_id, first, last, mean, features, slot.position, self._rests.before(first))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import handwave.msg
@@ -12,8 +12,9 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from radar_core import ConfigError, HandwaveError, RadarInfo
+from radar_core import ConfigError, HandwaveError, RadarInfo, vocabulary
 from radar_core.config import flat
+from radar_gestures.activation import Activation, ActivationConfig
 from radar_gestures.classifiers.model import Classifier, model_of
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning
@@ -24,7 +25,7 @@ from radar_ros.messages.convert import cloud_from_msg
 from radar_ros.messages.gestures import gesture_to_msg, maps_to_msg
 from radar_ros.messages.tracks import tracks_from_msg
 from radar_ros.messages.zones import areas_from_msg
-from radar_ros.params import declare, declare_config
+from radar_ros.params import declare, declare_config, on_change
 from radar_ros.stage import InfoKeeper, StageNode, run
 from radar_ros.sync import Subscriber, TimeSynchronizer
 from radar_tracking import TrackedCloud
@@ -44,13 +45,15 @@ class GesturesNode(StageNode):
         person = declare(self, "person", "", "who is there, of those enrolled in the model; empty: anybody", changeable=True)
         self._model = _ready(model, person)
         base = config_for(self._model.settings, GestureConfig())
-        self._config = declare_config(self, GestureConfig, changeable=_comes_with_model, base=base)
+        self._config = declare_config(self, GestureConfig, changeable=_changeable, base=base)
+        Activation(self._config.activation, vocabulary(self._model.labels))  # refuse it now, not with the first cloud
         self._chosen = {"model": model, "person": person}
         self._pending: tuple[dict[str, str], Classifier, GestureConfig, Recognizer] | None = None
         self._adopting = False
         self._lacks = ""  # what the radar does not give of what the model needs
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._put_in_place)
+        on_change(self, self._config.activation, self._activate, "activation.")
         self._gestures = self.create_publisher(handwave.msg.Gesture, "gestures", qos.RESULT)
         self._maps = self.create_publisher(handwave.msg.GestureMaps, "gestures/maps", qos.stream_out())
         self._info = InfoKeeper(self, self._configure)
@@ -99,6 +102,18 @@ class GesturesNode(StageNode):
         bare = dataclasses.replace(self._config, **{name: getattr(usual, name) for name in _MODELS_OWN})
         config = config_for(model.settings, bare)
         return chosen, model, config, make_recognizer(config, model, self._info.info)
+
+    def _activate(self, wanted: ActivationConfig) -> Callable[[], None]:
+        """Check that a gesture wakes which the model knows; see `on_change`."""
+        model = self._model if self._pending is None else self._pending[1]
+        activation = Activation(wanted, vocabulary(model.labels))
+
+        def place() -> None:
+            self._config = dataclasses.replace(self._config, activation=wanted)
+            if self._info.info is not None:
+                self._recognizer.activation = activation
+
+        return place
 
     def _put_in_place(self, _: Sequence[Any]) -> None:
         """Work with the model that was prepared, and show its features among the parameters."""
@@ -154,6 +169,11 @@ def _ready(model: str, person: str) -> Classifier:
     chosen = model_of(model, person)
     chosen.probabilities(np.zeros(len(chosen.names)))
     return chosen
+
+
+def _changeable(name: str) -> bool:
+    """Whether a parameter may be set while the node runs; those that come with the model are, by the node itself."""
+    return _comes_with_model(name) or name.startswith("activation.")
 
 
 def _comes_with_model(name: str) -> bool:

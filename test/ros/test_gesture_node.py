@@ -18,7 +18,7 @@ from handwave.msg import ZoneArray as ZoneArrayMsg
 from rclpy.parameter import Parameter
 
 import radar_ros.nodes.gestures
-from radar_core import GESTURES, DataError, PointCloud, Pose, RadarInfo
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, Pose, RadarInfo
 from radar_core.config import flat, load_file
 from radar_core.geometry import cartesian_to_spherical
 from radar_core.paths import find_config
@@ -353,3 +353,30 @@ def test_a_radar_that_lacks_what_the_model_needs_is_named(ros, tmp_path):
     assert not warnings  # the graph runs as it should
     bench.node._configure(INFO)
     assert "radar_lacks" not in bench.node.extra_diagnostics()[0]
+
+
+def test_when_gestures_count_is_set_while_it_runs(ros, tmp_path):
+    """One pushes and one pulls: both count, then only who makes the gesture that wakes; a gesture that the model lacks is refused."""
+    bench = Bench(ros, tmp_path, activation__mode="dwell", activation__rest=30.0)
+
+    def told(first):
+        del bench.gestures[:]
+        bench.send([item(k + first, {i: (2.0 if i == 1 else -2.0) * (20 <= k < 40) for i in (1, 2)}) for k in range(80)])
+        assert ros.spin_until(lambda: len(bench.gestures) >= 2)
+        return {msg.track_id: msg.name for msg in bench.gestures}
+
+    assert told(0) == {1: "random", 2: "random"}
+    wake = [Parameter("activation.mode", value="wake"), Parameter("activation.wake", value="pul")]
+    refused = bench.node.set_parameters_atomically(wake)
+    assert not refused.successful
+    assert "did you mean 'pull'" in refused.reason
+    assert told(80) == {1: "random", 2: "random"}
+    assert bench.node.set_parameters_atomically([wake[0], Parameter("activation.wake", value="pull")]).successful
+    assert told(160) == {1: "pull", 2: "random"}
+    assert bench.node.set_parameters_atomically([Parameter("activation.mode", value="always")]).successful
+    assert told(240) == {1: "pull", 2: "push"}
+
+
+def test_a_gesture_that_nobody_knows_wakes_no_node(ros, tmp_path):
+    with pytest.raises(ConfigError, match=r"activation.wake: the model knows no gesture 'clap'"):
+        Bench(ros, tmp_path, activation__mode="wake", activation__wake="clap")

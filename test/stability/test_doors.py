@@ -346,6 +346,8 @@ BEHIND = {
     "GestureRecognizer": "EventStage",
     "StreamRecognizer": "SlotStreams, Memory",
     "EventDetector": "its own test above",
+    "Rests": "EventDetector, SlotStreams",
+    "Activation": "GestureRecognizer",
     "EventStage": "GestureRecognizer track",
     "DepthReader": "its own test above",
     "HandTracker": "its own test above",
