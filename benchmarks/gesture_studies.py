@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 
 from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
-from radar_core.config import config, knob
+from radar_core.config import config, knob, load_file
+from radar_core.paths import find_config
 from radar_gestures.cells import CellConfig
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.event_maps import EventMaps, join, locate
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig, extract, summarise
 from radar_gestures.inputs import InputMaker, Inputs
-from radar_gestures.maps import feature_maps
+from radar_gestures.maps import MapConfig, feature_maps
 from radar_gestures.signals import CurveConfig
+from radar_gestures.stage import GestureConfig
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Segment
 from radar_lab.training.networks import CurveTraining, train_net
@@ -53,6 +55,12 @@ class PerceptronTraining:
     averaged: float = knob(0.3, low=0.0, high=1.0, doc="last share of the passes over whose ends the weights are averaged")
     batch: int = knob(256, low=1, high=65536, doc="samples a step")
     seed: int = knob(1, low=0, high=2**31 - 1, doc="of the copies, the start weights and the order of samples")
+
+
+def event_config() -> GestureConfig:
+    """Give the preset for radars with so few frames and gates, with the gates of mHomeGes's."""
+    preset, gate = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), GATES["mhomeges"]
+    return replace(preset, features=FeatureConfig(gate=gate, body_speed=gate / 2), maps=MapConfig(max_speed=MAX_SPEED))
 
 
 @dataclass(frozen=True, eq=False)

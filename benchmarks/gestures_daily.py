@@ -1,74 +1,88 @@
-"""False gestures in eight streams of daily activity of real people (mHomeGes), with and without rejection."""
+"""False gestures in real daily life, and gestures kept, by when gestures count: always, after one that wakes, after a rest.
+
+Eight people of mHomeGes were recorded while they did everything but gesture (0.93 h; seven of them gesture in other recordings). Streams go
+through the default tracker and the events of the preset for radars with so few clouds, with tilts found from the clouds, as in
+`gestures_end_to_end`, which also gives the gestures: segments joined to streams with a second or two of rest between. Two of the eight at a
+time are named by a network that learned from gestures and daily life of the others; daily events are one more class of it.
+
+What a limit on the probability gives up, and what it keeps out, are counted on the same people: for each share of gestures kept, so many
+false gestures an hour. With "wake" a gesture is kept when an event of the gesture that wakes, drawn among those of the same person and
+distance, is named rightly and kept as well; with "dwell" when its person rested before. False are gestures that count; one that only wakes
+does nothing, and is counted by itself. Which gesture wakes is the user's choice: the headline is of the worst, others stand beside.
+"""
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_studies import GATES, MAX_SPEED, RealSet, Study
-from benchmarks.recordings import folder, tracker_for
+from benchmarks.gesture_studies import BOTH, COPIES, FEW
+from benchmarks.gestures_end_to_end import NOTHING, Stream, detected, level, source, streams
+from benchmarks.gestures_people import Fold, default_training, trained
+from benchmarks.recordings import folder
+from benchmarks.report import AbsentError, Row, against_first, measure, rate, share
+from benchmarks.stores import once
 from radar_core import PointCloud
-from radar_core.config import load_file
-from radar_core.paths import find_config
+from radar_gestures.activation import Activation, ActivationConfig
 from radar_gestures.event_maps import join
-from radar_gestures.features import FEATURE_NAMES, FeatureConfig
 from radar_gestures.inputs import InputMaker
-from radar_gestures.maps import FeatureMaps, MapConfig
-from radar_gestures.stage import EventStage, GestureConfig
+from radar_gestures.recognizer import Gesture
+from radar_gestures.stage import TrackEvent
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording
 from radar_lab.training.calibration import choose_reject
+from radar_lab.training.networks import CurveTraining, train_net
 from radar_lab.training.validation import leave_subjects_out
 from radar_lab.training.variation import copies
-from radar_tracking import TrackedCloud
 
-LOST: Final = 0.05  # share of true gestures that rejection may lose
-LOSSES: Final = (0.02, 0.1, 0.2)  # other shares, to see what a stricter limit gives
-DAILY: Final = "random"  # label of daily events
+KEPT: Final = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
+AT: Final = 0.9
+RESTS: Final = (0.5, 1.0, 1.5)  # s
+WINDOWS: Final = (3.0, 6.0, 12.0)  # s
+_DRAW: Final = 0xDA1
+_S: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
-    """Events of one person's daily activity."""
+class Life:
+    """One person's daily activity, and the events that were found in it."""
 
     person: int
     hours: float
-    maps: tuple[FeatureMaps, ...]  # of every event that the detector found, those of people who walked left out, as the recogniser does
+    events: tuple[TrackEvent, ...]
 
 
-def event_config() -> GestureConfig:
-    """Give the preset for radars with so few frames and gates, with the gates of this one."""
-    preset = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))
-    gate = GATES["mhomeges"]
-    return replace(preset, features=FeatureConfig(gate=gate, body_speed=gate / 2), maps=MapConfig(max_speed=MAX_SPEED))
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Gestures of people held out, one event of each segment in which there is one, in the order of the streams."""
+
+    label: NDArray[np.int64]  # shape (n,): index into the names; so are names
+    name: NDArray[np.int64]
+    score: NDArray[np.float64]  # shape (n,): probability of the name, 0 where it is none
+    rested: NDArray[np.float64]  # shape (n,) [s]
+    stream: NDArray[np.int64]  # shape (n,): which of the streams
 
 
-def read_streams(limit: int = 0, people: Sequence[int] = ()) -> Iterator[Stream]:
-    """Run tracking and event detection over the streams; ``limit``: only the first so many clouds of each; ``people``: only theirs."""
-    config = event_config()
-    for person, recording in recordings(people):
-        stage = EventStage(config, recording.info.mount)
-        found: list[FeatureMaps] = []
-        stamps: list[int] = []
-        for cloud in tracked(recording, limit):
-            events = stage.process(cloud)
-            found += [event.maps for event in events if event.maps is not None and event.walked <= config.walk_distance]
-            stamps.append(cloud.cloud.stamp_ns)
-        yield Stream(person, (stamps[-1] - stamps[0]) * 1e-9 / 3600, tuple(maps for maps in found if len(maps.stamp_ns)))
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What networks of other people say: of gestures, and of each person's daily events, shape (n_events, n_names)."""
 
+    names: tuple[str, ...]  # the first is `NOTHING`
+    known: Known
+    lives: tuple[tuple[Life, NDArray[np.float64]], ...]
+    segments: int  # of the people held out, with an event or without
 
-def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
-    """Run people tracking over a recording, or over its first clouds."""
-    tracker = tracker_for("sparse", "group_clustering")
-    clouds = (item for item in recording.items if isinstance(item, PointCloud))
-    for cloud in itertools.islice(clouds, limit or None):
-        placed = cloud.to_room(recording.info.mount)
-        yield TrackedCloud(placed, tracker.process(placed))
+    @property
+    def hours(self) -> float:
+        """Of daily life."""
+        return sum(life.hours for life, _ in self.lives)
 
 
 def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
@@ -81,72 +95,211 @@ def recordings(people: Sequence[int] = ()) -> Iterator[tuple[int, Recording]]:
             yield person, open_original("mhomeges", path, subject=person, idle=0.0)
 
 
-def by_others(made: Study, streams: Sequence[Stream]) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Judge gestures, shape (n, n_labels), and daily events of each stream by models that never saw the person, two left out at a time."""
-    assert made.inputs is not None
-    extractor = InputMaker(made.inputs)
-    vectors = [extractor.process_many(join(stream.maps)) if stream.maps else np.zeros((0, len(made.names))) for stream in streams]
-    gestures = np.zeros((len(made.plain), len(made.data.labels)))
-    daily = [np.zeros((0, len(made.data.labels))) for _ in streams]
-    for number, test in enumerate(leave_subjects_out(made.data.person, 2)):
-        model = made.fit(~test)
-        gestures[test] = model.probabilities(made.plain[test])
-        for k, stream in enumerate(streams):
-            # who did no gestures is unknown to every model: the first judges
-            if stream.person in made.data.person[test] or (number == 0 and stream.person not in made.data.person):
-                daily[k] = model.probabilities(vectors[k])
-    return gestures, daily
+def lives(limit: int, keep: Path | None, people: Sequence[int] = ()) -> list[Life]:
+    """Find the events in daily life; ``limit``: of so many clouds of each person; ``keep``: folder for each person's."""
+    told = source(limit)
+    return [
+        once(None if keep is None else keep / "parts" / f"life_{person}_{told}.joblib", functools.partial(_life, person, recording, limit))
+        for person, recording in recordings(people)
+    ]
 
 
-def daily_figures(made: Study, streams: Sequence[Stream]) -> dict[str, Any]:
-    """Count events of daily activity that a model takes for a gesture; the model never saw the stream's person.
+def _life(person: int, recording: Recording, limit: int) -> Life:
+    clouds = [cloud for cloud in itertools.islice(recording.items, limit or None) if isinstance(cloud, PointCloud)]
+    events = tuple(detected(level(recording.info, clouds), clouds))
+    return Life(person, (clouds[-1].stamp_ns - clouds[0].stamp_ns) * _S / 3600, events)
 
-    Per hour: ``daily_events``, each a false gesture without rejection; ``daily_false_rejecting``: those above the limit that loses 5 % of
-    the gestures of people held out; ``daily_false_trained``: the same by models that also learned daily events as a class; ``..._by_lost``:
-    by the share of gestures that the limit loses; ``daily_accuracy_...``: of the gestures of people held out, before any is rejected.
-    """
-    hours = sum(stream.hours for stream in streams)
-    result: dict[str, Any] = {"daily_hours": hours, "daily_events": sum(len(stream.maps) for stream in streams) / hours}
-    for name, study in (("rejecting", made), ("trained", with_daily(made, streams))):
-        gestures, daily = by_others(study, streams)
-        own = study.data.label != DAILY
-        known, false = _score(gestures[own], study.data.labels), _score(np.concatenate(daily), study.data.labels)
-        result[f"daily_false_{name}"] = count_passed(false, choose_reject(known, LOST)) / hours
-        result[f"daily_false_{name}_by_lost"] = {
-            f"{lost:g}": count_passed(false, choose_reject(known, lost)) / hours for lost in (0.0, *LOSSES)
-        }
-        right = np.array(study.data.labels)[gestures[own].argmax(axis=1)] == study.data.label[own]
-        result[f"daily_accuracy_{name}"] = float(right.mean())
+
+def judge(made: Sequence[Stream], found: Sequence[Life], config: CurveTraining, n_copies: int, part: Fold) -> Judged:
+    """Name gestures and daily events of two of the eight people at a time by a network of all others; each turn is a part of the work."""
+    labels = [stream.labels[event.segment] if event.segment >= 0 else NOTHING for stream in made for event in stream.events]
+    labels += [NOTHING for life in found for _ in life.events]
+    names = (NOTHING, *sorted(set(labels) - {NOTHING}))
+    person = np.array([stream.person for stream in made for _ in stream.events] + [life.person for life in found for _ in life.events])
+    maps = join([event.maps for stream in made for event in stream.events] + [_maps(event) for life in found for event in life.events])
+    number, plain = np.array([names.index(label) for label in labels]), InputMaker(BOTH).process_many(maps).astype(np.float32)
+    changed = copies(maps, BOTH, n=n_copies, seed=config.seed)
+    told = np.zeros((len(plain), len(names)))
+    everybody = np.array([life.person for life in found])
+    for turn, few in enumerate(leave_subjects_out(everybody, 2)):
+        test = np.isin(person, everybody[few])
+
+        def work(test: NDArray[np.bool_] = test) -> NDArray[np.float64]:
+            net = train_net(changed[:, ~test], number[~test], labels=names, inputs=BOTH, config=config)
+            return net.probabilities(plain[test])
+
+        told[test] = part(f"daily_{turn}", work)
+    n, own = sum(len(stream.events) for stream in made), [stream for stream in made if stream.person in everybody]
+    held = np.isin([stream.person for stream in made for _ in stream.events], everybody)
+    parts = np.split(told[n:], np.cumsum([len(life.events) for life in found])[:-1])
+    return Judged(names, known(own, told[:n][held], names), tuple(zip(found, parts, strict=True)), sum(len(one.labels) for one in own))
+
+
+def _maps(event: TrackEvent) -> Any:
+    assert event.maps is not None  # see `detected`
+    return event.maps
+
+
+def known(made: Sequence[Stream], told: NDArray[np.float64], names: Sequence[str]) -> Known:
+    """Take of each segment the event that overlaps it most; ``told``, shape (n_events, n_names): of the streams' events, in order."""
+    rows, label, stream = [], [], []
+    first = 0
+    for number, one in enumerate(made):
+        best: dict[int, int] = {}
+        for k, event in enumerate(one.events):
+            if event.segment >= 0 and (event.segment not in best or event.overlap > one.events[best[event.segment]].overlap):
+                best[event.segment] = k
+        rows += [first + k for k in best.values()]
+        label += [names.index(one.labels[segment]) for segment in best]
+        stream += [number] * len(best)
+        first += len(one.events)
+    rested = np.array([event.rested for one in made for event in one.events])
+    place = np.array(rows, np.int64)
+    name, score = named(told[place])
+    return Known(np.array(label, np.int64), name, score, rested[place], np.array(stream, np.int64))
+
+
+def named(told: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Give the most probable name of each event, and its probability, 0 where that is `NOTHING`, shape (n,) each."""
+    name = told.argmax(axis=1)
+    return name, np.where(name == 0, 0.0, told.max(axis=1, initial=0.0))
+
+
+def scores(known: Known, config: ActivationConfig, names: Sequence[str]) -> NDArray[np.float64]:
+    """Score gestures by the limit up to which they are kept, shape (n,); 0: never, since they do not count."""
+    if config.mode == "dwell":
+        return np.where(known.rested >= config.rest, known.score, 0.0)
+    if config.mode == "wake":
+        return np.minimum(known.score, _waking(known, names.index(config.wake)))
+    return known.score
+
+
+def _waking(known: Known, wake: int) -> NDArray[np.float64]:
+    """Draw for each gesture one that wakes, of the same stream; the score of that, 0 where its name is wrong, 1 without any."""
+    rng, found = np.random.default_rng([_DRAW, wake]), np.ones(len(known.label))
+    for stream in np.unique(known.stream):
+        own = np.flatnonzero(known.stream == stream)
+        waking = own[known.label[own] == wake]
+        if len(waking):
+            drawn = rng.choice(waking, len(own))
+            found[own] = np.where(known.name[drawn] == wake, known.score[drawn], 0.0)
+    return found
+
+
+def false_gestures(judged: Judged, config: ActivationConfig, limit: float) -> tuple[int, int]:
+    """Count daily events that count as gestures at a limit, and those that only woke."""
+    false, woke = 0, 0
+    for life, told in judged.lives:
+        activation = Activation(config, judged.names)
+        for gesture, rested_ns in gestures(life.events, told, judged.names, limit):
+            only_wakes = config.mode == "wake" and gesture.track_id not in activation.awake(gesture.start_ns)
+            if activation.process(gesture, rested_ns).label:
+                woke, false = woke + only_wakes, false + (not only_wakes)
+    return false, woke
+
+
+def gestures(events: Iterable[TrackEvent], told: NDArray[np.float64], names: Sequence[str], limit: float) -> Iterator[tuple[Gesture, int]]:
+    """Make gestures of events, and say how long their person rested before [ns]; below the limit they are `NOTHING`."""
+    for event, probabilities, name, score in zip(events, told, *named(told), strict=True):
+        label = int(name) if score >= limit else 0
+        times = event.event.end_ns, event.event.start_ns, event.event.end_ns
+        yield (
+            Gesture(
+                times[0], "room", event.track_id, label, names[label], float(probabilities[label]), probabilities, *times[1:], np.zeros(0),
+                labels=tuple(names),
+            ),
+            event.event.rested_ns,
+        )  # fmt: skip
+
+
+def at(judged: Judged, config: ActivationConfig, kept: float) -> dict[str, Any] | None:
+    """Give false gestures an hour at the limit that keeps so many gestures; None where so many never count, whatever the limit."""
+    score = scores(judged.known, config, judged.names)
+    limit = choose_reject(score, 1.0 - kept)
+    if limit <= 0.0:
+        return None
+    false, woke = false_gestures(judged, config, limit)
+    right = (score >= limit) & (judged.known.name == judged.known.label)
+    return {
+        "kept": float((score >= limit).mean()),
+        **share("right", int(right.sum()), len(right)),
+        "false": false,
+        **rate("false_per_hour", false, judged.hours),
+        "woken_per_hour": woke / judged.hours,
+    }
+
+
+def modes(names: Sequence[str]) -> dict[str, ActivationConfig]:
+    """Name the settings that are compared; those with "wake" once for each gesture that could wake."""
+    found = {"always": ActivationConfig()}
+    found |= {f"dwell, {rest:g} s": ActivationConfig(mode="dwell", rest=rest) for rest in RESTS}
+    for window in WINDOWS:
+        found |= {f"wake by {name}, {window:g} s": ActivationConfig(mode="wake", wake=name, window=window) for name in names[1:]}
+    return found
+
+
+def headline(table: dict[str, dict[str, Any] | None], names: Sequence[str]) -> dict[str, Any]:
+    """Give ``false_per_hour_at_90`` always, with ``_dwell`` and with ``_wake``, the worst gesture to wake by, at the default settings."""
+    usual = ActivationConfig()
+    waking = {name: table[f"wake by {name}, {usual.window:g} s"] for name in names[1:]}
+    able = {name: one for name, one in waking.items() if one is not None}
+    worst = max(able, key=lambda name: able[name]["false"]) if len(able) == len(waking) and able else None
+    result: dict[str, Any] = {"worst_wake": worst}
+    for suffix, one in (
+        ("", table["always"]),
+        ("_dwell", table[f"dwell, {usual.rest:g} s"]),
+        ("_wake", None if worst is None else able[worst]),
+    ):
+        for key in ("false_per_hour", "false_per_hour_interval", "right", "right_interval"):
+            place = f"{key.removesuffix('_interval')}_at_{AT * 100:g}{suffix}" + ("_interval" if key.endswith("_interval") else "")
+            result[place] = None if one is None else one[key]
     return result
 
 
-def count_passed(score: NDArray[np.float64], limit: float) -> int:
-    """Count events that a limit lets pass; a score of 0 never does: the model called these daily."""
-    return int(((score > 0) & (score >= limit)).sum())
+def rows(table: dict[str, dict[str, Any] | None], names: Sequence[str]) -> list[Row]:
+    """Compare the settings by false gestures an hour at 90 % of the gestures kept, and by the time that one gesture takes."""
+    probabilities = np.full(len(names), 1.0 / len(names))
+    one = Gesture(2, "room", 1, 1, names[1], 0.9, probabilities, 1, 2, np.zeros(0), labels=tuple(names))
+    found = {}
+    for name, config in modes(names).items():
+        told = table[name]
+        if told is not None:
+            activation = Activation(config, names)
+            found[name] = told["false_per_hour"], measure(functools.partial(activation.process, one, 0), repeat=200, warmup=20)
+    return against_first("when gestures count, daily life", "false gestures an hour at 90 % kept", found, "1/h")
 
 
-def _score(probabilities: NDArray[np.float64], labels: Sequence[str]) -> NDArray[np.float64]:
-    """Probability of the most probable label, 0 where that is no gesture, shape (n,)."""
-    best = probabilities.max(axis=1)
-    return np.where(probabilities.argmax(axis=1) == labels.index(DAILY), 0.0, best) if DAILY in labels else best
+def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Measure everything.
+
+    ``quick``: a minute of two people, and few of their gestures; ``keep``: folder for what is finished: the same command goes on where it
+    stopped.
+    Returns ``false_per_hour_at_90`` (always), ``_dwell``, ``_wake``, each with a Poisson ``_interval``; ``right_at_90`` and the like: share
+    of the gestures with an event that count and have the right name; ``with_event``: share of all gestures; ``at_90``: every setting;
+    ``curve``: of the default settings, by the share of gestures kept; None: so many cannot be kept.
+    """
+    config = default_training(quick)
+    if not isinstance(config, CurveTraining):
+        raise AbsentError("training the networks needs PyTorch: pip install 'handwave[train]'")
+    limit, n_copies, people = (FEW, 1, (804, 805)) if quick else (0, COPIES, ())
+    part = functools.partial(trained, keep, f"daily {BOTH} {config} {n_copies} {source(limit)}", "daily")
+    judged = judge(streams("mhomeges", limit, keep, people), lives(5 * limit, keep, people), config, n_copies, part)
+    usual, own = ActivationConfig(), modes(judged.names)
+    table = {name: at(judged, setting, AT) for name, setting in own.items()}
+    default = {"always", f"dwell, {usual.rest:g} s", *(f"wake by {name}, {usual.window:g} s" for name in judged.names[1:])}
+    curve = {name: {f"{kept:g}": at(judged, setting, kept) for kept in KEPT} for name, setting in own.items() if name in default}
+    events = sum(len(life.events) for life, _ in judged.lives)
+    return {
+        "hours": judged.hours,
+        "people": [life.person for life, _ in judged.lives],
+        "events_per_hour": events / judged.hours,
+        "gestures": len(judged.known.label),
+        **share("with_event", len(judged.known.label), judged.segments),
+        **headline(table, judged.names),
+        "at_90": table,
+        "curve": curve,
+        "choices": rows(table, judged.names),
+    }
 
 
-def with_daily(made: Study, streams: Sequence[Stream]) -> Study:
-    """Add the daily events to a study as one more class."""
-    used = [stream for stream in streams if stream.maps]
-    events = join([maps for stream in used for maps in stream.maps])
-    n, data = len(events), made.data
-    joined = RealSet(
-        data.events,  # of the gestures only: the vectors below hold both
-        np.concatenate([data.label, np.full(n, DAILY)]),
-        np.concatenate([data.person, np.repeat([stream.person for stream in used], [len(stream.maps) for stream in used])]),
-        np.concatenate([data.distance, np.full(n, np.nan)]),
-        np.concatenate([data.thirteen, np.zeros((n, len(FEATURE_NAMES)))]),
-    )
-    assert made.inputs is not None
-    plain = np.concatenate([made.plain, InputMaker(made.inputs).process_many(events).astype(np.float32)])
-    changed = made.changed
-    if changed is not None:
-        more = copies(events, made.inputs, n=len(changed), seed=made.config.seed)
-        changed = np.concatenate([changed, more], axis=1)
-    return Study(joined, made.names, plain, changed, made.config, made.inputs)
+run = figures

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -19,8 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gesture_studies import BOTH, COPIES, FEW, GATES, SHARED, files
-from benchmarks.gestures_daily import event_config
+from benchmarks.gesture_studies import BOTH, COPIES, FEW, GATES, SHARED, event_config, files
 from benchmarks.gestures_people import SETS, Fold, by_people, default_training, trained
 from benchmarks.report import AbsentError, rate
 from benchmarks.stores import digest, once, sources
@@ -28,7 +27,7 @@ from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_gestures.event_maps import join
 from radar_gestures.inputs import InputMaker
 from radar_gestures.maps import FeatureMaps
-from radar_gestures.stage import EventStage
+from radar_gestures.stage import EventStage, TrackEvent
 from radar_lab.alignment.tilt import TiltConfig, TiltFinder
 from radar_lab.importers import open_original
 from radar_lab.training.networks import CurveTraining, train_net
@@ -114,30 +113,39 @@ def joined(parts: Sequence[Part], gate: float, interval_ns: int, seed: Sequence[
 
 def levelled(info: RadarInfo, parts: Sequence[Part]) -> RadarInfo:
     """Say how the radar of some segments was tilted, by the heights of what moved in them."""
-    finder, start = TiltFinder(TiltConfig(activity="arms"), info), 0
+    start = 0
+    clouds: list[PointCloud] = []
     for part in parts:
         first, last = part.clouds[0].stamp_ns, part.clouds[-1].stamp_ns
-        for cloud in part.clouds:
-            finder.process(replace(cloud, stamp_ns=start + cloud.stamp_ns - first))
+        clouds += [replace(cloud, stamp_ns=start + cloud.stamp_ns - first) for cloud in part.clouds]
         start += last - first + 1_000_000_000
+    return level(info, clouds)
+
+
+def level(info: RadarInfo, clouds: Iterable[PointCloud]) -> RadarInfo:
+    """Say how a radar was tilted, by the heights of what moved in its clouds."""
+    finder = TiltFinder(TiltConfig(activity="arms"), info)
+    for cloud in clouds:
+        finder.process(cloud)
     return replace(info, mount=finder.result().mount)
 
 
-def find(info: RadarInfo, parts: Sequence[Part], gate: float, seed: Sequence[int]) -> Stream:
-    """Run the default tracker and the events over a stream."""
-    tracker, stage = make_tracker(TrackerConfig(), info), EventStage(event_config(), info.mount)
-    interval_ns = round(info.waveform.frame_interval * 1e9)
-    owners: list[int] = []
-    events = []
-    for cloud, owner in joined(parts, gate, interval_ns, seed):
-        owners.append(owner)
+def detected(info: RadarInfo, clouds: Iterable[PointCloud]) -> Iterator[TrackEvent]:
+    """Run the default tracker and the events over clouds; without events of people who walked, which are random anyway."""
+    config = event_config()
+    tracker, stage = make_tracker(TrackerConfig(), info), EventStage(config, info.mount)
+    for cloud in clouds:
         placed = cloud.to_room(info.mount)
-        events += [
-            event
-            for event in stage.process(TrackedCloud(placed, tracker.process(placed)))
-            if event.maps is not None and len(event.maps.stamp_ns) and event.walked <= event_config().walk_distance
-        ]
-    found = []
+        for event in stage.process(TrackedCloud(placed, tracker.process(placed))):
+            if event.maps is not None and len(event.maps.stamp_ns) and event.walked <= config.walk_distance:
+                yield event
+
+
+def find(info: RadarInfo, parts: Sequence[Part], gate: float, seed: Sequence[int]) -> Stream:
+    """Find the events of a stream."""
+    interval_ns = round(info.waveform.frame_interval * 1e9)
+    clouds, owners = zip(*joined(parts, gate, interval_ns, seed), strict=True)
+    events, found = list(detected(info, clouds)), []
     for event in events:
         first, last = (max(stamp // interval_ns - 1, 0) for stamp in (event.event.start_ns, event.event.end_ns))
         number, overlap = most(owners[first : last + 1])
@@ -156,13 +164,16 @@ def most(owners: Sequence[int]) -> tuple[int, int]:
     return number, held.count(number)
 
 
-def streams(kind: str, limit: int, keep: Path | None) -> list[Stream]:
-    """Find the events in the streams of all people; ``keep``: folder for each person's; ``limit``: of so many segments of two people."""
+def streams(kind: str, limit: int, keep: Path | None, people: Sequence[int] = ()) -> list[Stream]:
+    """Find the events in the streams of all people, or of some.
+
+    ``keep``: folder for each person's; ``limit``: of so many segments of each, and, unless ``people`` are named, of two people.
+    """
     told, found = source(limit), []
     for path in files(kind):
         with np.load(path) as held:
-            people = sorted(set(held["subject"].tolist()))
-        for person in people[:2] if limit else people:
+            own = sorted(set(held["subject"].tolist()) & set(people)) if people else sorted(set(held["subject"].tolist()))
+        for person in own[:2] if limit and not people else own:
             place = None if keep is None else keep / "parts" / f"streams_{kind}_{person}_{told}.joblib"
             found += once(place, functools.partial(_of_person, kind, path, person, limit))
     return found

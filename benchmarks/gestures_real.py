@@ -1,4 +1,4 @@
-"""Gestures of real people: with fewer people to learn from, in daily life, by the shipped model; choices and their time."""
+"""Gestures of real people: with fewer people to learn from, by the shipped model; choices and their time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import gestures_daily, gestures_shipped
+from benchmarks import gestures_shipped
 from benchmarks.gesture_model import model_file
 from benchmarks.gesture_studies import (
     CELLS,
@@ -66,8 +66,8 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
 
     ``quick``: few samples and two folds, to see that it runs; ``keep``: folder for what is finished: the same command goes on where it
     stopped; None: nothing is kept.
-    Returns size and operations of the model, ``learning_curve`` and ``choices``; with the figures of `gestures_daily` and
-    `gestures_shipped`. People held out are in `gestures_people`, other worlds in `gestures_transfer`.
+    Returns size and operations of the model, ``learning_curve`` and ``choices``; with the figures of `gestures_shipped`. People held out
+    are in `gestures_people`, other worlds in `gestures_transfer`, daily life in `gestures_daily`.
     """
     limit, folds, n_copies = (FEW, 2, 1) if quick else (0, 10, COPIES)
     config = default_training(quick)
@@ -87,8 +87,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     counts = (2, 6) if quick else (1, 2, 4, 8, 14)
     result["learning_curve"] = part("learning_curve", lambda: learning_curve(first, counts, (1,)))
     rows = part("choices", lambda: choices(first, model, quick))
-    daily = part("daily", lambda: gestures_daily.daily_figures(first, list(gestures_daily.read_streams(150 if quick else 0))))
-    result |= daily | gestures_shipped.figures(quick)
+    result |= gestures_shipped.figures(quick)
     return result | {"choices": rows}
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
+from collections.abc import Iterator
 from typing import Any, Final
 
 from benchmarks.gesture_studies import GATES
-from benchmarks.gestures_daily import recordings, tracked
-from benchmarks.recordings import folder
+from benchmarks.gestures_daily import recordings
+from benchmarks.recordings import folder, tracker_for
 from benchmarks.report import share
-from radar_core import GESTURES
+from radar_core import GESTURES, PointCloud
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.recognizer import Gesture, GestureRecognizer
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent
 from radar_lab.importers import open_original
-from radar_lab.importers.recording import Segment
+from radar_lab.importers.recording import Recording, Segment
+from radar_tracking import TrackedCloud
 
 SEGMENTS: Final = 400  # of each data set, spread evenly
 OURS: Final = {
@@ -62,6 +65,15 @@ def segments(kind: str, limit: int) -> dict[str, Any]:
         **{name: float(verdicts[name]) for name in ("right", "other", "missed")},
         **share("right_share", verdicts["right"], len(known)),
     }
+
+
+def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
+    """Run people tracking over a recording, or over its first clouds."""
+    tracker = tracker_for("sparse", "group_clustering")
+    clouds = (item for item in recording.items if isinstance(item, PointCloud))
+    for cloud in itertools.islice(clouds, limit or None):
+        placed = cloud.to_room(recording.info.mount)
+        yield TrackedCloud(placed, tracker.process(placed))
 
 
 def daily(limit: int) -> dict[str, float]:

@@ -34,7 +34,7 @@ class EventConfig:
 class Event:
     """A motion that may be a gesture: from the first to the last sample above the threshold [ns].
 
-    ``rested_ns``: for how long nothing was faster than ``release`` before the motion that it is part of [ns].
+    ``rested_ns``: for how long nothing was above ``threshold`` before it [ns].
     """
 
     start_ns: int
@@ -80,7 +80,7 @@ class EventDetector:
     def process(self, stamp_ns: int, speed: float) -> Event | None:
         """Take the speed [m/s] at ``stamp_ns`` (either sign; NaN counts as rest) and return the event that ended with it, if any."""
         self._follow(stamp_ns)
-        self._rests.process(stamp_ns, math.isfinite(speed) and abs(speed) > self._config.release)
+        self._rests.process(stamp_ns, math.isfinite(speed) and abs(speed) > self._config.threshold)
         above = abs(speed) > (self._config.release if self.active else self._config.threshold)
         if self._wait_for_rest:
             self._wait_for_rest = above or stamp_ns - self._last_above < self._quiet_ns

@@ -45,7 +45,7 @@ class StreamEvent:
     position : ndarray of float64, shape (3,)
         Of the track when it ended, in ``room`` [m].
     rested_ns : int
-        For how long nothing moved before the motion that it is part of [ns].
+        For how long nothing was fast before the motion that it is part of [ns].
     """
 
     track_id: int

@@ -29,7 +29,7 @@ FRESH: Final = NAMES.index("fresh")
 ELEVATION: Final = NAMES.index("elevation")
 """The input that says whether the radar tells heights."""
 _SLOW: Final = slice(3, 8)  # of SPEEDS
-_FAST: Final = np.abs(SPEEDS) > 0.5
+_FAST: Final = np.abs(SPEEDS) >= 1.0
 _MIDDLE: Final = 1.1  # m: heights count from there
 _FARTHEST: Final = 1.5  # m: no hand is farther from its body
 _USUAL_SNR, _MOST_SNR = 10.0, 60.0  # dB: where the radar does not tell; more says no more
@@ -184,7 +184,7 @@ def _add(one: _Open, points: Float64Array, own: np.ndarray[tuple[int, ...], np.d
 
 
 def moving(features: Float32Array) -> bool:
-    """Whether a slot, shape (n_features,), holds half a point a cloud or more that is faster than about 0.4 m/s relative to the body."""
+    """Whether a slot, shape (n_features,), holds half a point a cloud or more that is faster than about 0.8 m/s relative to the body."""
     counts = np.expm1(features[_PER_SPEED.index("points") : SPLIT : _KINDS])
     return bool(counts[_FAST].sum() >= 0.5)
 
