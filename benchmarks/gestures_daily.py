@@ -105,7 +105,7 @@ def lives(limit: int, keep: Path | None, people: Sequence[int] = ()) -> list[Lif
 
 
 def _life(person: int, recording: Recording, limit: int) -> Life:
-    clouds = [cloud for cloud in itertools.islice(recording.items, limit or None) if isinstance(cloud, PointCloud)]
+    clouds = list(itertools.islice((item for item in recording.items if isinstance(item, PointCloud)), limit or None))
     events = tuple(detected(level(recording.info, clouds), clouds))
     return Life(person, (clouds[-1].stamp_ns - clouds[0].stamp_ns) * _S / 3600, events)
 

@@ -66,6 +66,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_streams": Study("gesture_streams", keep="gesture_streams"),
     "gesture_tables": Study("gesture_tables", keep="gesture_tables"),
     "gesture_worlds": Study("gesture_worlds"),
+    "gestures_daily": Study("gestures_daily", keep="gestures_daily"),
     "gestures_end_to_end_mhomeges": Study("gestures_end_to_end --parts mhomeges", keep="gestures_end_to_end"),
     "gestures_end_to_end_mtranssee": Study("gestures_end_to_end --parts mtranssee", keep="gestures_end_to_end"),
     "gestures_enrolled": Study("gestures_enrolled", keep="gestures_enrolled"),

@@ -26,7 +26,9 @@ class ActivationConfig:
     )
     wake: str = knob("wave", doc="with wake: the gesture that wakes; one of the model's")
     window: float = knob(6.0, unit="s", low=0.1, high=3600.0, doc="with wake: how long after it, and after every further gesture")
-    rest: float = knob(1.0, unit="s", low=0.0, high=60.0, doc="with dwell: for how long nothing may have been fast enough to begin a gesture")
+    rest: float = knob(
+        1.0, unit="s", low=0.0, high=60.0, doc="with dwell: for how long nothing may have been fast enough to begin a gesture"
+    )
 
 
 class Rests:

@@ -81,7 +81,9 @@ def test_an_event_belongs_to_whom_it_overlaps_most() -> None:
 def test_a_segment_has_the_name_of_its_longest_event() -> None:
     """Events that are nothing name nothing; one in a gap with a name is a false gesture."""
     maps = FeatureMaps(np.zeros(0, np.int64), *(np.zeros(0, np.float32) for _ in range(5)))
-    events = tuple(Found(maps, segment, overlap) for segment, overlap in ((0, 0.5), (0, 0.9), (1, 2.0), (2, 0.3), (-1, 0.0), (-1, 0.0)))
+    events = tuple(
+        Found(maps, segment, overlap, 1.0) for segment, overlap in ((0, 0.5), (0, 0.9), (1, 2.0), (2, 0.3), (-1, 0.0), (-1, 0.0))
+    )
     stream = Stream(1, 2.0, ("push", "pull", "up", "knock"), events, 0.1)
     assert named(stream, ["pull", "push", NOTHING, "up", "up", NOTHING]) == (["push", "", "up", ""], 1)
 

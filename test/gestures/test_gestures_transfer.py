@@ -1,24 +1,19 @@
-"""Simulated drills, and daily streams: what is true of the simulation, and small parts of the recordings where they are."""
+"""Simulated drills: what is true of the simulation, and small parts of the recordings where they are."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks import gesture_drills as drills
 from benchmarks import gesture_studies as real
-from benchmarks import gestures_daily as daily
 from benchmarks import gestures_transfer as transfer
-from benchmarks.recordings import folder
 from radar_core import DataError, PointCloud
 from radar_gestures.curves import curve_names
-from radar_gestures.maps import FeatureMaps
 from radar_gestures.signals import CurveConfig
 
 PLAN = drills.Drills(seed=5, far_share=0.0, left_arm=0.0)
@@ -157,81 +152,3 @@ def test_tests_may_lack_a_gesture_or_have_others(place: Path) -> None:
     assert found.labels == drills.LABELS
     assert [found.labels[k] for k in found.label] == [label for label in strange.label if label != "yawn"]
     assert found.accuracy >= 0.75  # of four, at most one wrong
-
-
-@pytest.fixture(scope="module")
-def recordings() -> Iterator[real.RealSet]:
-    """Read 300 segments of mHomeGes, spread evenly."""
-    try:
-        folder()
-        yield real.read("mhomeges", 300)
-    except DataError as error:
-        pytest.skip(str(error))
-
-
-def test_daily_streams_give_events(recordings: real.RealSet) -> None:
-    """The first half minute of a stream: its length, and events of a second or so."""
-    streams = list(daily.read_streams(300, (805,)))
-    assert [stream.person for stream in streams] == [805]
-    assert sum(len(stream.maps) for stream in streams) > 0
-    for stream in streams:
-        assert 0 < stream.hours < 0.1
-        for maps in stream.maps:
-            assert (maps.stamp_ns[-1] - maps.stamp_ns[0]) * 1e-9 < 3.0
-
-
-def _stream(person: int, data: real.RealSet, index: int) -> daily.Stream:
-    """Give a tenth of an hour whose only event is one of the gestures."""
-    rows = data.events.select(np.array([index]))
-    stamp = np.round(rows.time * 1e9).astype(np.int64)
-    return daily.Stream(person, 0.1, (FeatureMaps(stamp, rows.speed, *rows.maps),))
-
-
-class _Witness:
-    """A model that knows nothing; its first probability is its number."""
-
-    def __init__(self, number: int, n_labels: int) -> None:
-        self._number, self._n_labels = number, n_labels
-
-    def probabilities(self, vectors: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Give the number for every event."""
-        return np.full((len(vectors), self._n_labels), float(self._number))
-
-
-def test_nobody_is_judged_by_a_model_that_knows_them(recordings: real.RealSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gestures and daily events are judged by models that were fitted without this person; who did no gestures is judged, too."""
-    made = real.study(recordings, real.PerceptronTraining(), n_copies=0)
-    people = np.unique(recordings.person)
-    streams = [_stream(int(person), recordings, k) for k, person in enumerate((*people[:3], people.max() + 1))]
-    known: list[NDArray[np.int64]] = []
-
-    def fit(self: real.Study, rows: NDArray[np.bool_]) -> _Witness:
-        known.append(np.unique(self.data.person[rows]))
-        return _Witness(len(known) - 1, len(self.data.labels))
-
-    monkeypatch.setattr(real.Study, "fit", fit)
-    gestures, events = daily.by_others(made, streams)
-    for person, number in zip(recordings.person, gestures[:, 0], strict=True):
-        assert person not in known[int(number)]
-    for stream, found in zip(streams, events, strict=True):
-        assert found.shape == (1, len(recordings.labels))
-        assert stream.person not in known[int(found[0, 0])]
-
-
-def test_what_is_called_daily_never_passes() -> None:
-    """Not even where nothing is rejected."""
-    score = np.array([0.0, 0.3, 0.6])
-    assert [daily.count_passed(score, limit) for limit in (0.0, 0.3, 0.5, 1.0)] == [2, 2, 1, 0]
-
-
-def test_false_gestures_are_counted_an_hour(recordings: real.RealSet) -> None:
-    """Without rejection all events count; a limit that loses more gestures lets fewer events pass; rates are events over hours."""
-    made = real.study(recordings, real.PerceptronTraining(passes=4), n_copies=0)
-    streams = [_stream(int(recordings.person[k]), recordings, k) for k in range(0, 300, 20)]
-    found = daily.daily_figures(made, streams)
-    assert found["daily_hours"] == pytest.approx(1.5)
-    assert found["daily_events"] == pytest.approx(len(streams) / 1.5)
-    for way in ("rejecting", "trained"):
-        by_lost = list(found[f"daily_false_{way}_by_lost"].values())
-        assert by_lost == sorted(by_lost, reverse=True)
-        assert 0.0 <= found[f"daily_false_{way}"] <= found["daily_events"]
