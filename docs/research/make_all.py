@@ -41,6 +41,7 @@ RESULTS = {
         "--real": ("gestures_real",),
         "--people": ("gestures_people",),
         "--transfer": ("gestures_transfer",),
+        "--daily": ("gestures_daily",),
         "--rooms": ("gesture_rooms_first",),
     },
     "make_hand_pictures.py": {"--figures": ("hand_velocity",)},

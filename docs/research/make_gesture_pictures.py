@@ -1,11 +1,12 @@
-"""Pictures of gesture recognition for docs/explanation/gestures.md: confusions, rates, transmitters, real people, random rooms.
+"""Pictures of gesture recognition for docs/explanation/gestures.md: confusions, rates, real people, daily life, random rooms.
 
     python -m benchmarks gestures --json --keep FOLDER > gestures.json
     python -m benchmarks gestures --real --json --keep FOLDER > real.json
     python -m benchmarks gestures_people --json --keep FOLDER > people.json
     python -m benchmarks gestures_transfer --json --keep FOLDER > transfer.json
+    python -m benchmarks gestures_daily --json --keep FOLDER > daily.json
     python -m benchmarks gesture_rooms --seeds first --json --keep FOLDER > rooms.json
-    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --rooms rooms.json
+    python docs/research/make_gesture_pictures.py --figures gestures.json --real real.json --rooms rooms.json --daily daily.json
     python docs/research/make_gesture_pictures.py --people people.json --transfer transfer.json
 
 Any may be left out, and with it its pictures; confusions of real people need ``--people`` and ``--transfer``. The same versions of the
@@ -94,6 +95,30 @@ def learning(rows: list[dict[str, float]]) -> Figure:
     return figure
 
 
+def daily(curves: dict[str, dict[str, dict[str, Any] | None]]) -> Figure:
+    """Draw false gestures an hour of daily life against the gestures kept, by when gestures count; bands are 95 % intervals."""
+    figure, axes = plt.subplots(figsize=(6.0, 3.8), layout="constrained")
+    waking = [name for name in curves if name.startswith("wake by")]
+    for name in waking:
+        line = [one for one in curves[name].values() if one is not None]
+        label = f"after a gesture that wakes, within {waking[0].rsplit(', ', 1)[1]}; a line for each" if name == waking[0] else None
+        axes.plot([100 * one["kept"] for one in line], [one["false_per_hour"] for one in line], ".-", color=COLOURS[2], lw=0.7, label=label)
+    others = [name for name in curves if name not in waking]
+    for number, name in enumerate(others):
+        line = [one for one in curves[name].values() if one is not None]
+        x, y = [100 * one["kept"] for one in line], [one["false_per_hour"] for one in line]
+        axes.plot(x, y, "o-", color=COLOURS[number], label=name.replace("dwell, ", "after a rest of "))
+        low, high = zip(*(one["false_per_hour_interval"] for one in line), strict=True)
+        axes.fill_between(x, low, high, color=COLOURS[number], alpha=0.15, lw=0)
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("gestures kept [%]")
+    axes.set_ylabel("false gestures an hour of daily life")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7)
+    return figure
+
+
 OUTCOMES = {"other name": "#E69F00", "called random": "#999999", "no event": "#56B4E9", "no track": "#333333"}
 PANELS = {
     "distance": "distance",
@@ -155,6 +180,7 @@ def main() -> None:
     parser.add_argument("--people", type=Path, metavar="JSON", help="what the benchmark of real people held out printed")
     parser.add_argument("--transfer", type=Path, metavar="JSON", help="what the benchmark of real people named from other worlds printed")
     parser.add_argument("--rooms", type=Path, metavar="JSON", help="what the benchmark of gestures in random rooms printed")
+    parser.add_argument("--daily", type=Path, metavar="JSON", help="what the benchmark of real people's daily life printed")
     options = parser.parse_args()
     if options.rooms:
         rooms = printed(options.rooms)
@@ -177,6 +203,9 @@ def main() -> None:
             "synthetic_to_real": "simulated to real, mHomeGes",
         }
         save("gestures_real_confusion", lambda: matrices(people["confusion_people"] | transfer["confusion"], titles))
+    if options.daily:
+        life = printed(options.daily)
+        save("gestures_daily", lambda: daily(life["curve"]))
     if options.real:
         real = printed(options.real)
         save("gestures_learning", lambda: learning(real["learning_curve"]))

@@ -155,13 +155,16 @@ class GesturesNode(StageNode):
                     self._maps.publish(maps_to_msg(event, event.maps, tracked.tracks.stamp_ns))
 
     def extra_diagnostics(self) -> tuple[dict[str, Any], list[str]]:
-        """Say which gesture was the last, for whoever looks at the graph now and then."""
-        last, lacking = self._last, {"radar_lacks": self._lacks} if self._lacks else {}
+        """Say which gesture was the last and who is awake, for whoever looks at the graph now and then."""
+        last, now = self._last, self.get_clock().now().nanoseconds
+        told = {"radar_lacks": self._lacks} if self._lacks else {}
+        if self._config.activation.mode == "wake" and self._info.info is not None:
+            told["awake"] = ", ".join(map(str, self._recognizer.activation.awake(now))) or "nobody"
         if last is None:
-            return lacking, []
-        ago = (self.get_clock().now().nanoseconds - last.stamp_ns) * 1e-9
+            return told, []
+        ago = (now - last.stamp_ns) * 1e-9
         about = {"": last.name, "_person": last.track_id, "_confidence": f"{last.confidence:.3f}", "_ago_s": f"{ago:.1f}"}
-        return {f"last_gesture{key}": value for key, value in about.items()} | lacking, []
+        return {f"last_gesture{key}": value for key, value in about.items()} | told, []
 
 
 def _ready(model: str, person: str) -> Classifier:

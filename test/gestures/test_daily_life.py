@@ -72,11 +72,11 @@ def test_false_gestures_are_those_that_count() -> None:
         (event(1.0, 0.5), 1, 0.9), (event(3.0, 1.5), 2, 0.8), (event(5.0, 1.5), 2, 0.4), (event(6.0, 0.5), 0, 0.9),
         (event(30.0, 0.5), 2, 0.95),
     )  # fmt: skip
-    assert daily.false_gestures(judged, ActivationConfig(), 0.5) == (3, 0)
-    assert daily.false_gestures(judged, ActivationConfig(mode="dwell"), 0.5) == (1, 0)
-    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="clap"), 0.5) == (1, 1)
-    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="clap"), 0.3) == (2, 1)
-    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="push"), 0.5) == (0, 2)
+    assert daily.false_gestures(judged, ActivationConfig(), 0.5) == ([3], 0)
+    assert daily.false_gestures(judged, ActivationConfig(mode="dwell"), 0.5) == ([1], 0)
+    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="clap"), 0.5) == ([1], 1)
+    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="clap"), 0.3) == ([2], 1)
+    assert daily.false_gestures(judged, ActivationConfig(mode="wake", wake="push"), 0.5) == ([0], 2)
 
 
 def test_a_limit_keeps_what_was_asked_for_or_says_that_it_cannot() -> None:
@@ -88,10 +88,24 @@ def test_a_limit_keeps_what_was_asked_for_or_says_that_it_cannot() -> None:
     judged = daily.Judged(NAMES, known, life((event(1.0), 1, 0.52), (event(3.0), 2, 0.95)).lives, n)
     found = daily.at(judged, ActivationConfig(), 0.9)
     assert found is not None
-    assert (found["kept"], found["right"], found["false"], found["false_per_hour"]) == (0.9, 0.9, 1, 2.0)
+    assert (found["kept"], found["right"], found["false"], found["false_per_hour"]) == (0.9, 0.9, [1], 2.0)
     assert found["false_per_hour_interval"][0] < 2.0 < found["false_per_hour_interval"][1]
     lost = daily.Known(label, name, np.where(np.arange(n) < 20, 0.0, score), known.rested, known.stream)
     assert daily.at(daily.Judged(NAMES, lost, judged.lives, n), ActivationConfig(), 0.9) is None
+
+
+def test_who_wakes_by_what_is_chosen_by_the_others() -> None:
+    """The first two would choose clap by themselves; the other two, and the two of them, say otherwise."""
+
+    def told(right: float, *false: int) -> dict[str, Any]:
+        return {"false": list(false), "right": right, "right_interval": [right - 0.1, right + 0.1]}
+
+    found = daily.chosen({"clap": told(0.9, 0, 0, 5), "push": told(0.8, 3, 3, 1), "up": told(0.7, 3, 3, 1)}, 2.0)
+    assert found is not None
+    assert found["names"] == ["push", "push", "clap"]
+    assert found["false_per_hour"] == (3 + 3 + 5) / 2.0
+    assert found["right"] == pytest.approx((0.8 + 0.8 + 0.9) / 3)
+    assert daily.chosen({}, 2.0) is None
 
 
 @pytest.fixture(scope="module")
