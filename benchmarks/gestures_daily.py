@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ from benchmarks.gesture_studies import BOTH, COPIES, FEW
 from benchmarks.gestures_end_to_end import NOTHING, Stream, detected, level, source, streams
 from benchmarks.gestures_people import Fold, default_training, trained
 from benchmarks.recordings import folder
-from benchmarks.report import AbsentError, Row, against_first, measure, rate, share
+from benchmarks.report import AbsentError, Panel, Row, measure, rate, share
 from benchmarks.stores import once
 from radar_core import PointCloud
 from radar_gestures.activation import Activation, ActivationConfig
@@ -47,6 +48,9 @@ KEPT: Final = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
 AT: Final = 0.9
 RESTS: Final = (0.5, 1.0, 1.5)  # s
 WINDOWS: Final = (3.0, 6.0, 12.0)  # s
+_PANEL: Final = Panel(
+    "when gestures count", "false gestures an hour of daily life, nine of ten kept", "1/h", "lower", default="always", reference="always"
+)
 _DRAW: Final = 0xDA1
 _S: Final = 1e-9
 
@@ -266,7 +270,7 @@ def chosen(able: Mapping[str, dict[str, Any]], hours: float) -> dict[str, Any] |
     return told | rate("false_per_hour", false, hours)
 
 
-def rows(table: Mapping[str, dict[str, Any] | None], names: Sequence[str]) -> list[Row]:
+def rows(table: Mapping[str, dict[str, Any] | None], names: Sequence[str], hours: float) -> list[Row]:
     """Compare the settings by false gestures an hour at 90 % of the gestures kept, and by the time that one gesture takes."""
     probabilities = np.full(len(names), 1.0 / len(names))
     one = Gesture(2, "room", 1, 1, names[1], 0.9, probabilities, 1, 2, np.zeros(0), labels=tuple(names))
@@ -276,7 +280,8 @@ def rows(table: Mapping[str, dict[str, Any] | None], names: Sequence[str]) -> li
         if told is not None:
             activation = Activation(config, names)
             found[name] = told["false_per_hour"], measure(functools.partial(activation.process, one, 0), repeat=200, warmup=20)
-    return against_first("when gestures count, daily life", "false gestures an hour at 90 % kept", found, "1/h")
+    values, times = {name: value for name, (value, _) in found.items()}, {name: spent for name, (_, spent) in found.items()}
+    return _PANEL.rows(values, times | {"": times.get("always", [])}, lambda value: 2.0 * math.sqrt(value / hours)) if found else []
 
 
 def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
@@ -309,7 +314,7 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         **headline(table, judged.names, judged.hours),
         "at_90": table,
         "curve": curve,
-        "choices": rows(table, judged.names),
+        "choices": rows(table, judged.names, judged.hours),
     }
 
 
