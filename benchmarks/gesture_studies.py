@@ -248,11 +248,13 @@ def study(
     config: PerceptronTraining | CurveTraining,
     inputs: Inputs | None = None,
     n_copies: int = COPIES,
+    *,
+    farther: bool = False,
 ) -> Study:
-    """Make the vectors of a data set, and changed copies; ``inputs`` None: see `usual_inputs`."""
+    """Make the vectors of a data set, and changed copies; ``inputs`` None: see `usual_inputs`; ``farther``: see `copies`."""
     inputs = inputs if inputs is not None else usual_inputs(config)
     plain = InputMaker(inputs).process_many(data.events).astype(np.float32)
-    changed = copies(data.events, inputs, n=n_copies, seed=config.seed) if n_copies else None
+    changed = copies(data.events, inputs, n=n_copies, seed=config.seed, farther=farther) if n_copies else None
     return Study(data, InputMaker(inputs).names, plain, changed, config, inputs)
 
 

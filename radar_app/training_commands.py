@@ -44,6 +44,9 @@ def train(
         ),
     ] = "perceptron",
     passes: Annotated[int, typer.Option(help="networks: over the samples", min=1)] = 60,
+    farther: Annotated[
+        bool, typer.Option("--farther", help="networks but stream: people will stand farther from the radar than in the samples")
+    ] = False,
 ) -> None:
     """Train the model that names gestures: the perceptron on the thirteen features, or a network, which needs PyTorch.
 
@@ -63,6 +66,8 @@ def train(
     """
     if model not in ("perceptron", "network", "cells", "curves", "stream"):
         raise ConfigError(f"--model {model}: choose perceptron, network, cells, curves or stream")
+    if farther and model not in ("network", "cells", "curves"):
+        raise ConfigError(f"--farther: goes with --model network, cells or curves, not with {model}")
     if lives and model != "stream":
         raise ConfigError(f"--lives {lives}: goes with --model stream only")
     if model == "stream":
@@ -71,7 +76,7 @@ def train(
         _train_stream(folders[0], out, lost, seed, passes, lives, jobs)
         return
     if model in ("network", "cells", "curves"):
-        _train_curves(folders, out, comma_separated(labels), lost, seed, passes, model)
+        _train_curves(folders, out, comma_separated(labels), lost, seed, passes, model, farther)
         return
     from radar_lab.training.card import card, write_card
     from radar_lab.training.training import TrainingConfig, describe
@@ -97,7 +102,9 @@ def train(
     print(f"model in {out}, its card in {out.with_suffix('.md')}")
 
 
-def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost: float, seed: int, passes: int, model: str) -> None:
+def _train_curves(
+    folders: list[Path], out: Path, labels: tuple[str, ...], lost: float, seed: int, passes: int, model: str, farther: bool
+) -> None:
     from radar_gestures.inputs import KINDS
     from radar_lab.training.card import card, write_card
     from radar_lab.training.curve_training import train_curves
@@ -107,12 +114,14 @@ def _train_curves(folders: list[Path], out: Path, labels: tuple[str, ...], lost:
     if out.suffix != ".npz":
         raise ConfigError(f"--out {out}: give a file that ends in .npz")
     inputs = tuple(kind() for name, kind in KINDS.items() if model in (name, "network"))
-    report = train_curves(folders, out, CurveTraining(seed=seed, passes=passes), labels=labels or None, inputs=inputs, lost=lost)
+    config = CurveTraining(seed=seed, passes=passes)
+    report = train_curves(folders, out, config, labels=labels or None, inputs=inputs, lost=lost, farther=farther)
     print(as_text(report.validation))
     print(f"rejected below {report.model.reject:.3g}, which with those called random loses {report.lost:.1%} of the gestures")
     missed = ", ".join(f"{name} {count}" for name, count in sorted(report.missed.items()))
     print(f"no event was found in: {missed or 'none'}")
     options = f"--passes {passes} --lost {lost} --seed {seed}" + (f" --labels {','.join(labels)}" if labels else "")
+    options += " --farther" if farther else ""
     text = card(
         report.model,
         [report.validation],

@@ -62,6 +62,7 @@ def train_curves(
     gestures: GestureConfig | None = None,
     inputs: Inputs = USUAL,
     lost: float = 0.05,
+    farther: bool = False,
 ) -> CurveReport:
     """Train a network on curves, on cells or on both, and write it to ``out``; needs PyTorch (extra ``train``).
 
@@ -84,6 +85,8 @@ def train_curves(
         Knobs of events; None: what `usual_config` gives for the first sample's radar. The model names them, and brings them along.
     lost : float
         Share of known gestures given up to reject unknown ones.
+    farther : bool
+        Whether people will stand farther from the radar than those of the samples: see `variation.copies`.
 
     Raises
     ------
@@ -97,7 +100,7 @@ def train_curves(
         raise DataError(f"there are detected events of {', '.join(names) or 'nothing'} only; it takes two gestures to tell apart")
     number = np.array([names.index(name) for name in events.gestures], np.int64)
     plain = InputMaker(inputs).process_many(events.maps).astype(np.float32)
-    changed = copies(events.maps, inputs, n=COPIES, seed=config.seed)
+    changed = copies(events.maps, inputs, n=COPIES, seed=config.seed, farther=farther)
     maps = dataclasses.asdict(events.config.maps)
     knobs = {kind_of(one): dataclasses.asdict(one) for one in inputs}
     settings: dict[str, Any] = {**feature_settings(events.config), "maps": maps, **knobs}

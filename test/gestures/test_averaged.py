@@ -24,7 +24,7 @@ from radar_lab.training.curve_training import remember
 from radar_lab.training.networks import COUNTS, CurveTraining, train_net
 from radar_lab.training.operations import operations
 from radar_lab.training.tuning import TuningConfig, tune
-from radar_lab.training.variation import VariationConfig, copies
+from radar_lab.training.variation import FARTHER, VariationConfig, copies, usual_variation
 
 BOTH = (CONFIG, CurveConfig(steps=5))
 
@@ -107,6 +107,8 @@ def test_inputs_are_those_of_each_kind_one_behind_the_other() -> None:
     for variation in (None, VariationConfig()):
         apart = [copies(made, (one,), variation, n=2, seed=1) for one in BOTH]
         np.testing.assert_array_equal(copies(made, BOTH, variation, n=2, seed=1), np.concatenate(apart, axis=2))
+    far = [copies(made, (one,), dataclasses.replace(usual_variation(one), place_noise=FARTHER), n=2, seed=1) for one in BOTH]
+    np.testing.assert_array_equal(copies(made, BOTH, n=2, seed=1, farther=True), np.concatenate(far, axis=2))
     settings = {kind_of(one): dataclasses.asdict(one) for one in BOTH}
     assert maker_for("cells+curves", settings).names == maker.names == make_extractor("cells+curves", settings)[0]
     assert maker_for("curves+cells", {}).names == InputMaker(USUAL[::-1]).names

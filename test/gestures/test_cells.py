@@ -230,6 +230,11 @@ def test_copies_without_variation_are_the_originals() -> None:
     assert away[:, there, 2].std() == pytest.approx(0.2, rel=0.05)
     np.testing.assert_allclose(away[..., 3:], 0.0, atol=1e-6)
     np.testing.assert_allclose(away[:, ~there], 0.0, atol=1e-6)
+    scattered = copies(made, (CONFIG,), dataclasses.replace(STILL, place_noise=0.3), n=200, seed=1).reshape(200, 2, -1)
+    away = (scattered - plain)[..., :-2].reshape(200, 2, CELLS, -1)[:, there]
+    places = [ATTRIBUTES.index(name) for name in ("range", "side", "height")]
+    np.testing.assert_allclose(away[..., places].std(axis=(0, 1)), 0.3, rtol=0.1)
+    np.testing.assert_allclose(np.delete(away, places, axis=-1), 0.0, atol=1e-6)
 
 
 def bumps(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
