@@ -27,7 +27,8 @@ from benchmarks.report import measure
 from radar_core import RadarFrame, RadarInfo
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.loading import load_perceptron
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.gesture import Gesture
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.pipeline import PipelineResult
 from radar_lab.training.operations import operations, rejection_operations

@@ -15,7 +15,8 @@ from benchmarks.report import Tally, against_first, timed
 from radar_core import GESTURES
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FeatureConfig, summarise
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.gesture import Gesture
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, match_spans, score_gestures
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvent, TrueEvents

@@ -19,7 +19,8 @@ from radar_core import PointCloud, Pose
 from radar_core.config import plain
 from radar_dsp import BasebandConfig
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.gesture import Gesture
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig, TrackEvent
 from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.matching import Matching, Visibility

@@ -24,8 +24,8 @@ from benchmarks.stores import PACKAGES, digest, kept, once, sources
 from radar_core import GESTURES, RadarInfo
 from radar_core.config import plain
 from radar_gestures.classifiers.model import load_model
+from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments

@@ -20,7 +20,7 @@ from benchmarks.stores import kept
 from radar_core import GESTURES
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_sim import Scene
 
 SEEDS: Final = 3

@@ -34,8 +34,8 @@ from benchmarks.stores import once
 from radar_core import PointCloud
 from radar_gestures.activation import Activation, ActivationConfig
 from radar_gestures.event_maps import join
+from radar_gestures.gesture import Gesture
 from radar_gestures.inputs import InputMaker
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import TrackEvent
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording

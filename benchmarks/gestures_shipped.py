@@ -21,8 +21,9 @@ from radar_core import GESTURES, PointCloud, RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_gestures.classifiers.model import load_model
+from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, config_for
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording, Segment

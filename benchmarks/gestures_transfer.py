@@ -205,7 +205,8 @@ def figures(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     goes on where it stopped; None: nothing is kept.
     Returns ``mhomeges_to_mtranssee``: accuracy over mTransSee's five gestures, no sample of which is in training, ``_within``
     and ``_beyond``: at the distances of mHomeGes and farther away, ``_others``: of people on whom nothing was chosen;
-    ``synthetic_to_real``: trained on simulated drills alone, accuracy over the five gestures of the fourteen people of mHomeGes who are not in `DEVELOPMENT`;
+    ``synthetic_to_real``: trained on simulated drills alone, accuracy over the five gestures of the fourteen people of mHomeGes who are
+    not in `DEVELOPMENT`;
     ``synthetic_to_real_development``: of these four; ``synthetic_to_mtranssee``: over push, pull, up and circle of mTransSee; each with
     ``_interval`` (bootstrap over people) and ``_people`` (of each); ``confusion``; ``choices``: accuracy and time to simulate by number of
     drills.

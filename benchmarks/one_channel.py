@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks.gesture_scenes import body, effects, stroke
 from benchmarks.report import AbsentError, rate, share
 from radar_core import GESTURES, AntennaArray, HandwaveError, Pose, RadarFrame, RadarInfo, Waveform
+from radar_gestures.gesture import Gesture
 from radar_gestures.one_channel import ChannelGestures
-from radar_gestures.recognizer import Gesture
 from radar_lab.importers import open_original
 from radar_sim import Action, Person, Scene, Simulator
 from radar_sim.scene import SceneRadar

@@ -4,7 +4,8 @@ from radar_gestures.classifiers.model import Classifier, load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.gesture import Gesture
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
 
 __all__ = [

@@ -5,15 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 from radar_core import ConfigError
 from radar_core.config import config, knob, nearest
+from radar_gestures.gesture import RANDOM, Gesture
 
-if TYPE_CHECKING:
-    from radar_gestures.recognizer import Gesture
-
-RANDOM: Final = 0
 _RUNS: Final = 64  # motions that are remembered of a person: more than an event can hold
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from radar_core import GESTURES, DataError
 from radar_core.config import config, knob
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_tracking.presence import Presence
 
 

@@ -9,9 +9,9 @@ from radar_core.config import config, knob
 from radar_dsp import Baseband
 from radar_dsp.context import CalibratedBasebandConfig, RadarContext, load_context
 from radar_gestures.classifiers.model import model_of
+from radar_gestures.gesture import Gesture
 from radar_gestures.make import make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig, config_for
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
 

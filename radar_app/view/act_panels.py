@@ -13,7 +13,7 @@ from radar_app.view.colours import NOBODY, colour
 from radar_app.view.feed import Snapshot
 from radar_app.view.pictures import Pictures
 from radar_app.view.style import ACCENT, FAINT, FONT, LINE, TEXT, plot
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 
 _SHOWN: Final = 6  # gestures in the list
 _TRACE: Final = 10.0  # s: of the control value

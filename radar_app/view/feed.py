@@ -20,7 +20,7 @@ from radar_app.view.records import EventMaps, NodeHealth, RangeDoppler, StageFig
 from radar_app.watching.latency import Latency, latencies
 from radar_app.watching.reports import StageReport
 from radar_core import PointCloud, RadarFrame, RadarInfo
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_tracking.tracks import HandTrack, Tracks
 from radar_tracking.zones import ZoneStates
 

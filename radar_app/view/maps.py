@@ -12,8 +12,8 @@ from radar_app.view.records import EventMaps
 from radar_core import CloudComposite, PointCloud
 from radar_core.types import BoolArray
 from radar_gestures.features import FeatureConfig
+from radar_gestures.gesture import Gesture
 from radar_gestures.maps import FeatureMaps, Share, feature_maps
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig
 from radar_tracking.tracks import Tracks
 

@@ -11,7 +11,7 @@ from radar_core import RadarInfo
 from radar_core.config import config, knob
 from radar_core.linalg import SingularError
 from radar_core.types import Float64Array
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_lab.evaluation.matching import Matched, Matching, MatchingConfig, Visibility
 from radar_lab.evaluation.scoring import GestureScore, RecognisedGesture, TruthSegment, in_order, note_gestures, own_name, score_gestures
 from radar_sim.truth import Truth

@@ -8,8 +8,8 @@ import handwave.msg
 import numpy as np
 
 from radar_core import GESTURES, DataError
+from radar_gestures.gesture import Gesture
 from radar_gestures.maps import FeatureMaps
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import TrackEvent
 from radar_ros.messages.convert import from_fields, from_time, header, pack, pack_all, to_fields, to_time, unpack, unpack_all
 

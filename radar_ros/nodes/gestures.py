@@ -16,9 +16,9 @@ from radar_core import ConfigError, HandwaveError, RadarInfo, vocabulary
 from radar_core.config import flat
 from radar_gestures.activation import Activation, ActivationConfig
 from radar_gestures.classifiers.model import Classifier, model_of
+from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.recognizer import Gesture
 from radar_gestures.stage import GestureConfig, TrackEvent, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg

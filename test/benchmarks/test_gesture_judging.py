@@ -18,7 +18,7 @@ from benchmarks.report import Tally, rate_interval, share_interval
 from radar_core import GESTURES, NO_GESTURE, PointCloud
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_gestures.stage import SensorView, TrackEvent
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment

@@ -13,8 +13,9 @@ from test_stream import INFO, push_net, stroke
 
 from radar_core import GESTURES, ConfigError
 from radar_gestures.activation import Activation, ActivationConfig, Rests
+from radar_gestures.gesture import Gesture
 from radar_gestures.make import make_recognizer
-from radar_gestures.recognizer import Gesture, GestureRecognizer
+from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
 
 S = 1_000_000_000

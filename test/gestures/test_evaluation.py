@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radar_core import GESTURES, NO_GESTURE, DataError, Pose, RadarInfo
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_lab.evaluation.matching import Visibility
 from radar_lab.evaluation.run import EvaluationConfig, Evaluator
 from radar_sim import Truth

@@ -16,7 +16,7 @@ from radar_core.cloud import ARRAY_FIELDS
 from radar_driver.clouds import cloud_from_ti
 from radar_driver.foreign import ForeignConfig, foreign_cloud
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.recognizer import Gesture
+from radar_gestures.gesture import Gesture
 from radar_ros.bags import typestore
 from radar_ros.messages import convert
 from radar_ros.messages.gestures import gesture_from_msg, gesture_to_msg
