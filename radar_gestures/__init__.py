@@ -1,5 +1,6 @@
 """Tracked points to gestures: motion samples, events, features, classifier."""
 
+from radar_gestures.activation import ActivationConfig
 from radar_gestures.classifiers.model import Classifier, load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event, EventConfig, EventDetector
@@ -9,6 +10,6 @@ from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
 
 __all__ = [
-    "FEATURE_NAMES", "Classifier", "Event", "EventConfig", "EventDetector", "FeatureConfig", "Gesture", "GestureConfig", "GestureModel",
-    "GestureRecognizer", "load_model", "save_model",
+    "FEATURE_NAMES", "ActivationConfig", "Classifier", "Event", "EventConfig", "EventDetector", "FeatureConfig", "Gesture", "GestureConfig",
+    "GestureModel", "GestureRecognizer", "load_model", "save_model",
 ]  # fmt: skip

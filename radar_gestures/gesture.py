@@ -28,7 +28,7 @@ class Gesture:
     track_id : int
         Whose.
     label : int
-        Index into ``labels``; 0 (random): an event, but no gesture.
+        Index into ``labels``; 0 (random): an event, but no gesture, or one that does not count (`ActivationConfig`).
     name : str
         The label in words.
     confidence : float

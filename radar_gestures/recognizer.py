@@ -77,7 +77,7 @@ class GestureRecognizer:
         self.labels = vocabulary(model.labels)
         self._config = config
         self._model = model
-        self.activation = Activation(config.activation, self.labels)
+        self.activation = Activation(config.activation, self.labels)  # may be replaced while it runs
         self._place = [self.labels.index(label) for label in model.labels]
         self._stage = EventStage(config, mount if mount is not None else Pose())
 

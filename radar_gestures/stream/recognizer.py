@@ -88,7 +88,7 @@ class StreamRecognizer:
             raise ConfigError(f"the gesture model takes {len(model.names)} inputs, slots have {len(NAMES)} in this version; train another")
         self.labels = vocabulary(model.labels)
         self._config, self._model = config, model
-        self.activation = Activation(config.activation, self.labels)
+        self.activation = Activation(config.activation, self.labels)  # may be replaced while it runs
         self._place = [self.labels.index(label) for label in model.labels]
         self._slots = SlotStreams(info if info is not None else RadarInfo())
         self._tracks: dict[int, _TrackState] = {}
