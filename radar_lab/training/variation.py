@@ -41,7 +41,7 @@ FARTHER: Final = 0.3
 """How much places scatter in copies for people who will stand farther away [m]: the same error of an angle is a longer way there.
 
 Learned from mHomeGes (up to 3 m) and tried on four people of mTransSee (8, 12, 13 and 17; up to 4.8 m), 0.3 was better than 0.15, and that
-than none.
+than none. More was not tried: the best may lie beyond.
 """
 
 
