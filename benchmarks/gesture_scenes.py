@@ -15,7 +15,7 @@ from radar_core import GESTURES, RadarInfo
 from radar_sim import GESTURE_DURATION, VARIANTS, Action, Draw, Effects, Person, Scene
 from radar_sim.effects.config import CouplingConfig, LossesConfig, NoiseConfig, OcclusionConfig, PatternConfig
 from radar_sim.motions.script import Timeline
-from radar_sim.people import SHAPES, Reach, Variation, Walk
+from radar_sim.people import SHAPES, Moves, Reach, Variation, Walk
 from radar_sim.scene import SceneRadar
 
 Random = np.random.Generator
@@ -67,8 +67,8 @@ def stroke(rng: Random, name: str, tilt: float | None = None) -> Action:
     )
 
 
-def body(rng: Random, number: int, place: tuple[float, float], script: Sequence[Action]) -> Person:
-    """Draw somebody, who faces the radar, with a place and a script."""
+def body(rng: Random, number: int, place: tuple[float, float], script: Sequence[Action], moves: Moves | None = None) -> Person:
+    """Draw somebody, who faces the radar, with a place and a script; ``moves``: as of `Person`."""
     return Person(
         id=number,
         height=float(rng.uniform(1.5, 1.95)),
@@ -77,6 +77,7 @@ def body(rng: Random, number: int, place: tuple[float, float], script: Sequence[
         position=place,
         arm="right" if rng.random() < 0.75 else "left",
         variation=Variation(path=float(rng.uniform(0.01, 0.05)), sway=float(rng.uniform(0.5, 1.5))),
+        moves=moves,
         script=tuple(script),
     )
 
@@ -138,10 +139,12 @@ def unknown(rng: Random) -> list[Action]:
     return [step for k in rng.permutation(len(actions)) for step in (pause(rng), actions[int(k)])]
 
 
-def gesture_stream(seed: int, duration: float = LONG, round_of: Callable[[Random], list[Action]] = known) -> Scene:
-    """One person, 2 to 3 m away, who does one round of strokes after the other."""
+def gesture_stream(
+    seed: int, duration: float = LONG, round_of: Callable[[Random], list[Action]] = known, moves: Moves | None = None
+) -> Scene:
+    """One person, 2 to 3 m away, who does one round of strokes after the other; ``moves``: as of `Person`."""
     rng = np.random.default_rng([seed, 0x57, *round_of.__name__.encode()])
-    person = body(rng, 1, place_in(rng, (-20.0, 20.0), 2.0, 3.0), [Action(stand=2.0)])
+    person = body(rng, 1, place_in(rng, (-20.0, 20.0), 2.0, 3.0), [Action(stand=2.0)], moves)
     return scene_of(rng, [person], duration, [lambda: round_of(rng)])
 
 
@@ -204,12 +207,15 @@ IDLE: Final[Mapping[str, Callable[[Random, tuple[float, float]], list[Action]]]]
 """Ways of spending time without a gesture."""
 
 
-def idle_stream(kind: str, seed: int, duration: float = LONG, people: int | None = None) -> Scene:
-    """One to three people (the seed says how many unless told) who do not gesture, each in a sector of their own."""
+def idle_stream(kind: str, seed: int, duration: float = LONG, people: int | None = None, moves: Moves | None = None) -> Scene:
+    """One to three people (the seed says how many unless told) who do not gesture, each in a sector of their own.
+
+    ``moves``: as of `Person`.
+    """
     rng = np.random.default_rng([seed, 0x1D, *kind.encode()])
     sectors = _SECTORS[people if people is not None else 1 + seed % 3]
     drawn = [
-        body(rng, number, place_in(rng, sector, 2.0, 3.5), [Action(stand=float(rng.uniform(0.5, 2.0)))])
+        body(rng, number, place_in(rng, sector, 2.0, 3.5), [Action(stand=float(rng.uniform(0.5, 2.0)))], moves)
         for number, sector in enumerate(sectors, 1)
     ]
     return scene_of(rng, drawn, duration, [functools.partial(IDLE[kind], rng, sector) for sector in sectors])

@@ -111,6 +111,27 @@ class Variation:
 
 
 @config
+class Moves:
+    """How fast a person's hands go between gestures, and how long they wait: each is drawn anew between two bounds.
+
+    The usual bounds: people at a table who reach for a glass at their own speed are at 0.6 m/s at most (Alt Murphy et al. 2011), and
+    machines are guarded against hands of 2 m/s (ISO 13855:2010). Gestures may follow one another without a hold between (Kita et al. 1998).
+    """
+
+    speed: tuple[float, float] = knob(
+        (0.5, 2.0), unit="m/s", low=0.05, high=5.0, doc="highest speed of a hand on a way as long as its arm; it grows with the way's root"
+    )
+    pause: tuple[float, float] = knob((0.0, 0.5), unit="s", low=0.0, high=5.0, doc="stillness of the hand before and after each gesture")
+
+    def validate(self) -> None:
+        """Raise `ConfigError` when a lower bound is above its upper one."""
+        for name in ("speed", "pause"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ConfigError(f"Moves.{name}: the lower bound {low:g} is above the upper one, {high:g}")
+
+
+@config
 class Vital:
     """Breath and pulse of a person whose rates matter; they replace the usual breath, and do not follow `Variation.sway`.
 
@@ -139,5 +160,8 @@ class Person:
         None, unit="rad", low=-2 * math.pi, high=2 * math.pi, doc="direction the person faces while standing; empty: the first radar"
     )
     variation: Variation = Variation()
+    moves: Moves | None = knob(
+        None, doc="speeds of the hands between gestures; empty: as people who were told to move slowly, and to wait around each gesture"
+    )
     vital: Vital | None = None
     script: tuple[Action, ...] = knob((), doc="what the person does, in order")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from radar_core import GESTURES, Pose, RadarInfo
 from radar_core.types import Float64Array
 from radar_driver.dca1000.ti_config import TiConfig, radar_info
 from radar_driver.tinyrad.config import TinyRadConfig
+from radar_lab.datasets.life_strokes import own_name, own_strokes
 from radar_sim import (
     GESTURE_DURATION,
     VARIANTS,
@@ -39,7 +40,7 @@ from radar_sim import (
     Walk,
     Wall,
 )
-from radar_sim.people import SHAPES
+from radar_sim.people import SHAPES, Moves
 
 DURATION: Final = 30.0
 """Of a life [s]."""
@@ -50,6 +51,8 @@ _NEAREST, _FARTHEST, _FROM_LIMIT = 0.6, 5.5, 0.5  # m: from the radar; and so fa
 _ASIDE: Final = 0.7  # m: nobody walks nearer past where another one began
 _HABITS: Final = {"gesture": 0.5, "walk": 0.14, "fidget": 0.1, "reach": 0.1, "draw": 0.04, "sit": 0.07, "stand": 0.05}
 _IDLE: Final = 0.15  # share of people who never gesture
+_TOLD: Final = 0.15  # share of people who move slowly between gestures, as if they had been told to
+_OWN: Final = 0.5  # share of gestures that are performed as the simulator's library does not
 
 Random = np.random.Generator
 Place = tuple[float, float]
@@ -60,17 +63,17 @@ def _design(rng: Random) -> RadarInfo:
 
 
 def _ti_77(rng: Random) -> RadarInfo:
-    loops = int(rng.choice([24, 32, 48, 64]))
+    loops = int(rng.choice([16, 24, 32, 48, 64]))
     tx = (1, 2, 3) if rng.random() < 0.3 else (1, 3)
     slope, idle = float(rng.uniform(50e12, 75e12)), float(rng.uniform(7e-6, 40e-6))
-    interval = float(rng.uniform(0.04, 0.07))
+    interval = float(rng.uniform(0.04, 0.1))
     return radar_info(TiConfig("xWR18xx", 77e9, slope, idle, 7e-6, 58e-6, 256, 5.5e6, tx, 4, loops, interval))
 
 
 def _ti_60(rng: Random) -> RadarInfo:
     loops = int(rng.choice([48, 64, 96]))
     slope, idle = float(rng.uniform(45e12, 62e12)), float(rng.uniform(10e-6, 40e-6))
-    interval = float(rng.uniform(0.045, 0.07))
+    interval = float(rng.uniform(0.045, 0.1))
     return radar_info(TiConfig("xWR68xx", 60.5e9, slope, idle, 25e-6, 59.1e-6, 96, 2.95e6, (1, 2, 3), 4, loops, interval))
 
 
@@ -113,7 +116,15 @@ def life_scene(number: int, rng: Random, kind: str | None = None) -> Scene:
     places = _places(rng, 1 + int(rng.choice(len(_PEOPLE), p=_PEOPLE)), far)
     people = tuple(_person(rng, k + 1, place, [p for p in places if p is not place], far) for k, place in enumerate(places))
     seed = int(rng.integers(1 << 31))
-    return Scene(duration=DURATION, seed=seed, radars=(SceneRadar.of(info),), people=people, walls=_walls(rng), effects=_effects(rng))
+    return Scene(
+        duration=DURATION,
+        seed=seed,
+        radars=(SceneRadar.of(info),),
+        people=people,
+        strokes=own_strokes(rng),
+        walls=_walls(rng),
+        effects=_effects(rng),
+    )
 
 
 def _radar(rng: Random, kind: str) -> RadarInfo:
@@ -153,7 +164,7 @@ def _effects(rng: Random) -> Effects:
         doppler_in_chirp=True,
         pattern=PatternConfig(),
         noise=NoiseConfig(noise_figure=float(rng.uniform(2.0, 28.0))),
-        losses=LossesConfig(level=float(rng.uniform(17.0, 21.0))),
+        losses=LossesConfig(level=float(rng.uniform(8.0, 21.0))),
         coupling=CouplingConfig(level=float(rng.uniform(-65, -55))),
         multipath=MultipathConfig(floor=float(rng.uniform(0.0, 0.35))) if echoes else None,
         clutter=ClutterConfig(count=int(rng.integers(30, 150))) if rng.random() < 0.25 else None,
@@ -164,24 +175,35 @@ def _effects(rng: Random) -> Effects:
 def _person(rng: Random, number: int, place: Float64Array, others: list[Float64Array], far: float) -> Person:
     x, y = float(place[0]), float(place[1])
     heading = math.atan2(-y, -x) + (rng.normal(0, 0.2) if rng.random() < 0.5 else rng.uniform(-2.0, 2.0))
-    script = _Day(rng, (x, y), heading, others, far).script()
+    arm: Literal["right", "left"] = "right" if rng.random() < 0.7 else "left"
+    script = _Day(rng, arm, (x, y), heading, others, far).script()
     return Person(
         id=number,
         height=float(rng.uniform(1.48, 1.98)),
         position=(x, y),
         heading=math.remainder(heading, 2 * math.pi),
-        arm="right" if rng.random() < 0.7 else "left",
+        arm=arm,
         sex="male" if rng.random() < 0.5 else "female",
         build=float(rng.uniform(0.05, 0.95)),
         variation=Variation(path=float(rng.uniform(0.005, 0.06)), sway=float(rng.uniform(0.3, 2.0)), pace=0.08, size=0.05),
+        moves=_moves(rng),
         script=script,
     )
+
+
+def _moves(rng: Random) -> Moves | None:
+    """Draw how fast somebody's hands go between gestures; None: slowly, as if told to."""
+    if rng.random() < _TOLD:
+        return None
+    slowest = float(np.exp(rng.uniform(math.log(0.3), math.log(1.0))))
+    return Moves(speed=(slowest, slowest * float(rng.uniform(1.3, 4.0))), pause=(0.0, float(rng.uniform(0.05, 0.8))))
 
 
 class _Day:
     """What somebody does, one thing after the other, until the scene is over."""
 
-    def __init__(self, rng: Random, here: Place, heading: float, others: list[Float64Array], far: float) -> None:
+    def __init__(self, rng: Random, arm: str, here: Place, heading: float, others: list[Float64Array], far: float) -> None:
+        self._arm = arm
         self._rng, self._here, self._heading, self._others, self._far = rng, here, heading, others, far
         self._steps = [Action(stand=float(rng.uniform(0.3, 3.0)))]
         self._time, self._sits = 2.0, False  # s, about
@@ -232,7 +254,7 @@ class _Day:
         name = str(rng.choice(GESTURES[1:])) if rng.random() < 0.88 else "random"
         if rng.random() < 0.8:  # the others follow without a pause
             self._add(Action(stand=float(rng.uniform(0.1, 2.0))), 0.0)
-        self._add(_stroke(rng, name), 2.5)
+        self._add(_stroke(rng, own_name(name, self._arm)) if rng.random() < _OWN else _library_stroke(rng, name), 2.5)
 
     def _walk(self) -> None:
         rng = self._rng
@@ -276,12 +298,11 @@ def _near(rng: Random, here: Place, others: list[Float64Array], far: float) -> P
     return None
 
 
-def _stroke(rng: Random, name: str) -> Action:
+def _library_stroke(rng: Random, name: str) -> Action:
     slower = float(np.exp(rng.uniform(math.log(0.65), math.log(1.5))))
-    return Action(
-        gesture=name,
-        duration=max(0.25, GESTURE_DURATION[name] * slower),
-        size=float(rng.uniform(0.7, 1.15)),
-        tilt=float(np.clip(rng.normal(0.0, 0.15), -0.4, 0.4)),
-        variant=int(rng.integers(VARIANTS.get(name, 1))),
-    )
+    return _stroke(rng, name, max(0.25, GESTURE_DURATION[name] * slower), int(rng.integers(VARIANTS.get(name, 1))))
+
+
+def _stroke(rng: Random, name: str, duration: float | None = None, variant: int = 0) -> Action:
+    size, tilt = float(rng.uniform(0.7, 1.15)), float(np.clip(rng.normal(0.0, 0.15), -0.4, 0.4))
+    return Action(gesture=name, duration=duration, size=size, tilt=tilt, variant=variant)

@@ -5,6 +5,7 @@ Labels and features are not kept: they depend on the tracker, which changes soon
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
 from collections.abc import Sequence
@@ -15,11 +16,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError, DataError, PointCloud, RadarInfo
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
 from radar_core.types import Float32Array, IndexArray
-from radar_dsp import Baseband, BasebandConfig
+from radar_dsp import Baseband, BasebandConfig, SpectrumConfig
 from radar_lab.datasets.life_scenes import kind_of, life_scene
+from radar_lab.datasets.life_strokes import gesture_of
 from radar_lab.datasets.samples import (
     CLOUD_FIELDS,
     MANIFEST,
@@ -35,13 +37,14 @@ from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator
 from radar_sim.motions.strokes import library_hash
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Of the files of lives; a folder of another one is refused."""
 FIELDS: Final[tuple[str, ...]] = (*CLOUD_FIELDS, "range_std")
 """What is kept of the points: all that the default tracker and streams of slots look at."""
 _STREAM: Final = 76  # keeps lives apart from other scenes with the same seed
 _TRIES: Final = 30  # draws of a scene until one is possible
 _LOSSY, _LOST = 0.3, 0.06  # share of lives in which clouds are lost, and the largest share of them that is
+_STILL_REMOVED: Final = 0.25  # share of lives whose radar removes what stands still, as the boards' firmware can
 _ADVICE: Final = "simulate some with `handwave train --model stream --lives`, or radar_lab.datasets.lives.generate_lives"
 
 
@@ -143,7 +146,8 @@ def _possible(number: int, rng: np.random.Generator) -> tuple[Scene, Simulator] 
 
 def record_life(number: int, scene: Scene, simulator: Simulator, rng: np.random.Generator) -> Life:
     """Simulate a scene up to its clouds; in some lives, which ``rng`` draws, clouds are lost."""
-    baseband = Baseband(BasebandConfig(), simulator.info)
+    static = SpectrumConfig(static="remove") if rng.random() < _STILL_REMOVED else SpectrumConfig()
+    baseband = Baseband(BasebandConfig(spectrum=static), simulator.info)
     lossy, chance = rng.random() < _LOSSY, rng.random(simulator.n_frames)
     lost = chance < (rng.uniform(0.0, _LOST) if lossy else 0.0)
     clouds, truths = [], []
@@ -153,7 +157,16 @@ def record_life(number: int, scene: Scene, simulator: Simulator, rng: np.random.
         truths.append(simulated.truth)
     position = np.array([truth.position for truth in truths], np.float32)
     person = np.array([person.id for person in scene.people], np.int64)
-    return Life(number, kind_of(number), simulator.info, clouds, person, position, truth_segments(truths))
+    segments = tuple(_told(segment, scene) for segment in truth_segments(truths))
+    return Life(number, kind_of(number), simulator.info, clouds, person, position, segments)
+
+
+def _told(segment: TruthSegment, scene: Scene) -> TruthSegment:
+    """Say which of the ten gestures was performed, whatever its stroke is called."""
+    if not segment.own:
+        return segment
+    person = next(one for one in scene.people if one.id == segment.person_id)
+    return dataclasses.replace(segment, label=GESTURES.index(gesture_of(segment.own, person)), own="")
 
 
 def life_columns(life: Life) -> dict[str, NDArray[Any]]:

@@ -1,4 +1,4 @@
-"""Moves too slow for a gesture: of a hand between gestures, and small aimless ones of hands, trunk and feet."""
+"""Small aimless moves of hands, trunk and feet."""
 
 from __future__ import annotations
 
@@ -6,66 +6,17 @@ import math
 
 import numpy as np
 
-from radar_sim.bodies.base import REACH
-from radar_sim.bodies.skeleton import bend
 from radar_sim.motions.carriage import SEATED, ZERO, Carriage
-from radar_sim.motions.curves import Path, Sequence3, Vector, bump, cruise, line, mix, window
+from radar_sim.motions.curves import Sequence3, Vector, bump, mix, window
+from radar_sim.motions.pace import Pace
 from radar_sim.motions.strokes import REST
-from radar_sim.scatterers import Float64Array
 
-MOVE_SPEED = (0.55, 0.9)
-"""Top speeds between gestures [m/s]: of hand and elbow forward or back, and of the hand altogether. A radar that the person faces sees
-less than 0.7 m/s of it: not the 0.8 m/s that make an event (thesis, section 4.2)."""
-MOVE_EDGE = 0.3
-"""Share of such a move in which the hand speeds up, and again slows down."""
-_UPPER, _FORE = np.array([0.186 / REACH]), np.array([0.200 / REACH])
-_DIRECTION = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5)]])
-_POLE = np.array([[-0.8 * math.sqrt(0.5), -0.6, -0.8 * math.sqrt(0.5)]])
-_LEAST = 0.1  # s: nobody moves a hand for shorter
-_N = 32  # parts of a path that are looked at
 _STANDING: tuple[Vector, ...] = (REST, (0.42, 0.28, -0.52), (0.1, -0.28, -0.62), (0.4, 0.22, 0.05), (0.3, 0.1, -0.7))
 """Where a right hand goes: the side of the thigh, before the belly, the hip, the chin, a pocket."""
 _SITTING: tuple[Vector, ...] = (SEATED, (0.52, 0.05, -0.6), (0.45, 0.3, -0.5), (0.4, 0.22, 0.05))
 _WEIGHT = 0.035  # of the leg: pelvis over one foot, and 0.4 of it down, knees bent
 _SHIFT_TIME, _STEP_TIME = 0.9, 0.5  # s
-_SLOWER = 1.3  # than moves before a gesture: trunk and pelvis move too
 _RAMP = 1.0  # s: the trunk comes and goes
-
-
-def elbow(hand: Float64Array) -> Float64Array:
-    """Where a right arm's elbow is, as the skeleton bends it, shape (n, 3), from the shoulder in units of the reach.
-
-    Parameters
-    ----------
-    hand : ndarray, shape (n, 3)
-        Middle of the hand, likewise.
-    """
-    first, _, _ = bend(hand[:, None, :], _UPPER, _FORE, _DIRECTION, _POLE)
-    return np.asarray(first[:, 0] * _UPPER)
-
-
-def move_path(start: Vector, end: Vector) -> Path:
-    """Straight, at an even speed between soft ends."""
-    return line(start, end, move_ramp)
-
-
-def move_ramp(u: float) -> float:
-    """Way done, 0..1, of a slow move."""
-    return cruise(u, MOVE_EDGE)[0]
-
-
-def move_time(start: Vector, end: Vector, reach: float) -> float:
-    """Time to bring the hand from one place to another slowly [s]: while the arm folds, the elbow may be faster than the hand.
-
-    Places are in units of the reach, which is the way from the shoulder to the middle of the hand [m].
-    """
-    distance = math.dist(start, end)
-    if distance < 1e-6:
-        return 0.0
-    path = np.linspace(start, end, _N + 1)
-    forward = max(float(np.abs(np.diff(joint[:, 0])).max()) for joint in (path, elbow(path))) * _N
-    slowest = max(forward / MOVE_SPEED[0], distance / MOVE_SPEED[1]) * reach / (1 - MOVE_EDGE)
-    return max(slowest, _LEAST)
 
 
 class Fidgeting:
@@ -77,18 +28,20 @@ class Fidgeting:
         How the body is carried before and afterwards.
     hand : Vector
         Where the acting hand is at the start.
-    duration, reach : float
-        How long [s]; shoulder to the middle of the hand [m].
+    duration : float
+        How long [s].
+    pace : Pace
+        How fast hands go.
     rng : numpy.random.Generator
         Draws the movements.
     """
 
-    def __init__(self, start: Carriage, hand: Vector, duration: float, reach: float, rng: np.random.Generator) -> None:
+    def __init__(self, start: Carriage, hand: Vector, duration: float, pace: Pace, rng: np.random.Generator) -> None:
         self._start, self._duration = start, duration
         seated = start.free == 0.0
         places = _SITTING if seated else _STANDING
-        self._acting = _wander(hand, places, duration, reach, rng)
-        self._other = _wander(start.other, places, duration, reach, rng)
+        self._acting = _wander(hand, places, duration, pace, rng)
+        self._other = _wander(start.other, places, duration, pace, rng)
         self._weight, self._feet = Sequence3(ZERO), (Sequence3(ZERO), Sequence3(ZERO))
         self._shift(0.0 if seated else _WEIGHT, rng)
         self._turns = [(float(f), float(p)) for f, p in zip(rng.uniform(0.12, 0.4, 3), rng.uniform(0.0, 2 * math.pi, 3), strict=True)]
@@ -131,15 +84,17 @@ class Fidgeting:
             self._weight.add(time, time + _SHIFT_TIME, ZERO)
 
 
-def _wander(hand: Vector, places: tuple[Vector, ...], duration: float, reach: float, rng: np.random.Generator) -> Sequence3:
+def _wander(hand: Vector, places: tuple[Vector, ...], duration: float, pace: Pace, rng: np.random.Generator) -> Sequence3:
     """From place to place with pauses, back at rest in the end; a hand that has no time to get to rest stays where it is."""
-    path, time, home = Sequence3(hand, move_ramp), float(rng.uniform(0.1, 0.6)), places[0]
-    back = _SLOWER * move_time(hand, home, reach)
+    path, time, home = Sequence3(hand, pace.ramp), float(rng.uniform(0.1, 0.6)), places[0]
+    back = pace.with_body * pace.time(hand, home)
     while True:
         near = places[int(rng.integers(1, len(places)))]
         offset = rng.normal(size=3) * 0.03
         place = mix(near, (near[0] + float(offset[0]), near[1] + float(offset[1]), near[2] + float(offset[2])), 1.0)
-        there, then = _SLOWER * move_time(path.last, place, reach), _SLOWER * move_time(place, home, reach)
+        there = pace.with_body * pace.time(path.last, place)
+        pace.turn()
+        then = pace.with_body * pace.time(place, home)
         pause = float(rng.uniform(0.3, 2.0))
         if time + there + pause + then > duration:
             break

@@ -9,21 +9,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from radar_core import ConfigError, vocabulary
-from radar_sim.motions.arm import Fidgeting, move_path, move_time
+from radar_sim.motions.arm import Fidgeting
 from radar_sim.motions.bvh import load_bvh
 from radar_sim.motions.capture import Capture, Playing
 from radar_sim.motions.carriage import RISE_TIME, SEATED, SIT_TIME, Carriage, Seating, Still, Together, Whole, seated
 from radar_sim.motions.composer import Composer
 from radar_sim.motions.curves import Path, Vector, cruise, line, window, wrap
 from radar_sim.motions.gait import Turning, Walking, walk_time
+from radar_sim.motions.pace import Free, Pace, Told
 from radar_sim.motions.strokes import DRAW_LENGTH, REST, STROKES, Performance, draw_position, perform, random_stroke
 from radar_sim.own_strokes import Stroke
 from radar_sim.people import GESTURE_DURATION, Action, Draw, Person, Play, Reach
 
 HURRY = 0.15
 """Share of the time of a slow move that can be saved to keep a step's ``at``."""
-PAUSE = 0.35
-"""The hand is still that long before and after a stroke [s], so that each stroke is an event of its own."""
 _SETTLE = 0.1  # s: stillness before drawing
 _SHAKE = 2.5  # Hz
 _SHAKE_RAMP = 0.3  # s
@@ -62,6 +61,7 @@ class Planner:
         self._labels = vocabulary(self._own)
         self._count = 0
         self._late = 0.0  # s: how much later than scripted it is by chance
+        self._pace = _pace(person, seed, composer.reach)
         x, y = person.position
         self.body = Carriage(x, y, self._facing(x, y))
         for number, action in enumerate(person.script):
@@ -93,7 +93,7 @@ class Planner:
             self._rise(action.at, action.rise, where)
         elif action.fidget is not None:
             self._wait(action.at, 0.0, where)
-            fidget = Fidgeting(self.body, self.hand, action.fidget, self._composer.reach, rng)
+            fidget = Fidgeting(self.body, self.hand, action.fidget, self._pace, rng)
             self._push("fidget", action.fidget, fidget.hand, fidget)
         elif action.gesture is not None:
             self._gesture(action, action.gesture, where)
@@ -101,7 +101,7 @@ class Planner:
             path = self._drawing(action.draw)
             self._prepare(action.at, path(0.0), _SETTLE, where)
             self._push("draw", action.draw.duration, path)
-            self._push("stand", PAUSE, line(self.hand, self.hand))
+            self._push("stand", self._pace.pause(), line(self.hand, self.hand))
         elif action.reach is not None:
             self._reach(action.at, action.reach, where)
         elif action.play is not None:
@@ -132,15 +132,20 @@ class Planner:
         self._push("stand", spare, line(self.hand, self.hand))
 
     def _stay(self, duration: float) -> None:
-        """Stay still; the arm goes down where there is time for it."""
-        lowers = duration >= self._move_time(self._rest)
+        """Stay still; the arm goes down where there is time for it: at once, or over all of the time by who was told to move slowly."""
+        needed = self._move_time(self._rest)
+        lowers = duration >= needed
+        if self._pace.eager and lowers:
+            self._move(self._rest, needed)
+            duration -= needed
         self._push("stand", duration, line(self.hand, self._rest if lowers else self.hand))
 
     def _move_time(self, to: Vector) -> float:
-        return move_time(self.hand, to, self._composer.reach)
+        return self._pace.time(self.hand, to)
 
     def _move(self, to: Vector, duration: float | None = None) -> None:
-        self._push("move", self._move_time(to) if duration is None else duration, move_path(self.hand, to))
+        self._push("move", self._move_time(to) if duration is None else duration, self._pace.path(self.hand, to))
+        self._pace.turn()
 
     def _prepare(self, at: float | None, first: Vector, pause: float, where: str) -> None:
         """Bring the hand slowly to where a stroke begins, in time for ``at``, and hold it still."""
@@ -181,7 +186,7 @@ class Planner:
 
     def _seat(self, kind: str, after: Carriage, least: float, hand: Vector, stay: float) -> None:
         duration = max(least, _WITH_BODY * self._move_time(hand))
-        self._push(kind, duration, move_path(self.hand, hand), Seating(self.body, after, duration))
+        self._push(kind, duration, self._pace.path(self.hand, hand), Seating(self.body, after, duration))
         self.body = after
         self._push("stand", stay, line(self.hand, self.hand))
 
@@ -196,12 +201,12 @@ class Planner:
         if own is not None and own.both and self.hand != self._rest:
             self._move(self._rest)
         first = len(self.segments)
-        self._prepare(action.at, path(0.0), PAUSE, where)
+        self._prepare(action.at, path(0.0), self._pace.pause(), where)
         self._push("stand", delay, line(self.hand, self.hand))
         self._push("gesture", duration, path, gesture=self._labels.index(name), variant=action.variant)
         self._count += 1
         self._late += delay + max(0.0, duration - usual)
-        self._push("stand", PAUSE, line(self.hand, self.hand))
+        self._push("stand", self._pace.pause(), line(self.hand, self.hand))
         if own is not None and own.both:
             self._move(self._rest)
             both = (replace(one, whole=Together(one.whole, one.hand, one.end - one.start)) for one in self.segments[first:])
@@ -260,3 +265,9 @@ class Planner:
             turning = Turning(self.body, facing, self._person.height)
             self._push("turn", turning.duration, line(REST, REST), turning)
             self.body = turning.end
+
+
+def _pace(person: Person, seed: int, reach: float) -> Pace:
+    if person.moves is None:
+        return Told(reach)
+    return Free(person.moves, reach, np.random.default_rng([seed, person.id, 0x90E5]))

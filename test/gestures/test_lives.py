@@ -12,9 +12,11 @@ import pytest
 from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_lab.datasets import lives
 from radar_lab.datasets.life_scenes import DURATION, KINDS, kind_of, life_scene
+from radar_lab.datasets.life_strokes import gesture_of, own_name, own_strokes
 from radar_lab.datasets.samples import open_folder, write_chunk
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_sim import Action, Effects, LossesConfig, NoiseConfig, Person, Scene, SceneRadar
+from radar_sim.motions.strokes import Performance, perform
 
 S = 1_000_000_000
 PUSH = GESTURES.index("push")
@@ -65,7 +67,10 @@ def test_people_stand_where_the_radar_sees_them_and_do_all_kinds_of_things(scene
         assert all(np.hypot(*(a - b)) > 0.8 for a, b in itertools.combinations(places, 2))
     people = [person for scene in scenes for person in scene.people]
     actions = [action for person in people for action in person.script]
-    assert {action.gesture for action in actions if action.gesture} == set(GESTURES)
+    strokes = {action.gesture for action in actions if action.gesture}
+    assert strokes == {*GESTURES, *(f"as_{gesture}" for gesture in GESTURES)}
+    assert any(person.moves is None for person in people)
+    assert any(person.moves is not None and person.moves.speed[1] > 1.5 for person in people)
     for name in ("walk", "fidget", "reach", "draw", "sit", "rise", "stand"):
         assert any(getattr(action, name) is not None for action in actions), name
     assert {person.arm for person in people} == {"left", "right"}
@@ -82,6 +87,37 @@ def test_who_sits_rises_before_walking_off(scenes):
             if action.sit is not None or action.walk is not None:
                 assert not sits
             sits = (sits or action.sit is not None) and action.rise is None
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_strokes_of_other_people_are_what_they_are_called(seed):
+    """Where the hand goes from the first place to the last, in the middle and how far, for each of the ten."""
+    strokes = {stroke.name.removeprefix("as_"): stroke for stroke in own_strokes(np.random.default_rng(seed))}
+    assert set(strokes) == set(GESTURES)
+    paths = {name: perform(stroke.path(), Performance()) for name, stroke in strokes.items()}
+    ways = {name: np.array([path(u) for u in np.linspace(0.0, 1.0, 201)]) for name, path in paths.items()}
+    gone = {name: way[-1] - way[0] for name, way in ways.items()}
+    assert gone["push"][0] > 0.2
+    assert gone["pull"][0] < -0.2
+    assert gone["swipe_up"][2] > 0.2
+    assert gone["swipe_down"][2] < -0.2
+    assert gone["swipe_left"][1] > 0.15
+    assert gone["swipe_right"][1] < -0.15
+    out = ways["push_pull"][:, 0]
+    assert out.max() > max(out[0], out[-1]) + 0.15
+    for name, stroke in strokes.items():
+        assert np.linalg.norm(ways[name], axis=1).max() < 1.0
+        fastest = np.linalg.norm(np.diff(ways[name], axis=0), axis=1).max() * 200 * 0.62 / stroke.duration
+        assert 0.1 < fastest < 9.0, name
+
+
+def test_a_left_arm_does_the_right_ones_swipes_in_a_mirror():
+    left, right = (Person(position=(2.0, 0.0), arm=arm) for arm in ("left", "right"))
+    assert own_name("swipe_left", "left") == "as_swipe_right"
+    for arm, person in (("left", left), ("right", right)):
+        for gesture in GESTURES:
+            assert gesture_of(own_name(gesture, arm), person) == gesture
+            assert gesture_of(gesture, person) == gesture
 
 
 def small_life(number=3, n=6):
@@ -140,10 +176,12 @@ def short_scene(number, rng, tries):
     tries.append(number)
     if number % 2 and tries.count(number) % 2:
         raise ConfigError("a wall through somebody")
-    person = Person(position=(2.0, float(rng.uniform(-0.2, 0.2))), body="ellipsoids", script=(Action(stand=0.3), Action(gesture="push")))
+    script = (Action(stand=0.3), Action(gesture=own_name("swipe_left", "left") if number else "push"))
+    person = Person(position=(2.0, float(rng.uniform(-0.2, 0.2))), body="ellipsoids", arm="left" if number else "right", script=script)
     info = dataclasses.replace(RadarInfo(), full_scale=0.0)
     effects = Effects(noise=NoiseConfig(), losses=LossesConfig())
-    return Scene(duration=3.0, seed=int(rng.integers(1000)), radars=(SceneRadar.of(info),), people=(person,), effects=effects)
+    seed, strokes = int(rng.integers(1000)), own_strokes(rng)
+    return Scene(duration=3.0, seed=seed, radars=(SceneRadar.of(info),), people=(person,), strokes=strokes, effects=effects)
 
 
 @pytest.mark.long
@@ -160,7 +198,8 @@ def test_a_stopped_run_goes_on_and_gives_the_same_files(tmp_path, monkeypatch):
     for number in range(2):
         assert lives.life_path(one, number).read_bytes() == lives.life_path(two, number).read_bytes()
     life = lives.read_life(lives.life_path(one, 1))
-    assert [segment.name for segment in life.segments] == ["push"]
+    assert [segment.name for segment in life.segments] == ["swipe_left"]
+    assert [segment.name for segment in lives.read_life(lives.life_path(one, 0)).segments] == ["push"]
     assert len(life.clouds) > 60
     with pytest.raises(ConfigError, match="other settings"):
         lives.generate_lives(one, 2, seed=6, progress=False)

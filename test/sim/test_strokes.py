@@ -9,7 +9,7 @@ from motion_acts import ALIKE, BOTH_ARMS, PLACES, RADAR, STEP, WAYS, azimuth, pe
 
 from radar_core import GESTURES
 from radar_sim.bodies.base import BONES, REACH
-from radar_sim.motions.arm import elbow
+from radar_sim.motions.pace import elbow
 from radar_sim.motions.script import Timeline
 from radar_sim.motions.strokes import DRAW_LENGTH, ROUNDING, STROKES, draw_position, library_hash, library_samples, random_stroke
 from radar_sim.people import GESTURE_DURATION, VARIANTS, Action, Person, Variation
