@@ -39,7 +39,7 @@ from radar_sim.effects.config import (
     PatternConfig,
 )
 from radar_sim.movers import Curtain, Fan, Mover
-from radar_sim.people import Person
+from radar_sim.people import Moves, Person
 from radar_sim.scene import Scene, SceneRadar
 from radar_sim.things import Furniture, Wall
 
@@ -51,6 +51,7 @@ NAMED: Final[Mapping[str, range]] = {**SEEDS, "first": DEVELOP[:24]}
 MOUNT: Final = (1.0, 2.2)  # m: height of the radar
 SIGNAL: Final = (-12.0, 12.0)  # dB
 LOST: Final = 0.05  # largest share of chirps, and of frames
+MOVES: Final = Moves(speed=(0.5, 2.0), pause=(0.0, 0.6))  # of hands between gestures
 NOISE_FIGURE: Final = 15.0  # dB: at a signal of 0 dB
 _FREE: Final = 0.45  # m: things stand so far from people's centres
 _PIECES: Final = {
@@ -161,12 +162,12 @@ def _radar(rng: Random, tags: Tags) -> SceneRadar:
 def _person(rng: Random, number: int) -> Person:
     """Draw a body: men 1.78 m, women 1.66 m, both with a standard deviation of 7 cm; one of ten uses the left arm.
 
-    Six of ten face the radar where they stand, the others any way.
+    Six of ten face the radar where they stand, the others any way. Hands go from gesture to gesture as people's do (`MOVES`).
     """
     sex, arm = "male" if rng.random() < 0.5 else "female", "left" if rng.random() < 0.1 else "right"
     height = float(np.clip(rng.normal(1.78 if sex == "male" else 1.66, 0.07), 1.45, 2.0))
     heading = None if rng.random() < 0.6 else float(rng.uniform(-math.pi, math.pi))
-    return Person(id=number, height=height, sex=sex, build=float(rng.uniform(0.1, 0.9)), arm=arm, heading=heading)
+    return Person(id=number, height=height, sex=sex, build=float(rng.uniform(0.1, 0.9)), arm=arm, heading=heading, moves=MOVES)
 
 
 def _effects(rng: Random, tags: Tags, floor: Floor) -> Effects:

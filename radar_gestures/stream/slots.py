@@ -28,7 +28,8 @@ FRESH: Final = NAMES.index("fresh")
 """The input that says whether a cloud came within the slot."""
 ELEVATION: Final = NAMES.index("elevation")
 """The input that says whether the radar tells heights."""
-_SLOW: Final = slice(3, 8)  # of SPEEDS
+SLOW: Final = slice(3, 8)
+"""Of `SPEEDS`, those of a body."""
 _FAST: Final = np.abs(SPEEDS) >= 1.0
 _MIDDLE: Final = 1.1  # m: heights count from there
 _FARTHEST: Final = 1.5  # m: no hand is farther from its body
@@ -173,14 +174,23 @@ def _add(one: _Open, points: Float64Array, own: np.ndarray[tuple[int, ...], np.d
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
     relative = rate - (way[:, :2] / distance[:, None]) @ velocity
     share = spread(np.where(np.isfinite(relative), relative, 0.0))
-    level = np.clip(np.where(np.isfinite(snr), snr, _USUAL_SNR), 0.0, _MOST_SNR)
-    amplitude = 10.0 ** (level / 20.0) * (np.maximum(distance, _NEAREST) / _REFERENCE) ** 2
+    amplitude = _amplitude(np.clip(np.where(np.isfinite(snr), snr, _USUAL_SNR), 0.0, _MOST_SNR), distance)
     side = (way[:, 1] * away[0] - way[:, 0] * away[1]) / ground
     height = np.where(np.isfinite(z), z - _MIDDLE, 0.0)
     weight = share * amplitude[:, None]
     values = np.stack([np.ones_like(side), distance - np.linalg.norm(away), side, height], axis=-1)
     one.sums[:, :4] += weight.T @ values
     one.sums[:, 4] += share.sum(axis=0)
+
+
+def usual_amplitude(distance: Float64Array) -> Float64Array:
+    """Give what a point counts whose radar does not tell how strong it is, by its distance, shape (n,) [m]."""
+    return _amplitude(np.array(_USUAL_SNR), distance)
+
+
+def _amplitude(level: Float64Array, distance: Float64Array) -> Float64Array:
+    """Amplitude of the same echo at the reference, by SNR [dB] and distance [m]."""
+    return np.asarray(10.0 ** (level / 20.0) * (np.maximum(distance, _NEAREST) / _REFERENCE) ** 2)
 
 
 def moving(features: Float32Array) -> bool:
@@ -204,7 +214,7 @@ def _features(one: _Open, radar: Float64Array) -> Float32Array:
     strength = one.sums[:, 0]
     mean = np.clip(one.sums[:, 1:4] / (strength + _TRACE * one.clouds)[:, None], -_FARTHEST, _FARTHEST)
     each = np.column_stack([np.log1p(strength / one.clouds), mean, np.log1p(one.sums[:, 4] / one.clouds)])
-    totals = [np.log1p(strength[_SLOW].sum() / one.clouds), np.log1p(strength.sum() / one.clouds)]
+    totals = [np.log1p(strength[SLOW].sum() / one.clouds), np.log1p(strength.sum() / one.clouds)]
     distance, azimuth, speed = one.body
     totals += [distance / 3.0, azimuth, speed, np.log1p(one.points), 1.0]
     return np.concatenate([each.ravel(), totals, radar]).astype(np.float32)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from radar_core import GESTURES, DataError, RadarInfo
 from radar_core.types import Float32Array, Float64Array, IndexArray
-from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS, SPLIT, Slot, SlotStreams
+from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SLOW, SPEEDS, SPLIT, Slot, SlotStreams, usual_amplitude
 from radar_lab.datasets.lives import Life, life_files, read_life
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_tracking import TrackerConfig, make_tracker
@@ -29,6 +29,7 @@ _LEAST: Final = 10  # slots: shorter sequences teach nothing
 _STRETCH: Final = 0.2  # of the logarithm of speed, at most
 _GAIN, _LEVEL, _WEAKEST = 0.5, 0.08, 0.01  # spread of the logarithm of amplitudes, of heights [m]; no strength vanishes by it
 _OFTEN, _LOST = 0.3, 0.15  # how often slots are lost, heights unknown or faint echoes missing; the largest share of slots that is lost
+_FLAT, _MORE = 0.15, 0.4  # how often strengths are unknown; spread of the logarithm of how many points an echo gives
 _SIZE, _FAINT = 0.15, 2.0  # by how much larger or smaller motions are, at most; strength up to which echoes may be missing
 _SWIPES: Final = ("swipe_right", "swipe_left")
 
@@ -41,6 +42,7 @@ _SIDES: Final = np.concatenate([_places("side"), _places("azimuth")])
 _STRENGTHS: Final = np.concatenate([_places("strength"), _places("slow strength")])  # at single speeds first
 _HEIGHTS: Final = _places("height")
 _PLACES: Final = np.concatenate([_HEIGHTS, _places("side"), _places("range")])
+_POINTS: Final = _places("points")
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,14 +193,18 @@ def mirrored_labels(label: IndexArray, labels: Sequence[str] = GESTURES) -> Inde
 def varied(sequence: SlotSequence, rng: np.random.Generator, labels: Sequence[str] = GESTURES) -> SlotSequence:
     """Change a sequence as another person, place or radar could have: what was performed stays the same.
 
-    Half of the time in a mirror; a little faster or slower, larger or smaller; with more or less amplitude; a little higher or lower; and
-    now and then without faint echoes, with slots lost, or as a radar sees it that tells no heights.
+    Half of the time in a mirror; a little faster or slower, larger or smaller; with more or less amplitude, and more or fewer points; a
+    little higher or lower; and now and then without faint echoes, with slots lost, or as a radar sees it that tells no heights, or no
+    strengths.
     """
     n = len(sequence.label)
     at = np.minimum((np.arange(n) * np.exp(rng.uniform(-_STRETCH, _STRETCH))).astype(np.int64), n - 1)
     x, label = sequence.features[at], sequence.label[at]
     if rng.random() < 0.5:
         x, label = mirrored(x), mirrored_labels(label, labels)
+    x[:, _POINTS] = np.log1p(np.expm1(np.maximum(x[:, _POINTS], 0.0)) * np.exp(rng.normal(0.0, _MORE)))
+    if rng.random() < _FLAT:
+        _flatten(x)
     strength = x[:, _STRENGTHS]
     louder = np.maximum(strength + np.float32(rng.normal(0.0, _GAIN)), np.float32(_WEAKEST))
     x[:, _STRENGTHS] = np.where(strength > 0.0, louder, 0.0)
@@ -211,6 +217,16 @@ def varied(sequence: SlotSequence, rng: np.random.Generator, labels: Sequence[st
     if rng.random() < _OFTEN:
         x[:, _HEIGHTS], x[:, ELEVATION] = 0.0, 0.0
     return SlotSequence(x, label, sequence.weight[at], sequence.stroke[at])
+
+
+def _flatten(x: Float32Array) -> None:
+    """Give strengths as of a radar that tells none: every point counts as much as `SlotStreams` takes it for."""
+    each = x[:, :SPLIT].reshape(len(x), len(SPEEDS), -1)
+    one = usual_amplitude(3.0 * x[:, NAMES.index("distance")].astype(np.float64))
+    amplitude = np.expm1(np.maximum(each[..., -1], 0.0)) * one[:, None]
+    each[..., 0] = np.log1p(amplitude)
+    x[:, NAMES.index("slow strength")] = np.log1p(amplitude[:, SLOW].sum(axis=1))
+    x[:, NAMES.index("strength")] = np.log1p(amplitude.sum(axis=1))
 
 
 def _weaken(x: Float32Array, least: float) -> None:

@@ -15,8 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "board_gestures", "calibrate_array",
-    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gestures_end_to_end", "gestures_people", "gestures_shipped", "graph_costs",
-    "hand_losses", "hand_noise", "house", "living", "load_steps", "machines", "newcomer", "one_channel",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gesture_motion",
+    "gestures_end_to_end", "gestures_people", "gestures_shipped", "graph_costs",
+    "hand_losses", "hand_noise", "house", "living", "load_steps", "machines", "motion_speeds", "newcomer", "one_channel",
     "person_odds", "probe", "ptp", "recorded_echoes", "soak", "vertex_rcs", "vital",
 }  # fmt: skip
 

@@ -11,18 +11,19 @@ from small_sets import stroke_clouds
 from typer.testing import CliRunner
 
 from radar_app.training_commands import train
-from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
+from radar_core import GESTURES, ConfigError, DataError, PointCloud, Pose, RadarInfo
 from radar_driver.tinyrad.config import TinyRadConfig
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.needs import Needs, lacks, needs
 from radar_gestures.stream.network import Member, StreamNet
-from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS
+from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams
 from radar_lab.datasets.lives import Life, life_columns, life_path, manifest
 from radar_lab.datasets.samples import open_folder, write_chunk
 from radar_lab.evaluation.scoring import TruthSegment
 from radar_lab.training.slot_sequences import (
     LifeSlots,
     SlotSequence,
+    _flatten,
     label_slots,
     mirrored,
     mirrored_labels,
@@ -32,11 +33,28 @@ from radar_lab.training.slot_sequences import (
 )
 from radar_lab.training.stream_figures import Judged, StrokeEvent, as_text, choose_limit, figures_of, judge, spans
 from radar_lab.training.stream_training import StreamTraining, fit_lives, least, train_stream_net, train_streams
+from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 S = 1_000_000_000
 PUSH, PULL, RIGHT, LEFT = (GESTURES.index(name) for name in ("push", "pull", "swipe_right", "swipe_left"))
 AZIMUTH, SIDE, HEIGHT = NAMES.index("azimuth"), NAMES.index("side at 1"), NAMES.index("height at 0")
 QUICK = StreamTraining(width=12, dilations=(1, 2, 4), delay=4, passes=30, batch=4, length=64, dropout=0.0, learning_rate=2e-2)
+
+
+def person(position):
+    return Track(1, TrackStatus.CONFIRMED, 1.0, 0.0, 6, np.array(position), np.zeros(3), np.full(3, 0.2), np.eye(6))
+
+
+def one_slot(people, points, info):
+    """The features of a slot that holds one cloud of points (owner, x, y, z, range rate, SNR) in ``room``."""
+    streams, slots = SlotStreams(info), []
+    for number, rows in enumerate((points, [])):
+        table = np.array(rows, np.float64).reshape(-1, 6)
+        x, y, z, speed, snr = table[:, 1:].T.astype(np.float32).copy()
+        cloud = PointCloud(number * SLOT_NS, number, "room", x, y, z, radial_speed=speed, snr=snr)
+        tracks = Tracks(cloud.stamp_ns, number, "room", tuple(people), table[:, 0].astype(np.int32))
+        slots += streams.process(TrackedCloud(cloud, tracks))
+    return slots[0].features
 
 
 def truth(segments, places, n=60, step=SLOT_NS):
@@ -96,14 +114,14 @@ def test_changed_copies_keep_what_was_performed_and_what_was_not_seen():
     """Of 200: labels are those of the slots they come from, or their mirror's; empty speeds stay empty; the same draws, the same copy."""
     sequence = random_sequence()
     sequence.features[::2, : 5 * 3] = 0.0  # nothing at the first three speeds
-    sequence.features[:, NAMES.index("points")] = np.arange(80)  # tells where a slot comes from, unless it was lost
+    sequence.features[:, NAMES.index("interval")] = np.arange(80)  # tells where a slot comes from, unless it was lost
     mirrors = still = heightless = faint = 0
     for seed in range(200):
         copy = varied(sequence, np.random.default_rng(seed))
         again = varied(sequence, np.random.default_rng(seed))
         np.testing.assert_array_equal(copy.features, again.features)
         fresh = copy.features[:, FRESH] == 1.0
-        came = copy.features[:, NAMES.index("points")].astype(int)
+        came = copy.features[:, NAMES.index("interval")].astype(int)
         flips = bool((copy.features[:, AZIMUTH] < 0).any())
         expected = mirrored_labels(sequence.label) if flips else sequence.label
         np.testing.assert_array_equal(copy.label[fresh], expected[came[fresh]])
@@ -122,6 +140,21 @@ def test_changed_copies_keep_what_was_performed_and_what_was_not_seen():
     assert 35 <= heightless <= 85  # at 0.3; standard deviation 6.5
     assert still >= 120  # at 0.7 and more
     assert 25 <= faint <= 85  # at 0.3, and not for every limit
+
+
+def test_copies_without_strengths_are_what_a_radar_gives_that_tells_none():
+    """Points as far from the radar as their body, once with SNRs and once without: the flattened copy of the first is the second."""
+    rng = np.random.default_rng(3)
+    for seed in range(5):
+        angle = rng.uniform(-0.2, 0.2, 6)
+        points = [(1, 2.0 * np.cos(a), 2.0 * np.sin(a), 1.2, speed, 25.0) for a, speed in zip(angle, rng.uniform(-2, 2, 6), strict=True)]
+        level = RadarInfo(mount=Pose(z=1.2))
+        told, untold = (one_slot([person(position=(2.0, 0.0, 1.2))], [(*row[:5], snr) for row in points], level) for snr in (25.0, np.nan))
+        flat = told[None].copy()
+        _flatten(flat)
+        names = [k for k, name in enumerate(NAMES) if "strength" in name]
+        np.testing.assert_allclose(flat[0, names], untold[names], rtol=1e-5)
+        assert np.abs(told[names] - untold[names]).max() > 0.5, seed
 
 
 def pattern(kind, n, rng):
