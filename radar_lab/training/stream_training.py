@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 
 from radar_core import GESTURES, DataError, RadarInfo
 from radar_core.config import config, knob
@@ -70,7 +72,7 @@ def train_streams(
     config : StreamTraining or None
         None: the defaults.
     lost, n_jobs : float, int
-        As in `fit_lives`; lives that are read at the same time.
+        As in `fit_lives`; lives that are read, and networks that are trained, at the same time.
 
     Raises
     ------
@@ -78,13 +80,20 @@ def train_streams(
         Without PyTorch; when there are no lives, or too few to keep one to choose on and one for the figures.
     """
     need_torch("the network on streams")  # before minutes of reading
-    report = fit_lives(read_lives(folder, n_jobs=n_jobs), config, lost=lost)
+    report = fit_lives(read_lives(folder, n_jobs=n_jobs), config, lost=lost, n_jobs=n_jobs)
     if out is not None:
         save_model(report.model, out)
     return report
 
 
-def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, *, lost: float = 0.05) -> StreamReport:
+def fit_lives(
+    lives: Sequence[LifeSlots],
+    config: StreamTraining | None = None,
+    *,
+    lost: float = 0.05,
+    more: Sequence[SlotSequence] = (),
+    n_jobs: int = 1,
+) -> StreamReport:
     """Train a network on eight of ten lives, choose on the fifth of ten what it rejects, and measure on the tenth what it is worth.
 
     The three kinds of lives are disjoint, and the last is looked at once, when all is chosen. Events of the lives left out are found as at
@@ -100,6 +109,10 @@ def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, 
         None: the defaults.
     lost : float
         Share of strokes named right that may be rejected.
+    more : sequence of SlotSequence
+        Others to learn from too, such as recorded ones; nothing is chosen or measured on them.
+    n_jobs : int
+        Networks that are trained at the same time.
 
     Raises
     ------
@@ -109,14 +122,18 @@ def fit_lives(lives: Sequence[LifeSlots], config: StreamTraining | None = None, 
     config = config or StreamTraining()
     choose, measure = ([life for life in lives if life.number % _PARTS == part] for part in (_CHOOSE, _FIGURES))
     learned = [life for life in lives if life.number % _PARTS not in (_CHOOSE, _FIGURES)]
-    known = [sequence for life in learned for sequence in life.sequences]
+    known = [*(sequence for life in learned for sequence in life.sequences), *more]
     if not choose or not measure or not known:
         raise DataError(f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_PARTS}: simulate more")
-    model = train_stream_net(known, config=config)
+    model = train_stream_net(known, config=config, n_jobs=n_jobs)
     reject = choose_limit(judge(model, choose), lost)
     judged = judge(model, measure)
     figures = figures_of(judged, reject)
-    figures |= {"trained_lives": len(learned), "training": json.loads(json.dumps(dataclasses.asdict(config)))}
+    figures |= {
+        "trained_lives": len(learned),
+        "trained_other_sequences": len(more),
+        "training": json.loads(json.dumps(dataclasses.asdict(config))),
+    }
     settings = {"needs": dataclasses.asdict(least([life.info for life in learned]))}
     return StreamReport(dataclasses.replace(model, reject=reject, figures=figures, settings=settings), judged)
 
@@ -130,7 +147,7 @@ def least(radars: Sequence[RadarInfo]) -> Needs:
 
 
 def train_stream_net(
-    sequences: Sequence[SlotSequence], *, labels: Sequence[str] = GESTURES, config: StreamTraining | None = None
+    sequences: Sequence[SlotSequence], *, labels: Sequence[str] = GESTURES, config: StreamTraining | None = None, n_jobs: int = 1
 ) -> StreamNet:
     """Train a network; the same sequences and seed give the same numbers on one machine.
 
@@ -144,6 +161,8 @@ def train_stream_net(
         What their labels mean; the first is no gesture.
     config : StreamTraining or None
         None: the defaults.
+    n_jobs : int
+        Members that are trained at the same time; they come out the same.
 
     Raises
     ------
@@ -156,17 +175,23 @@ def train_stream_net(
         raise DataError(
             f"{len(sequences)} sequences with labels up to {top}; expected some with {len(NAMES)} features, {len(labels)} labels"
         )
-    torch = need_torch("the network on streams")
+    need_torch("the network on streams")
     mean, scale = _spread(sequences)
-    members = []
-    for number in range(config.members):
-        own = dataclasses.replace(config, seed=config.seed + number)
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(own.seed)
-            net = _Network(torch, own, len(NAMES), len(labels))
-            _fit(torch, net, sequences, mean, scale, labels, own)
-        members.append(net.exported())
+    each = (dataclasses.replace(config, seed=config.seed + number) for number in range(config.members))
+    members = Parallel(n_jobs=n_jobs)(delayed(_trained)(sequences, mean, scale, labels, own) for own in each)
     return StreamNet(mean, scale, tuple(members), NAMES, tuple(labels), config.delay)
+
+
+def _trained(
+    sequences: Sequence[SlotSequence], mean: Float32Array, scale: Float32Array, labels: Sequence[str], config: StreamTraining
+) -> Member:
+    """Train one member."""
+    torch = need_torch("the network on streams")
+    with threadpool_limits(1), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        net = _Network(torch, config, len(NAMES), len(labels))
+        _fit(torch, net, sequences, mean, scale, labels, config)
+    return net.exported()
 
 
 def _spread(sequences: Sequence[SlotSequence]) -> tuple[Float32Array, Float32Array]:

@@ -1,0 +1,128 @@
+"""The shipped networks on streams: trained anew, from simulated lives and recordings of real people, and judged on people held out.
+
+    python -m benchmarks stream_model --json --keep FOLDER     # writes FOLDER/stream.npz; hours, and it goes on where it stopped
+
+Lives are those of `radar_lab.datasets.lives`, nine of ten to learn from and to choose on, the tenth for figures. Real people are those of
+`benchmarks.stream_real`; who is named in `FIGURE` there gives the figures, and is in no training.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.report import AbsentError, rate, share
+from benchmarks.rooms import PROCESSES
+from benchmarks.stores import digest, kept, once, sources
+from benchmarks.stream_real import DAILY, FIGURE, RealStream, learned, streams_of
+from radar_core import GESTURES, ConfigError
+from radar_gestures.classifiers.model import save_model
+from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.slots import SLOT_NS
+from radar_lab.datasets.lives import generate_lives, life_files
+from radar_lab.training.networks import need_torch
+from radar_lab.training.slot_sequences import LifeSlots, read_lives
+from radar_lab.training.stream_figures import spans
+from radar_lab.training.stream_training import StreamTraining, fit_lives
+
+LIVES: Final = 420
+LOST: Final = 0.25
+TRAINING: Final = StreamTraining(members=2, passes=36)
+_KINDS: Final = ("mhomeges", "mtranssee", DAILY)
+_LATE_NS: Final = 500_000_000  # an event may end so long after its segment
+_RANDOM: Final = GESTURES[0]
+_SLOTS: Final = ("radar_core", "radar_tracking", "radar_gestures/stream/slots.py", "radar_lab/training/slot_sequences.py")
+_TRAINED: Final = (*_SLOTS, "radar_gestures/stream", "radar_lab/training", "benchmarks/stream_real.py")
+
+Event = tuple[int, int, str]  # first and last moment [ns], name
+
+
+def events(model: StreamNet, stream: RealStream) -> Iterator[Event]:
+    """Find and name the gestures of a stream as `StreamRecognizer` does; those that it calls random are left out."""
+    for track in stream.tracks:
+        told = model.probabilities(track.features)[model.delay :]  # each row about the slot that stands there
+        for first, end in spans(told):
+            mean = told[first:end].mean(axis=0)
+            best = 1 + int(mean[1:].argmax())
+            if mean[best] >= model.reject:
+                yield int(track.number[first]) * SLOT_NS, int(track.number[end - 1] + 1) * SLOT_NS, model.labels[best]
+
+
+def counted(model: StreamNet, streams: Iterable[RealStream]) -> dict[str, Any]:
+    """Count what became of the segments of some streams, and gestures an hour that were none.
+
+    A gesture is right when an event of its name overlaps its segment and ends half a second after it at the latest. False are all others:
+    those in segments of something that is no gesture of ours, in rests, and in daily life.
+    """
+    total: Counter[str] = Counter()
+    hours = 0.0
+    for stream in streams:
+        hours += stream.hours
+        found = list(events(model, stream))
+        used: set[int] = set()
+        for name, (start, end) in zip(stream.labels, stream.spans, strict=True):
+            own = [k for k, event in enumerate(found) if event[0] <= end and event[1] >= start and event[1] <= end + _LATE_NS]
+            names = {found[k][2] for k in own}
+            if name != _RANDOM:
+                used |= set(own)
+                total["known"] += 1
+                total["right" if name in names else "other" if names else "missed"] += 1
+            else:
+                total["unknown"] += 1
+                total["unknown_named"] += bool(names)
+        total["false"] += len(found) - len(used)
+    return {
+        "known": total["known"],
+        **share("right", total["right"], total["known"]),
+        **share("other_name", total["other"], total["known"]),
+        "unknown": total["unknown"],
+        **share("unknown_named", total["unknown_named"], total["unknown"]),
+        **rate("false_per_hour", total["false"], hours),
+        "hours": hours,
+    }
+
+
+def judged(model: StreamNet, keep: Path | None) -> dict[str, Any]:
+    """Figures of people whom the model never saw, by data set, with tilts found and without."""
+    found: dict[str, Any] = {}
+    for kind in _KINDS:
+        streams = streams_of(kind, FIGURE[kind], keep, both=True)
+        found[kind] = counted(model, (one for one in streams if not one.levelled))
+        found[f"{kind}_levelled"] = counted(model, (one for one in streams if one.levelled))
+    return found
+
+
+def lives_in(folder: Path, number: int) -> list[LifeSlots]:
+    """Simulate what is missing of so many lives, and give the slots of all."""
+    generate_lives(folder / "lives", number, n_jobs=PROCESSES)
+    told = digest([number, [path.stat().st_size for path in life_files(folder / "lives")], sources(_SLOTS)])
+    read = functools.partial(read_lives, folder / "lives", n_jobs=PROCESSES)
+    return once(folder / "parts" / f"lives_{told}.joblib", read)
+
+
+def trained(folder: Path, number: int, config: StreamTraining) -> StreamNet:
+    """Train, unless the folder has it; ``number`` of lives."""
+
+    def work() -> StreamNet:
+        more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()]
+        return fit_lives(lives_in(folder, number), config, lost=LOST, more=more, n_jobs=PROCESSES).model
+
+    return once(folder / "parts" / f"stream_{digest([number, LOST, str(config), sources(_TRAINED)])}.joblib", work)
+
+
+def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
+    """Train and judge; quick: ten lives, one pass, and hardly anything is learned.
+
+    Returns the figures of lives (`radar_lab.training.stream_figures.figures_of`) and of real people.
+    """
+    try:
+        need_torch("the networks")
+    except ConfigError as error:
+        raise AbsentError(str(error)) from None
+    with kept(keep) as folder:
+        model = trained(folder, 10 if quick else LIVES, StreamTraining(members=1, passes=1, width=8) if quick else TRAINING)
+        save_model(model, folder / "stream.npz")
+        return {"lives": model.figures, "reject": model.reject, **judged(model, folder), "choices": []}
