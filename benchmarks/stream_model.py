@@ -1,6 +1,6 @@
 """The shipped networks on streams: trained anew, from simulated lives and recordings of real people, and judged on people held out.
 
-    python -m benchmarks stream_model --json --keep FOLDER     # writes FOLDER/stream.npz; hours, and it goes on where it stopped
+    python -m benchmarks stream_model --json --keep FOLDER     # writes FOLDER/stream.npz and its card; hours, and goes on where it stopped
 
 Lives are those of `radar_lab.datasets.lives`, nine of ten to learn from and to choose on, the tenth for figures. Real people are those of
 `benchmarks.stream_real`; who is named in `FIGURE` there gives the figures, and is in no training.
@@ -23,6 +23,7 @@ from radar_gestures.classifiers.model import save_model
 from radar_gestures.stream.network import StreamNet
 from radar_gestures.stream.slots import SLOT_NS
 from radar_lab.datasets.lives import generate_lives, life_files
+from radar_lab.training.card import card, write_card
 from radar_lab.training.networks import need_torch
 from radar_lab.training.slot_sequences import LifeSlots, read_lives
 from radar_lab.training.stream_figures import spans
@@ -36,6 +37,9 @@ _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
 _RANDOM: Final = GESTURES[0]
 _SLOTS: Final = ("radar_core", "radar_tracking", "radar_gestures/stream/slots.py", "radar_lab/training/slot_sequences.py")
 _TRAINED: Final = (*_SLOTS, "radar_gestures/stream", "radar_lab/training", "benchmarks/stream_real.py")
+
+_COMMAND: Final = "python -m benchmarks stream_model --json --keep FOLDER"
+_PEOPLE: Final = "It also learned from people of mHomeGes and mTransSee; how it does with others of them: docs/research/gestures.md."
 
 Event = tuple[int, int, str]  # first and last moment [ns], name
 
@@ -125,4 +129,13 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     with kept(keep) as folder:
         model = trained(folder, 10 if quick else LIVES, StreamTraining(members=1, passes=1, width=8) if quick else TRAINING)
         save_model(model, folder / "stream.npz")
+        text = card(
+            model,
+            [],
+            data={"data set": "lives and recordings", **model.figures},
+            command=_COMMAND,
+            n_bytes=(folder / "stream.npz").stat().st_size,
+            limits=[_PEOPLE],
+        )
+        write_card(text, folder / "stream.md")
         return {"lives": model.figures, "reject": model.reject, **judged(model, folder), "choices": []}
