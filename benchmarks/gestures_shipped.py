@@ -1,7 +1,7 @@
-"""The shipped models before real people and a radar that they were not made for: mHomeGes and mTransSee (docs/reference/recordings.md).
+"""The shipped models before real strangers: people of mHomeGes and mTransSee (docs/reference/recordings.md).
 
-The default graph, and beside it the networks on streams of slots. These want fourteen clouds a second and more, and the radar gives ten:
-they are also given every cloud twice, 50 ms apart.
+The default graph, and beside it the networks on streams of slots, which learned from others of these people (`benchmarks.stream_real`):
+all figures are of people whom they did not learn from. They are also given every cloud twice, 50 ms apart.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
+
 from benchmarks.gesture_drills import radar
-from benchmarks.gesture_studies import GATES
+from benchmarks.gesture_studies import GATES, files
 from benchmarks.gestures_daily import recordings
-from benchmarks.recordings import folder
-from benchmarks.report import share
+from benchmarks.report import rate, share
+from benchmarks.stream_real import DAILY, FIGURE, OURS
 from radar_core import GESTURES, PointCloud, RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
@@ -30,11 +32,6 @@ from radar_lab.importers.recording import Recording, Segment
 from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
 
 SEGMENTS: Final = 400  # of each data set, spread evenly
-OURS: Final = {
-    **{"circle": "rotate", "pull": "pull", "push": "push", "up": "swipe_up", "down": "swipe_down"},
-    **{"CR": "rotate", "PL": "pull", "PS": "push", "UP": "swipe_up"},
-}
-"""Gestures of the data sets that we know too."""
 _LATE: Final = 500_000_000  # ns: an event may end so long after its segment
 _HALF: Final = 50_000_000  # ns: of the time from cloud to cloud
 
@@ -53,34 +50,58 @@ def verdict(segment: Segment, gestures: list[Gesture]) -> str:
 
 
 def segments(kind: str, limit: int) -> dict[str, Any]:
-    """Shares of the segments in which an event is found, with two configurations, and what the shipped models call them."""
-    recording = open_original(kind, folder() / kind / "segments.npz", limit=limit)
+    """Shares of the segments in which an event is found, with two configurations, and what the shipped models call them.
+
+    ``limit``: so many segments, spread over the people whom no shipped model learned from.
+    """
+    total: Counter[str] = Counter()
+    for person in FIGURE[kind]:
+        for path in files(kind):
+            with np.load(path) as held:
+                own = int((held["subject"] == person).sum())
+            if own:
+                total += _counted(open_original(kind, path, subject=person, limit=min(own, max(limit // len(FIGURE[kind]), 1))))
+    n, known = total["segments"], total["known"]
+    return {
+        "people": list(FIGURE[kind]),
+        "segments": float(n),
+        "with_event": total["with_event"] / n,
+        "with_event_slow_radar": total["with_event_slow_radar"] / n,
+        "known": float(known),
+        **{name: float(total[name]) for name in ("right", "other", "missed")},
+        **share("right_share", total["right"], known),
+        **{
+            key: value
+            for name in ("stream", "stream_twice")
+            for verdicted in ("right", "other")
+            for key, value in share(f"{name}_{verdicted}_share", total[f"{name} {verdicted}"], known).items()
+        },
+    }
+
+
+def _counted(recording: Recording) -> Counter[str]:
+    """Count what became of the segments of one person."""
     mount = recording.info.mount
     slow = EventStage(load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), mount)
-    recogniser, streams, twice = (make(name, recording.info) for name in ("gestures", "stream", "stream"))
-    gestures: list[Gesture] = []
+    recognisers = {name: make("gestures" if not name else "stream", recording.info) for name in ("", "stream", "stream_twice")}
+    named: dict[str, list[Gesture]] = {name: [] for name in recognisers}
     events: list[TrackEvent] = []
-    by_slots: list[Gesture] = []
-    by_slots_twice: list[Gesture] = []
     for cloud in tracked(recording):
-        gestures += recogniser.process(cloud)
         events += slow.process(cloud)
-        by_slots += streams.process(cloud)
-        by_slots_twice += [gesture for one in (cloud, later(cloud)) for gesture in twice.process(one)]
+        for name, recogniser in recognisers.items():
+            for one in (cloud, later(cloud)) if name == "stream_twice" else (cloud,):
+                named[name] += recogniser.process(one)
     found = recording.tally.segments
-    known = [segment for segment in found if segment.label in OURS]
-    verdicts = Counter(verdict(segment, gestures) for segment in known)
-    right = [sum(verdict(segment, own) == "right" for segment in known) for own in (by_slots, by_slots_twice)]
-    return {
-        "segments": float(len(found)),
-        "with_event": sum(any(during(s, g.start_ns, g.end_ns) for g in gestures) for s in found) / len(found),
-        "with_event_slow_radar": sum(any(during(s, e.event.start_ns, e.event.end_ns) for e in events) for s in found) / len(found),
-        "known": float(len(known)),
-        **{name: float(verdicts[name]) for name in ("right", "other", "missed")},
-        **share("right_share", verdicts["right"], len(known)),
-        **share("stream_right_share", right[0], len(known)),
-        **share("stream_twice_right_share", right[1], len(known)),
-    }
+    total = Counter(
+        segments=len(found),
+        with_event=sum(any(during(s, g.start_ns, g.end_ns) for g in named[""]) for s in found),
+        with_event_slow_radar=sum(any(during(s, e.event.start_ns, e.event.end_ns) for e in events) for s in found),
+    )
+    for segment in (one for one in found if one.label in OURS):
+        total["known"] += 1
+        for name, gestures in named.items():
+            total[f"{name} {verdict(segment, gestures)}".strip()] += 1
+    return total
 
 
 def tracked(recording: Recording, limit: int = 0) -> Iterator[TrackedCloud]:
@@ -107,13 +128,16 @@ def later(tracked: TrackedCloud) -> TrackedCloud:
     return TrackedCloud(replace(cloud, stamp_ns=stamp_ns), replace(tracks, stamp_ns=stamp_ns))
 
 
-def daily(limit: int) -> dict[str, float]:
-    """Events a minute of people who make no gesture, with two configurations, and what of it the shipped model calls a gesture."""
+def daily(limit: int) -> dict[str, Any]:
+    """Events a minute of people who make no gesture, with two configurations, and what of it the shipped models call a gesture.
+
+    Of the networks on streams only with people whom they did not learn from.
+    """
     total: Counter[str] = Counter()
-    seconds = 0.0
-    for _, recording in recordings():
+    seconds = strangers = 0.0
+    for person, recording in recordings():
         slow = EventStage(load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml")), recording.info.mount)
-        recogniser = GestureRecognizer(GestureConfig(), load_model(), recording.info.mount)
+        recogniser, streams = GestureRecognizer(GestureConfig(), load_model(), recording.info.mount), make("stream", recording.info)
         stamps = []
         for cloud in tracked(recording, limit):
             stamps.append(cloud.cloud.stamp_ns)
@@ -121,10 +145,15 @@ def daily(limit: int) -> dict[str, float]:
             total["events"] += len(gestures)
             total["named"] += sum(g.label != GESTURES.index("random") for g in gestures)
             total["events_slow_radar"] += len(slow.process(cloud))
+            if person in FIGURE[DAILY]:
+                total["stream"] += sum(g.label != GESTURES.index("random") for g in streams.process(cloud))
         seconds += (stamps[-1] - stamps[0]) * 1e-9
+        strangers += (stamps[-1] - stamps[0]) * 1e-9 * (person in FIGURE[DAILY])
     return {
         "minutes": seconds / 60,
         **{f"{name}_a_minute": total[name] * 60 / seconds for name in ("events", "events_slow_radar", "named")},
+        "stream_minutes": strangers / 60,
+        **rate("stream_named_a_minute", total["stream"], strangers / 60),
     }
 
 

@@ -22,7 +22,6 @@ from benchmarks.gesture_drills import radar
 from benchmarks.gesture_studies import GATES, files
 from benchmarks.gestures_daily import recordings
 from benchmarks.gestures_end_to_end import SEED, Part, joined, level, levelled, read_parts
-from benchmarks.gestures_shipped import OURS
 from benchmarks.stores import digest, once, sources
 from radar_core import GESTURES, PointCloud, RadarInfo
 from radar_gestures.stream.slots import SLOT_NS, SlotStreams, moving
@@ -37,6 +36,11 @@ FIGURE: Final[Mapping[str, tuple[int, ...]]] = {
 }
 """Every third of those who are not in `DEVELOP`, by their numbers; and who of them, or of nobody else's, is in the daily recordings."""
 DEVELOP: Final[Mapping[str, tuple[int, ...]]] = {"mhomeges": (806, 810, 814, 822), "mtranssee": (8, 12, 13, 17)}
+OURS: Final = {
+    **{"circle": "rotate", "pull": "pull", "push": "push", "up": "swipe_up", "down": "swipe_down"},
+    **{"CR": "rotate", "PL": "pull", "PS": "push", "UP": "swipe_up"},
+}
+"""Gestures of the data sets that we know too."""
 SEGMENTS: Final = {"mhomeges": 40, "mtranssee": 20}  # of a person at a distance
 _DRAW: Final = 0x51075
 _LEAST: Final = 10  # slots: shorter sequences teach nothing
