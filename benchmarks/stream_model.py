@@ -31,7 +31,7 @@ from radar_lab.training.stream_training import StreamTraining, fit_lives
 
 LIVES: Final = 420
 LOST: Final = 0.25
-TRAINING: Final = StreamTraining(members=2, passes=36)
+TRAINING: Final = StreamTraining(members=2)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
 _RANDOM: Final = GESTURES[0]

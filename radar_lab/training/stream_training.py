@@ -104,7 +104,7 @@ def fit_lives(
     Parameters
     ----------
     lives : sequence of LifeSlots
-        Numbered from 0; of ``number % 10``, 4 is to choose on, 9 for the figures.
+        Numbered from 0; of ten in a row one is to choose on, and one for the figures; of many lives they hold all kinds of radars.
     config : StreamTraining or None
         None: the defaults.
     lost : float
@@ -120,8 +120,8 @@ def fit_lives(
         As `train_streams`.
     """
     config = config or StreamTraining()
-    choose, measure = ([life for life in lives if life.number % _PARTS == part] for part in (_CHOOSE, _FIGURES))
-    learned = [life for life in lives if life.number % _PARTS not in (_CHOOSE, _FIGURES)]
+    choose, measure = ([life for life in lives if _part(life) == part] for part in (_CHOOSE, _FIGURES))
+    learned = [life for life in lives if _part(life) not in (_CHOOSE, _FIGURES)]
     known = [*(sequence for life in learned for sequence in life.sequences), *more]
     if not choose or not measure or not known:
         raise DataError(f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_PARTS}: simulate more")
@@ -136,6 +136,11 @@ def fit_lives(
     }
     settings = {"needs": dataclasses.asdict(least([life.info for life in learned]))}
     return StreamReport(dataclasses.replace(model, reject=reject, figures=figures, settings=settings), judged)
+
+
+def _part(life: LifeSlots) -> int:
+    """Count a life off; from ten to ten the counting is shifted, since each of four in a row is seen by another kind of radar."""
+    return (life.number - life.number // _PARTS) % _PARTS
 
 
 def least(radars: Sequence[RadarInfo]) -> Needs:

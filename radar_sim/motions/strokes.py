@@ -40,7 +40,7 @@ def _arc(start: float, end: float, *, upwards: bool) -> Path:
 
 
 def _push_pull(u: float) -> Vector:
-    # Out and back overlap, so that the turn is shorter than the 0.2 s of rest that would end the event.
+    # Out and back overlap: the hand turns round without a stop.
     out = minimum_jerk(u / 0.6) - minimum_jerk((u - 0.4) / 0.6)
     return (0.32 + 0.63 * out, 0.0, -0.15 + 0.1 * out)
 

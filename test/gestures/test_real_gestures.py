@@ -173,8 +173,10 @@ def test_recordings_end_with_a_walk_to_the_radar(kind: str) -> None:
 def test_the_shipped_model_before_real_people_is_counted(some: real.RealSet) -> None:
     """Every gesture that we know is right, another, or missed; a minute of each stream gives rates that are finite."""
     found = gestures_shipped.segments("mhomeges", 12)
-    assert found["segments"] == 12
+    assert found["segments"] == 10  # two of each of five people whom no shipped model learned from
     assert found["right"] + found["other"] + found["missed"] == found["known"] > 0
     assert 0.0 <= found["with_event"] <= 1.0
+    assert found["stream_right_share"] + found["stream_other_share"] <= 1.0
     rates = gestures_shipped.daily(100)
     assert rates["named_a_minute"] <= rates["events_a_minute"] < 60
+    assert rates["stream_minutes"] < rates["minutes"]

@@ -17,6 +17,7 @@ from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.needs import Needs, lacks, needs
 from radar_gestures.stream.network import Member, StreamNet
 from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams
+from radar_lab.datasets.life_scenes import KINDS, kind_of
 from radar_lab.datasets.lives import Life, life_columns, life_path, manifest
 from radar_lab.datasets.samples import open_folder, write_chunk
 from radar_lab.evaluation.scoring import TruthSegment
@@ -32,7 +33,7 @@ from radar_lab.training.slot_sequences import (
     varied,
 )
 from radar_lab.training.stream_figures import Judged, StrokeEvent, as_text, choose_limit, figures_of, judge, spans
-from radar_lab.training.stream_training import StreamTraining, fit_lives, least, train_stream_net, train_streams
+from radar_lab.training.stream_training import StreamTraining, _part, fit_lives, least, train_stream_net, train_streams
 from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 S = 1_000_000_000
@@ -176,7 +177,7 @@ def made_lives(n, seed=5):
     """Lives of one person each, who pushes or pulls three times within 100 slots."""
     rng, lives = np.random.default_rng(seed), []
     for number in range(n):
-        kind = (PUSH, PULL)[(number + number // 10) % 2]  # both of those that networks learn from, choose on and are measured on
+        kind = (PUSH, PULL)[number // 2 % 2]  # both of those that networks learn from, choose on and are measured on
         sequence = pattern(kind, 100, rng)
         strokes = tuple(TruthSegment(1, kind, first * SLOT_NS, (first + 8) * SLOT_NS) for first in range(10, 80, 30))
         lives.append(LifeSlots(number, ("design", "tinyrad")[number // 20 % 2], RadarInfo(), 5.0 / 60.0, strokes, (sequence,)))
@@ -329,6 +330,14 @@ def test_a_network_needs_what_the_poorest_radar_of_its_training_gave():
     assert not both.elevation
     assert isinstance(both, Needs)
     assert lacks(both, design) == lacks(both, tiny) == ()
+
+
+def test_lives_to_choose_on_and_for_figures_are_seen_by_all_kinds_of_radars():
+    """Of 420: a tenth each, and of each kind at least an eighth of them."""
+    for part in (4, 9):
+        own = [n for n in range(420) if _part(LifeSlots(n, kind_of(n), RadarInfo(), 0.5, (), ())) == part]
+        assert len(own) == 42
+        assert all(sum(kind_of(n) == kind for n in own) > 42 / 8 for kind in KINDS)
 
 
 def moving_life(number):
