@@ -26,6 +26,7 @@ from radar_core.config import plain
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
+from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
@@ -75,9 +76,9 @@ class Scored:
     times_ms: tuple[float, ...] = ()
 
 
-def shipped(info: RadarInfo, model: str = "gestures") -> Recognizer:
+def shipped(info: RadarInfo, model: str = AUTO) -> Recognizer:
     """Make a recogniser with a model of ours, by its name; as it is by default."""
-    chosen = load_model(model)
+    chosen = load_model(suited_model(model, info))
     return make_recognizer(config_for(chosen.settings, GestureConfig()), chosen, info)
 
 
@@ -248,9 +249,11 @@ CHOICES: Final[Mapping[str, Graph]] = {
     "default": Graph(),
     "people": Graph(baseband="people"),
     "group_clustering": Graph(tracking=TrackerConfig(tracker="group_clustering")),
+    "gestures": Graph(make=functools.partial(shipped, model="gestures")),
     "stream": Graph(make=functools.partial(shipped, model="stream")),
 }
-"""By name: the default graph, the preset of the baseband, the thesis's tracker, and the networks on streams of slots."""
+"""By name: the default graph, the preset of the baseband, the thesis's tracker, the thirteen features and the networks on streams of slots
+before every radar."""
 
 
 def measure(store: RoomStore, seeds: Sequence[int], seconds: float, folder: Path, graph: Graph | None = None) -> list[Scored]:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
 _FITS = "the radar gives what the gesture model that comes with Handwave needs"
+_OTHER = "the radar gives less than the thirteen features need, so gestures are named slot by slot (gestures.model: auto takes stream):"
 _STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
 
 
@@ -190,7 +191,7 @@ def probe(
     source: Source = chosen.source(load(chosen.config, nest(given), "--set"))
     with progress_bar(f"listening to {board}", quiet=as_json, transient=True) as progress:
         found = listen(source, duration, config=limits, progress=progress)
-    lacking = lacks(needs(load_model()), source.info)
+    lacking = lacks(needs(load_model("gestures")), source.info)
     if as_json:
         told = ("value", "unit", "text", "advice")
         checks = [{"check": c.name, "verdict": c.verdict.value, **{key: getattr(c, key) for key in told}} for c in found.checks]
@@ -198,7 +199,7 @@ def probe(
         print(json.dumps(said, default=str))
     else:
         _show(board, found)
-        print("\n  ".join(["the gesture model that comes with Handwave was made for another radar:", *lacking]) if lacking else _FITS)
+        print("\n  ".join([_OTHER, *lacking]) if lacking else _FITS)
     raise typer.Exit(_STATUS[found.verdict.value])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import handwave.msg
@@ -19,6 +20,7 @@ from radar_gestures.classifiers.model import Classifier, model_of
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning
+from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import GestureConfig, TrackEvent, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
@@ -34,21 +36,35 @@ from radar_tracking.zones.area import Area
 _MODELS_OWN: Final = ("features", "events", "maps", "margin")  # knobs of `GestureConfig` that a model says itself
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Pending:
+    """What the node works with once nobody refuses it: what was chosen, and what became of it."""
+
+    chosen: dict[str, str]
+    name: str | Path
+    model: Classifier
+    config: GestureConfig
+    recognizer: Recognizer
+
+
 class GesturesNode(StageNode):
     """Recognises the arm gestures of every tracked person."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("gestures", **kwargs)
         model = declare(
-            self, "model", "gestures", "gesture model: a file, or one of ours by name; brings its own features", changeable=True
-        )
+            self, "model", AUTO,
+            "gesture model: a file, one of ours by name, or auto: the one of ours that suits the radar; brings its own features",
+            changeable=True,
+        )  # fmt: skip
         person = declare(self, "person", "", "who is there, of those enrolled in the model; empty: anybody", changeable=True)
-        self._model = _ready(model, person)
+        self._name = suited_model(model, None)
+        self._model = _ready(self._name, person)
         base = config_for(self._model.settings, GestureConfig())
         self._config = declare_config(self, GestureConfig, changeable=_changeable, base=base)
         Activation(self._config.activation, vocabulary(self._model.labels))  # refuse it now, not with the first cloud
         self._chosen = {"model": model, "person": person}
-        self._pending: tuple[dict[str, str], Classifier, GestureConfig, Recognizer] | None = None
+        self._pending: _Pending | None = None
         self._adopting = False
         self._lacks = ""  # what the radar does not give of what the model needs
         self.add_on_set_parameters_callback(self._check)
@@ -69,12 +85,15 @@ class GesturesNode(StageNode):
         self.commands.add(self.create_subscription(handwave.msg.ZoneArray, "zones", self._take_zones, qos.LATCHED).topic_name)
 
     def _configure(self, info: RadarInfo) -> None:
-        self._recognizer = make_recognizer(self._config, self._model, info)
-        self._compare(info)
+        if suited_model(self._chosen["model"], info) == self._name:
+            self._recognizer = make_recognizer(self._config, self._model, info)
+            self._compare(info)
+        else:
+            self._adopt(self._prepared(self._chosen, info), info)
 
     def _compare(self, info: RadarInfo) -> None:
         """Say once what the radar does not give of what the model needs."""
-        said, self._lacks = self._lacks, warning(lacks(needs(self._model), info), self._chosen["model"])
+        said, self._lacks = self._lacks, warning(lacks(needs(self._model), info), str(self._name))
         if self._lacks and self._lacks != said:
             self.get_logger().warning(self._lacks)
 
@@ -91,21 +110,22 @@ class GesturesNode(StageNode):
             if wrong := [name for name, value in given.items() if not isinstance(value, str)]:
                 raise ConfigError(f"{', '.join(wrong)}: give a name")
             if given:
-                self._pending = self._prepared(self._chosen | given)
+                self._pending = self._prepared(self._chosen | given, self._info.info)
         except HandwaveError as error:
             self.get_logger().error(f"refused {given or foreign}: {error}")
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _prepared(self, chosen: dict[str, str]) -> tuple[dict[str, str], Classifier, GestureConfig, Recognizer]:
-        model, usual = _ready(**chosen), GestureConfig()
+    def _prepared(self, chosen: dict[str, str], info: RadarInfo | None) -> _Pending:
+        name, usual = suited_model(chosen["model"], info), GestureConfig()
+        model = _ready(name, chosen["person"])
         bare = dataclasses.replace(self._config, **{name: getattr(usual, name) for name in _MODELS_OWN})
         config = config_for(model.settings, bare)
-        return chosen, model, config, make_recognizer(config, model, self._info.info)
+        return _Pending(chosen, name, model, config, make_recognizer(config, model, info))
 
     def _activate(self, wanted: ActivationConfig) -> Callable[[], None]:
         """Check that a gesture wakes which the model knows; see `on_change`."""
-        model = self._model if self._pending is None else self._pending[1]
+        model = self._model if self._pending is None else self._pending.model
         activation = Activation(wanted, vocabulary(model.labels))
 
         def place() -> None:
@@ -117,19 +137,22 @@ class GesturesNode(StageNode):
 
     def _put_in_place(self, _: Sequence[Any]) -> None:
         """Work with the model that was prepared, and show its features among the parameters."""
-        if self._pending is None or self._adopting:
-            return
-        (self._chosen, self._model, self._config, recognizer), self._pending = self._pending, None
-        if self._info.info is not None:
-            self._recognizer = recognizer
-            self._compare(self._info.info)
+        if self._pending is not None and not self._adopting:
+            pending, self._pending = self._pending, None
+            self._adopt(pending, self._info.info)
+
+    def _adopt(self, pending: _Pending, info: RadarInfo | None) -> None:
+        self._chosen, self._name, self._model, self._config = pending.chosen, pending.name, pending.model, pending.config
+        if info is not None:
+            self._recognizer = pending.recognizer
+            self._compare(info)
         values = {name: value for name, value in flat(self._config).items() if _comes_with_model(name)}
         self._adopting = True
         try:
             self.set_parameters([Parameter(name, value=value) for name, value in values.items() if self.has_parameter(name)])
         finally:
             self._adopting = False
-        self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._chosen['model']} from now on")
+        self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._name} from now on")
 
     def _take_zones(self, msg: Any) -> None:
         self._zones = areas_from_msg(msg)
@@ -167,7 +190,7 @@ class GesturesNode(StageNode):
         return {f"last_gesture{key}": value for key, value in about.items()} | told, []
 
 
-def _ready(model: str, person: str) -> Classifier:
+def _ready(model: str | Path, person: str) -> Classifier:
     """Read a model, and compile it now, not at the end of the first gesture."""
     chosen = model_of(model, person)
     chosen.probabilities(np.zeros(len(chosen.names)))

@@ -7,12 +7,14 @@ import dataclasses
 import pytest
 
 from radar_core import AntennaArray, ConfigError, RadarInfo
-from radar_core.config import load_file, plain
+from radar_core.config import load, load_file, plain
 from radar_core.paths import find_config
+from radar_driver.tinyrad.config import TinyRadConfig
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FeatureConfig
 from radar_gestures.needs import Needs, lacks, needs, warning
+from radar_gestures.presets import suited_model
 from radar_gestures.stage import GestureConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig
 
@@ -71,6 +73,17 @@ def test_settings_that_are_none_are_refused():
 
 
 def test_a_pipeline_says_so_in_one_line():
-    info = dataclasses.replace(DESIGN, array=ROW)
-    assert Pipeline(info, PipelineConfig()).warning == warning(lacks(needs(load_model()), info), "gestures")
-    assert "gestures was made for another radar: the radar tells no elevation" in Pipeline(info).warning
+    info, named = dataclasses.replace(DESIGN, array=ROW), load(PipelineConfig, {"gestures": {"model": "gestures"}})
+    assert Pipeline(info, named).warning == warning(lacks(needs(load_model()), info), "gestures")
+    assert "gestures was made for another radar: the radar tells no elevation" in Pipeline(info, named).warning
+
+
+def test_the_model_that_suits_a_radar_is_taken():
+    """The thirteen features where the radar gives all that they need or nobody knows it yet, networks on streams before every other."""
+    assert suited_model("auto", None) == suited_model("auto", DESIGN) == "gestures"
+    poor = (dataclasses.replace(DESIGN, array=ROW), waved(n_chirp=8), TinyRadConfig(calibrate=False).info())
+    for info in poor:
+        assert suited_model("auto", info) == "stream"
+        assert suited_model("mine.npz", info) == "mine.npz"
+        assert suited_model("gestures", info) == "gestures"
+        assert Pipeline(info).warning == warning(lacks(needs(load_model("stream")), info), "stream")

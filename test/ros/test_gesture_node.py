@@ -30,6 +30,7 @@ from radar_gestures.make import make_recognizer
 from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import EventStage, feature_settings
 from radar_gestures.stream.network import Member, StreamNet
+from radar_gestures.stream.recognizer import StreamRecognizer
 from radar_gestures.stream.slots import NAMES
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_to_msg, from_time, info_to_msg
@@ -353,6 +354,28 @@ def test_a_radar_that_lacks_what_the_model_needs_is_named(ros, tmp_path):
     assert not warnings  # the graph runs as it should
     bench.node._configure(INFO)
     assert "radar_lacks" not in bench.node.extra_diagnostics()[0]
+
+
+def test_the_model_that_suits_the_radar_is_taken(ros, tmp_path):
+    """Thirteen features for the design's radar, networks on streams for one without elevation, a file once it is set."""
+    save_model(sign_model(), tmp_path / "model.npz")
+    node = ros.add(radar_ros.nodes.gestures.make_node(namespace="other"))
+    assert (node.get_parameter("model").value, str(node._name)) == ("auto", "gestures")
+    node._configure(INFO)
+    assert isinstance(node._recognizer, GestureRecognizer)
+    row = dataclasses.replace(INFO, array=dataclasses.replace(INFO.array, tx=((0.0, 0.0), (0.0038, 0.0)), rx=((0.0, 0.0), (0.0019, 0.0))))
+    node._configure(row)
+    assert isinstance(node._recognizer, StreamRecognizer)
+    assert (node.get_parameter("model").value, str(node._name)) == ("auto", "stream")
+    node._info.accept(row)
+    file = str(tmp_path / "model.npz")
+    (done,) = node.set_parameters([Parameter("model", value=file)])
+    assert done.successful
+    assert isinstance(node._recognizer, GestureRecognizer)
+    assert str(node._name) == file
+    (done,) = node.set_parameters([Parameter("model", value="auto")])
+    assert done.successful
+    assert isinstance(node._recognizer, StreamRecognizer)
 
 
 def test_when_gestures_count_is_set_while_it_runs(ros, tmp_path):
