@@ -176,7 +176,7 @@ def test_the_shipped_model_before_real_people_is_counted(some: real.RealSet) -> 
     assert found["segments"] == 10  # two of each of five people whom no shipped model learned from
     assert found["right"] + found["other"] + found["missed"] == found["known"] > 0
     assert 0.0 <= found["with_event"] <= 1.0
-    assert found["stream_right_share"] + found["stream_other_share"] <= 1.0
+    assert found["features_right_share"] + found["features_other_share"] <= 1.0
     rates = gestures_shipped.daily(100)
-    assert rates["named_a_minute"] <= rates["events_a_minute"] < 60
-    assert rates["stream_minutes"] < rates["minutes"]
+    assert rates["features_named_a_minute"] <= rates["features_events_a_minute"] < 60
+    assert rates["strangers_minutes"] < rates["minutes"]
