@@ -1,7 +1,7 @@
 """The shipped models before real strangers: people of mHomeGes and mTransSee (docs/reference/recordings.md).
 
-The default graph, which takes the networks on streams of slots before such a radar, and beside it the thirteen features. The networks learned
-from other people of these data sets (`benchmarks.stream_real`): all figures are of people whom no shipped model learned from.
+The default graph, which takes the networks on streams of slots before such a radar, and beside it the thirteen features. The networks
+learned from other people of these data sets (`benchmarks.stream_real`): all figures are of people whom no shipped model learned from.
 """
 
 from __future__ import annotations
