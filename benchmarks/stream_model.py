@@ -30,7 +30,7 @@ from radar_lab.training.stream_figures import spans
 from radar_lab.training.stream_training import StreamTraining, fit_lives
 
 LIVES: Final = 420
-LOST: Final = 0.25
+LOST: Final = 0.35
 TRAINING: Final = StreamTraining(members=2)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
