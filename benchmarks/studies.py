@@ -87,7 +87,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "living": Study("living", keep="living"),
     "load_steps": Study("load_steps"),
     "machines": Study("machines"),
-    "motion_speeds": Study("motion_speeds", RECORDED),
+    "motion_speeds": Study("motion_speeds"),
     "one_channel": Study("one_channel"),
     "one_channel_real": Study("one_channel --real", RECORDED),
     "people_real": Study("people_real", RECORDED),
