@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from slot_clouds import INFO, STEP, one_slot, person, tracked
 
-from radar_core import GESTURES, ConfigError, DataError, PointCloud, Pose, RadarInfo, merge
+from radar_core import GESTURES, ConfigError, DataError, Pose, merge
 from radar_core.paths import find_config, share_dir
 from radar_gestures import load_model, save_model
 from radar_gestures.make import make_recognizer
@@ -21,31 +22,9 @@ from radar_gestures.stream.network import Block, Member, Memory, StreamNet
 from radar_gestures.stream.recognizer import StreamRecognizer
 from radar_gestures.stream.slots import FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams, spread
 from radar_lab.training.operations import operations
-from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
+from radar_tracking.tracks import TrackedCloud, TrackStatus
 
-INFO = RadarInfo()
 PUSH = GESTURES.index("push")
-STEP = 20_000_000  # ns
-
-
-def person(track_id=1, position=(2.0, 0.0, 1.0), velocity=(0.0, 0.0, 0.0), status=TrackStatus.CONFIRMED):
-    return Track(track_id, status, 1.0, 0.0, 6, np.array(position), np.array(velocity), np.full(3, 0.2), np.eye(6))
-
-
-def tracked(stamp_ns, people, points):
-    """Points (owner, x, y, z, range rate, SNR) in ``room``."""
-    rows = np.array(points, np.float64).reshape(-1, 6)
-    x, y, z, speed, snr = rows[:, 1:].T.astype(np.float32).copy()
-    cloud = PointCloud(stamp_ns, stamp_ns // STEP, "room", x, y, z, radial_speed=speed, snr=snr)
-    return TrackedCloud(cloud, Tracks(stamp_ns, cloud.sequence, "room", tuple(people), rows[:, 0].astype(np.int32)))
-
-
-def one_slot(people, points, info=INFO):
-    """The features of a slot that holds one cloud."""
-    streams = SlotStreams(info)
-    assert not streams.process(tracked(0, people, points))
-    (slot,) = streams.process(tracked(SLOT_NS, people, []))
-    return slot.features
 
 
 def at(name):

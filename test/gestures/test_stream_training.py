@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import typer
+from slot_clouds import one_slot, person
 from small_sets import stroke_clouds
 from typer.testing import CliRunner
 
@@ -16,7 +17,7 @@ from radar_driver.tinyrad.config import TinyRadConfig
 from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.needs import Needs, lacks, needs
 from radar_gestures.stream.network import Member, StreamNet
-from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams
+from radar_gestures.stream.slots import ELEVATION, FRESH, NAMES, SLOT_NS, SPEEDS
 from radar_lab.datasets.life_scenes import KINDS, kind_of
 from radar_lab.datasets.lives import Life, life_columns, life_path, manifest
 from radar_lab.datasets.samples import open_folder, write_chunk
@@ -34,28 +35,11 @@ from radar_lab.training.slot_sequences import (
 )
 from radar_lab.training.stream_figures import Judged, StrokeEvent, as_text, choose_limit, figures_of, judge, spans
 from radar_lab.training.stream_training import StreamTraining, _part, fit_lives, least, train_stream_net, train_streams
-from radar_tracking.tracks import Track, TrackedCloud, Tracks, TrackStatus
 
 S = 1_000_000_000
 PUSH, PULL, RIGHT, LEFT = (GESTURES.index(name) for name in ("push", "pull", "swipe_right", "swipe_left"))
 AZIMUTH, SIDE, HEIGHT = NAMES.index("azimuth"), NAMES.index("side at 1"), NAMES.index("height at 0")
 QUICK = StreamTraining(width=12, dilations=(1, 2, 4), delay=4, passes=30, batch=4, length=64, dropout=0.0, learning_rate=2e-2)
-
-
-def person(position):
-    return Track(1, TrackStatus.CONFIRMED, 1.0, 0.0, 6, np.array(position), np.zeros(3), np.full(3, 0.2), np.eye(6))
-
-
-def one_slot(people, points, info):
-    """The features of a slot that holds one cloud of points (owner, x, y, z, range rate, SNR) in ``room``."""
-    streams, slots = SlotStreams(info), []
-    for number, rows in enumerate((points, [])):
-        table = np.array(rows, np.float64).reshape(-1, 6)
-        x, y, z, speed, snr = table[:, 1:].T.astype(np.float32).copy()
-        cloud = PointCloud(number * SLOT_NS, number, "room", x, y, z, radial_speed=speed, snr=snr)
-        tracks = Tracks(cloud.stamp_ns, number, "room", tuple(people), table[:, 0].astype(np.int32))
-        slots += streams.process(TrackedCloud(cloud, tracks))
-    return slots[0].features
 
 
 def truth(segments, places, n=60, step=SLOT_NS):

@@ -12,7 +12,7 @@ from radar_sim.bodies.base import LEG
 from radar_sim.bodies.skeleton import Skeleton
 from radar_sim.bodies.subject import Subject
 from radar_sim.motions.script import Timeline
-from radar_sim.people import VARIANTS, Action, Draw, Person, Reach, Variation, Walk
+from radar_sim.people import VARIANTS, Action, Draw, Moves, Person, Reach, Variation, Walk
 
 FIELDS = ("place", "heading", "hands", "feet", "pelvis", "trunk", "head", "breath")
 
@@ -111,6 +111,16 @@ def test_holds_and_stays_of_no_time():
     timeline = Timeline(Person(script=script), 0)
     assert all(s.end > s.start for s in timeline.segments)
     assert finite(timeline, [s.start for s in timeline.segments])
+
+
+@pytest.mark.parametrize(("speed", "pause"), [((0.05, 0.05), (5.0, 5.0)), ((5.0, 5.0), (0.0, 0.0)), ((0.05, 5.0), (0.0, 5.0))])
+def test_the_slowest_and_the_fastest_moves(speed, pause):
+    """Hands that crawl or dash, with no pause or a long one, through all kinds of steps: no segment without length, nothing infinite."""
+    steps = (Action(gesture="push"), Action(gesture="wave"), Action(fidget=3.0), Action(stand=1.0), Action(sit=0.5), Action(gesture="pull"))
+    moves = Moves(speed=speed, pause=pause)
+    timeline = Timeline(Person(script=(*steps, Action(rise=0.0), Action(stand=0.0)), moves=moves), 0)
+    assert all(s.end > s.start for s in timeline.segments)
+    assert finite(timeline, np.linspace(0.0, timeline.end, 400))
 
 
 def test_a_thousand_steps():
