@@ -114,7 +114,7 @@ class Variation:
 class Moves:
     """How fast a person's hands go between gestures, and how long they wait: each is drawn anew between two bounds.
 
-    The usual bounds: people at a table who reach for a glass at their own speed are at 0.6 m/s at most (Alt Murphy et al. 2011), and
+    The usual bounds: hands that reach for a glass at their own speed have peaks of about 0.6 m/s (Alt Murphy et al. 2011), and
     machines are guarded against hands of 2 m/s (ISO 13855:2010). Gestures may follow one another without a hold between (Kita et al. 1998).
     """
 
