@@ -59,6 +59,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_crowds": Study("gesture_crowds", keep="gesture_streams"),
     "gesture_fusion": Study("gesture_fusion"),
     "gesture_knobs": Study("gesture_knobs"),
+    "gesture_ladder": Study("gesture_ladder", keep="gesture_ladder"),
     "gesture_model": Study("gesture_model"),
     "gesture_motion": Study("gesture_motion", LONG, keep="gesture_motion"),
     "gesture_networks": Study("gesture_networks", keep="gesture_tables"),

@@ -123,7 +123,7 @@ def life_path(folder: Path, number: int) -> Path:
 
 
 def _write_life(folder: Path, seed: int, number: int) -> None:
-    life = simulate_life(number, np.random.default_rng([_STREAM + seed, number]))
+    life = simulate_life(number, _draws(number, seed))
     if life is not None:
         write_chunk(life_path(folder, number), life_columns(life), compressed=True)
 
@@ -132,6 +132,18 @@ def simulate_life(number: int, rng: np.random.Generator) -> Life | None:
     """Draw a life and simulate it up to its clouds; None: thirty draws gave no possible scene, which is left out."""
     drawn = _possible(number, rng)
     return None if drawn is None else record_life(number, *drawn, rng)
+
+
+def scene_of(number: int, seed: int = 1) -> Scene:
+    """Draw the scene of a life that `generate_lives` simulated with that seed. Raises `DataError` when there is no such life."""
+    drawn = _possible(number, _draws(number, seed))
+    if drawn is None:
+        raise DataError(f"life {number} of seed {seed} was left out: {_TRIES} draws gave no possible scene")
+    return drawn[0]
+
+
+def _draws(number: int, seed: int) -> np.random.Generator:
+    return np.random.default_rng([_STREAM + seed, number])
 
 
 def _possible(number: int, rng: np.random.Generator) -> tuple[Scene, Simulator] | None:

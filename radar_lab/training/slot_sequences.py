@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -111,21 +111,36 @@ def _read(path: Path) -> LifeSlots:
         return slots_of(read_life(path))
 
 
-def slots_of(life: Life) -> LifeSlots:
-    """Run the default tracker over a life, and label the slots of its tracks."""
-    sequences = tuple(_sequence(life, slots) for slots in _streams(life) if len(slots) >= _LEAST)
+def slots_of(life: Life, followed: Iterable[TrackedCloud] | None = None) -> LifeSlots:
+    """Label the slots of a life's tracks.
+
+    Parameters
+    ----------
+    life : Life
+        Who was where, and what they performed.
+    followed : iterable of TrackedCloud or None
+        Its clouds in ``room``, and whose their points are; None: as the default tracker says.
+    """
+    streams = _streams(life.info, _tracked(life) if followed is None else followed)
+    sequences = tuple(_sequence(life, slots) for slots in streams if len(slots) >= _LEAST)
     minutes = (life.clouds[-1].stamp_ns - life.clouds[0].stamp_ns) / 60e9
     return LifeSlots(life.number, life.kind, life.info, minutes, life.segments, sequences)
 
 
-def _streams(life: Life) -> list[list[Slot]]:
-    """Slots of each track and sensor, parted where nothing is known of what was before."""
-    tracker, streams = make_tracker(TrackerConfig(), life.info), SlotStreams(life.info)
-    parts: list[list[Slot]] = []
-    last: dict[tuple[int, str], list[Slot]] = {}
+def _tracked(life: Life) -> Iterator[TrackedCloud]:
+    tracker = make_tracker(TrackerConfig(), life.info)
     for cloud in life.clouds:
         room = cloud.to_room(life.info.mount)
-        for slot in streams.process(TrackedCloud(room, tracker.process(room))):
+        yield TrackedCloud(room, tracker.process(room))
+
+
+def _streams(info: RadarInfo, followed: Iterable[TrackedCloud]) -> list[list[Slot]]:
+    """Slots of each track and sensor, parted where nothing is known of what was before."""
+    streams = SlotStreams(info)
+    parts: list[list[Slot]] = []
+    last: dict[tuple[int, str], list[Slot]] = {}
+    for tracked in followed:
+        for slot in streams.process(tracked):
             key = (slot.track_id, slot.sensor)
             if slot.begins or key not in last:
                 last[key] = []

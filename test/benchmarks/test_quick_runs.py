@@ -15,14 +15,16 @@ ROOT = Path(__file__).resolve().parents[2]
 # No choices to compare:
 FIGURES_ONLY = {
     "approaches", "board_gestures", "calibrate_array",
-    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gesture_motion",
+    "chain", "doctor", "faults", "fuzz", "gesture_comparison", "gesture_ladder", "gesture_motion",
     "gestures_end_to_end", "gestures_people", "gestures_shipped", "graph_costs",
     "hand_losses", "hand_noise", "house", "living", "load_steps", "machines", "motion_speeds", "newcomer", "one_channel",
     "person_odds", "stream_model", "probe", "ptp", "recorded_echoes", "soak", "vertex_rcs", "vital",
 }  # fmt: skip
 
 # Half a minute and more each, on a slow machine: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
-BY_HAND = {"budget", "stream_model", "gesture_model", "gesture_rooms", "gestures", "graph_costs", "load_steps", "tracking", "waveforms"}
+BY_HAND = {
+    "budget", "stream_model", "gesture_ladder", "gesture_model", "gesture_rooms", "gestures", "graph_costs", "load_steps", "tracking", "waveforms",
+}  # fmt: skip
 
 
 def machines(found):

@@ -211,3 +211,12 @@ def test_a_number_without_a_possible_scene_is_left_out(monkeypatch):
 
     monkeypatch.setattr(lives, "life_scene", never)
     assert lives.simulate_life(0, np.random.default_rng(1)) is None
+    with pytest.raises(DataError, match="life 0 of seed 1"):
+        lives.scene_of(0)
+
+
+def test_the_scene_of_a_life_can_be_drawn_again(monkeypatch):
+    monkeypatch.setattr(lives, "record_life", lambda number, scene, simulator, rng: scene)
+    scene = lives.simulate_life(3, lives._draws(3, 5))
+    assert lives.scene_of(3, 5) == scene
+    assert lives.scene_of(3, 6) != scene
