@@ -43,7 +43,7 @@ from radar_lab.training.stream_training import StreamTraining, train_stream_net
 from radar_sim import Scene
 from radar_sim.bodies.base import BONES, Pose
 from radar_sim.world import World
-from radar_tracking import TrackedCloud, TrackerConfig, make_tracker
+from radar_tracking import TrackedCloud
 from radar_tracking.tracks import Track, Tracks, TrackStatus
 
 STEPS: Final = ("tracker", "places", "bodies")
@@ -55,7 +55,7 @@ TRAINING: Final = StreamTraining(members=1, passes=30)
 _SEED: Final = 1  # of the lives
 _SPAN: Final = 4e-3  # s: range rates are of so long
 _STRONG: Final = 20.0  # dB, of everything 2 m away
-_LIMITS: Final = np.arange(0.0, 1.0, 0.01)
+_LIMITS: Final = np.round(np.arange(0.0, 1.0, 0.01), 2)
 _SOURCES: Final = ("radar_core", "radar_sim", "radar_tracking", "radar_gestures/stream", "radar_lab/training", "radar_lab/datasets")
 _ARM: Final = [[BONES.index(f"{bone}_{side}") for bone in ("upperarm", "lowerarm", "hand")] for side in "lr"]
 
@@ -120,10 +120,9 @@ def _single(values: Float64Array) -> Float32Array:
 
 def steps_of(life: Life, scene: Scene) -> dict[str, LifeSlots]:
     """Give the slots of a life, whose clouds are in ``room``, for each of `STEPS`."""
-    tracker = make_tracker(TrackerConfig(), life.info)
     bodies = of_bodies(life, scene)
     return {
-        "tracker": slots_of(life, (TrackedCloud(cloud, tracker.process(cloud)) for cloud in life.clouds)),
+        "tracker": slots_of(life),
         "places": slots_of(life, _known(life)),
         "bodies": slots_of(bodies, _known(bodies)),
     }
