@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
-import numpy as np
-
 from benchmarks.hand_limit import HAND, LEVEL, SHARE, detectable_level
 from benchmarks.report import Panel, rate_interval, share, timed
 from benchmarks.room_scenes import DEVELOP, NAMED, room
@@ -28,6 +26,7 @@ from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import GestureConfig, config_for
+from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.evaluation.matching import Matching
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Person, Simulator
@@ -38,7 +37,6 @@ NEAR: Final = (0.8, 1.7)  # m
 TURNED: Final = (math.radians(30.0), math.radians(45.0))
 TI: Final = ("xwr18xx", "xwr68xx")
 _RANDOM: Final = GESTURES.index("random")
-_DRAWS: Final = 1000  # of rooms, for an interval
 Fate = Literal["right", "other name", "called random", "no event", "no track"]
 Recogniser = Callable[[RadarInfo], Recognizer]
 
@@ -227,13 +225,10 @@ def summary(rooms: Sequence[Scored]) -> dict[str, Any]:
     return found | {"by": breakdown(strokes)}
 
 
-def by_rooms(right: Sequence[Sequence[bool]], seed: int = 0) -> list[float] | None:
+def by_rooms(right: Sequence[Sequence[bool]]) -> list[float] | None:
     """95 % interval of a pooled share, by drawing as many rooms anew; None without strokes."""
-    sums = np.array([(sum(own), len(own)) for own in right], np.float64).reshape(-1, 2)
-    rng = np.random.default_rng(seed)
-    drawn = [sums[rng.integers(0, len(sums), len(sums))].sum(0) for _ in range(_DRAWS)] if len(sums) else []
-    shares = [part / whole for part, whole in drawn if whole]
-    return [float(value) for value in np.quantile(shares, (0.025, 0.975))] if shares else None
+    ends = ratio_interval([sum(own) for own in right], [len(own) for own in right])
+    return None if ends is None else list(ends)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from benchmarks.report import AbsentError, choices, measure
 from benchmarks.stores import digest, once, sources
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.inputs import InputMaker
+from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.training.curve_training import remember
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.tuning import TuningConfig, tune
@@ -34,7 +35,6 @@ DEVELOPMENT: Final = {"mtranssee": tuple(range(9, 20)), "mhomeges": (806, 810, 8
 """People on whom tuning was chosen; those of mTransSee are in no figure."""
 COUNTS: Final = (3, 5)  # samples of each gesture
 DRAWS: Final = 2  # of samples of each person
-_BOOTSTRAPS: Final = 2000
 _STREAM: Final = 0xE17
 
 
@@ -56,7 +56,7 @@ def draw(number: NDArray[np.int64], rows: NDArray[np.int64], count: int, rng: np
     return np.concatenate([rng.permutation(part)[:count] for part in own])
 
 
-def ratio(errors: Sequence[Errors], kind: str, seed: int = 1) -> tuple[float, list[float]]:
+def ratio(errors: Sequence[Errors], kind: str) -> tuple[float, tuple[float, float] | None]:
     """Errors after over errors before, pooled, and its 95 % interval by a bootstrap over people; ``kind``: "" or "_gestures"."""
     people = sorted({one.person for one in errors})
     table = np.array(
@@ -65,11 +65,8 @@ def ratio(errors: Sequence[Errors], kind: str, seed: int = 1) -> tuple[float, li
             for person in people
         ]
     )
-    rng = np.random.default_rng(seed)
-    drawn = table[rng.integers(len(people), size=(_BOOTSTRAPS, len(people)))].sum(axis=1)
-    low, high = np.quantile(drawn[:, 1] / np.maximum(drawn[:, 0], 1), (0.025, 0.975))
     before, after = table.sum(axis=0)
-    return float(after / max(before, 1)), [float(low), float(high)]
+    return float(after / max(before, 1)), ratio_interval(*table.T[::-1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

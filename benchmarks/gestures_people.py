@@ -22,6 +22,7 @@ from benchmarks.report import matrix
 from benchmarks.stores import digest, once, sources
 from radar_core import ConfigError, DataError
 from radar_gestures.inputs import InputMaker
+from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.training.networks import CurveTraining
 from radar_lab.training.validation import Mask, Validation, cross_validate, leave_subjects_out
 
@@ -31,7 +32,6 @@ OTHERS: Final = {"mtranssee": "mhomeges"}
 looked at on fold 7 of mTransSee (people 10 and 15) before the figure."""
 SPLITS: Final = {"held_out": "subjects", "random": "random"}
 """Parts of the study: two people at a time are left out of the training, or a random fifth of the samples."""
-_BOOTSTRAPS: Final = 2000
 REACH: Final = 0.8  # m: body and arms are that near the distance that the data set states
 FEWEST: Final = 6  # detections of a person in a whole segment; medians are above 60 everywhere
 
@@ -126,15 +126,13 @@ def validate(made: Study, folds: Sequence[Mask], split: str, part: Fold, others:
     return cross_validate(made.data.number, made.data.person, folds, judge, labels=made.data.labels, split=split)
 
 
-def by_people(validation: Validation, seed: int = 1) -> dict[str, Any]:
+def by_people(validation: Validation) -> dict[str, Any]:
     """Give the accuracy of each person, and the 95 % interval of that of all by a bootstrap over people."""
     right = validation.probabilities.argmax(axis=-1) == validation.label
     people = np.unique(validation.person)
     table = np.array([[right[validation.person == who].sum(), (validation.person == who).sum()] for who in people], np.float64)
-    drawn = table[np.random.default_rng(seed).integers(len(people), size=(_BOOTSTRAPS, len(people)))].sum(axis=1)
-    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
     share = {str(who): float(own / n) for who, (own, n) in zip(people, table, strict=True)}
-    return {"interval": [float(low), float(high)], "people": share}
+    return {"interval": list(ratio_interval(*table.T) or ()), "people": share}
 
 
 def one_set(name: str, made: Study, split: str, folds: int, quick: bool, part: Fold, others: Study | None) -> dict[str, Any]:

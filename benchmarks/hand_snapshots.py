@@ -15,6 +15,7 @@ from scipy.signal import savgol_filter
 from benchmarks.hand_gain import SPEEDS
 from benchmarks.hand_runs import BASELINE, Followed, Tracked, counts
 from benchmarks.velocity_room import in_view, mounts
+from radar_lab.evaluation.bootstrap import ratio_interval
 
 Float64Array = NDArray[np.float64]
 
@@ -106,5 +107,4 @@ def nees(found: Judged) -> dict[str, Any]:
     sums = np.array([(squares[found.scene == k].sum(), told[found.scene == k].sum()) for k in numbers])
     if not len(sums):
         return {"nees": float("nan"), "interval": None}
-    drawn = sums[np.random.default_rng(0).integers(len(sums), size=(1000, len(sums)))].sum(axis=1)
-    return {"nees": float(sums[:, 0].sum() / sums[:, 1].sum()), "interval": np.percentile(drawn[:, 0] / drawn[:, 1], (2.5, 97.5)).tolist()}
+    return {"nees": float(sums[:, 0].sum() / sums[:, 1].sum()), "interval": list(ratio_interval(*sums.T) or ())}

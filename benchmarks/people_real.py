@@ -29,6 +29,7 @@ from benchmarks.stores import sources as code
 from radar_core import ConfigError
 from radar_core.config import load_file, plain
 from radar_core.paths import find_config
+from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_tracking import TrackerConfig, Tracks, make_tracker
 
 PRESETS: Final = ("default", "group_clustering", "dense", "sparse", "furnished", "thesis")
@@ -45,7 +46,6 @@ TARGETS: Final = {
     "mars": 0.97, "crossing_one": 0.95, "crossing_two": 0.85, "daily": 0.95,
 }  # fmt: skip
 """Share of clouds with the right count that one configuration is to reach."""
-_DRAWS: Final = 2000  # of the bootstrap
 _CODE: Final = (
     "radar_core",
     "radar_tracking",
@@ -114,7 +114,7 @@ def follow(tracker: Any, loaded: Loaded) -> Outcome:
     )
 
 
-def interval(pieces: Sequence[tuple[int, int]], seed: int = 1) -> tuple[float, float]:
+def interval(pieces: Sequence[tuple[int, int]]) -> tuple[float, float]:
     """Give the 95 % interval of a share, by drawing pieces (right, clouds) anew; Wilson's of so many pieces where all or none is right.
 
     Clouds of one recording are alike, so that they are drawn together. It says how much these recordings tell of others of the same
@@ -124,9 +124,7 @@ def interval(pieces: Sequence[tuple[int, int]], seed: int = 1) -> tuple[float, f
     right, whole = table.sum(axis=0)
     if right in (0, whole):
         return share_interval(len(table) if right else 0, len(table))
-    drawn = table[np.random.default_rng(seed).integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
-    low, high = np.percentile(drawn[:, 0] / drawn[:, 1], (2.5, 97.5))
-    return float(low), float(high)
+    return ratio_interval(*table.T) or (0.0, 1.0)
 
 
 def judge(make: MakeTracker, source: Source) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from radar_core import GESTURES
 from radar_core.types import Float64Array, IndexArray
 from radar_gestures.stream.network import StreamNet
 from radar_gestures.stream.recognizer import LEAST, MOST, OFF, ON
+from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.training.calibration import choose_reject
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence
 
-_DRAWS: Final = 1000
 _NONE: Final = -math.log(0.025)  # events that are expected at most where none came
 
 
@@ -167,7 +167,7 @@ def _share(found: Sequence[bool]) -> float:
 
 
 def _interval(part: Sequence[float], whole: Sequence[float], *, share: bool) -> list[float]:
-    """Interval of 95 % of a ratio of sums over lives, which are drawn anew (Efron 1979); a ``share`` is at most 1.
+    """Interval of 95 % of a ratio of sums over lives, which are drawn anew; a ``share`` is at most 1.
 
     Where there is none of something, or all, the draws say nothing: then it is the exact one of Poisson events in that time, or lives.
     """
@@ -178,7 +178,4 @@ def _interval(part: Sequence[float], whole: Sequence[float], *, share: bool) -> 
         return [0.0, round(min(_NONE / n, 1.0) if share else _NONE / n, 4)]
     if share and sum(part) == sum(whole):
         return [round(max(1.0 - _NONE / n, 0.0), 4), 1.0]
-    table = np.column_stack([part, whole]).astype(np.float64)
-    drawn = table[np.random.default_rng(1).integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
-    ratio = np.divide(drawn[:, 0], drawn[:, 1], out=np.zeros(len(drawn)), where=drawn[:, 1] > 0)
-    return [round(float(value), 4) for value in np.percentile(ratio, (2.5, 97.5))]
+    return [round(end, 4) for end in ratio_interval(part, whole) or (0.0, 0.0)]
