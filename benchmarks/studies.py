@@ -104,6 +104,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "small": Study("small"),
     "soak": Study("soak --hours 1"),
     "stage_reports": Study("stage_reports"),
+    "stream_choices": Study("stream_choices", LONG, keep="stream_model"),
     "stream_model": Study("stream_model", keep="stream_model"),
     "suite_first": Study("suite --seeds first", keep="suite"),
     "tracking": Study("tracking", LONG, keep="tracking"),

@@ -98,12 +98,24 @@ class LifeSlots:
     sequences: tuple[SlotSequence, ...]
 
 
-def read_lives(folder: str | Path, *, n_jobs: int = 1) -> list[LifeSlots]:
-    """Track people through all lives of a folder, and label their slots; ``n_jobs`` lives at the same time.
+def read_lives(folder: str | Path, first: int = 0, end: int | None = None, *, n_jobs: int = 1) -> list[LifeSlots]:
+    """Track people through lives of a folder, and label their slots.
 
-    Raises `DataError` when the folder holds no lives, or one cannot be read.
+    Parameters
+    ----------
+    folder : str or Path
+        As `radar_lab.datasets.lives.generate_lives` fills it.
+    first, end : int, int or None
+        Of its files, in order, from which one on, and up to which; None: to the last.
+    n_jobs : int
+        Lives that are read at the same time.
+
+    Raises
+    ------
+    DataError
+        When the folder holds no lives, or one cannot be read.
     """
-    return list(Parallel(n_jobs=n_jobs)(delayed(_read)(path) for path in life_files(folder)))
+    return list(Parallel(n_jobs=n_jobs)(delayed(_read)(path) for path in life_files(folder)[first:end]))
 
 
 def _read(path: Path) -> LifeSlots:

@@ -120,22 +120,47 @@ def fit_lives(
         As `train_streams`.
     """
     config = config or StreamTraining()
-    choose, measure = ([life for life in lives if _part(life) == part] for part in (_CHOOSE, _FIGURES))
-    learned = [life for life in lives if _part(life) not in (_CHOOSE, _FIGURES)]
-    known = [*(sequence for life in learned for sequence in life.sequences), *more]
+    known = [*learned_sequences(lives), *more]
+    return measured(train_stream_net(known, config=config, n_jobs=n_jobs), lives, config, lost=lost, more=len(more))
+
+
+def learned_sequences(lives: Sequence[LifeSlots]) -> list[SlotSequence]:
+    """Sequences of the lives that `fit_lives` learns from.
+
+    Raises
+    ------
+    DataError
+        When there are too few lives to learn from some, to choose on one, and to keep one for the figures.
+    """
+    learned, choose, measure = _parted(lives)
+    known = [sequence for life in learned for sequence in life.sequences]
     if not choose or not measure or not known:
         raise DataError(f"there are {len(lives)} lives with {len(known)} tracks to learn from; it takes at least {_PARTS}: simulate more")
-    model = train_stream_net(known, config=config, n_jobs=n_jobs)
+    return known
+
+
+def measured(model: StreamNet, lives: Sequence[LifeSlots], config: StreamTraining, *, lost: float, more: int = 0) -> StreamReport:
+    """Choose what a network rejects that learned from `learned_sequences` of these lives, and measure it, see `fit_lives`.
+
+    ``more``: how many other sequences it learned from.
+    """
+    learned, choose, measure = _parted(lives)
     reject = choose_limit(judge(model, choose), lost)
     judged = judge(model, measure)
     figures = figures_of(judged, reject)
     figures |= {
         "trained_lives": len(learned),
-        "trained_other_sequences": len(more),
+        "trained_other_sequences": more,
         "training": json.loads(json.dumps(dataclasses.asdict(config))),
     }
     settings = {"needs": dataclasses.asdict(least([life.info for life in learned]))}
     return StreamReport(dataclasses.replace(model, reject=reject, figures=figures, settings=settings), judged)
+
+
+def _parted(lives: Sequence[LifeSlots]) -> tuple[list[LifeSlots], list[LifeSlots], list[LifeSlots]]:
+    """Lives to learn from, to choose on, and for the figures."""
+    choose, measure = ([life for life in lives if _part(life) == part] for part in (_CHOOSE, _FIGURES))
+    return [life for life in lives if _part(life) not in (_CHOOSE, _FIGURES)], choose, measure
 
 
 def _part(life: LifeSlots) -> int:

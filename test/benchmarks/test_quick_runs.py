@@ -23,7 +23,7 @@ FIGURES_ONLY = {
 
 # Half a minute and more each, on a slow machine: by hand, `pytest -m slow test/benchmarks`. Their parts have tests of their own.
 BY_HAND = {
-    "budget", "stream_model", "gesture_ladder", "gesture_model", "gesture_rooms", "gestures", "graph_costs", "load_steps",
+    "budget", "stream_choices", "stream_model", "gesture_ladder", "gesture_model", "gesture_rooms", "gestures", "graph_costs", "load_steps",
     "tracking", "waveforms",
 }  # fmt: skip
 

@@ -270,8 +270,8 @@ def test_our_networks_are_of_this_format_and_their_card_is_theirs():
     model, card = load_model(path), (share_dir() / "docs" / "research" / "model-card-stream.md").read_text(encoding="utf-8")
     assert isinstance(model, StreamNet)
     assert (model.labels, model.names) == (GESTURES, NAMES)
-    assert operations(model) <= 600_000
-    assert path.stat().st_size <= 700_000
+    assert operations(model) <= 1_500_000
+    assert path.stat().st_size <= 1_500_000
     assert f"{path.stat().st_size:,} bytes" in card
     assert f"{operations(model):,} FLOP" in card
     assert f"| false_per_minute | {model.figures['false_per_minute']} |" in card
