@@ -7,11 +7,11 @@ hold still around them, as in the thesis's data and in the streams of `gesture_s
 
 from __future__ import annotations
 
-import functools
-import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+from joblib import Parallel, delayed
 
 from benchmarks.gesture_clouds import StreamStore
 from benchmarks.gesture_rooms import shipped
@@ -19,11 +19,10 @@ from benchmarks.gesture_scenes import gesture_stream, idle_stream
 from benchmarks.report import Tally, rate, share
 from benchmarks.rooms import PROCESSES
 from benchmarks.stores import kept
-from radar_core import GESTURES, RadarInfo
+from radar_core import GESTURES
 from radar_gestures.gesture import Gesture
-from radar_gestures.make import Recognizer
 from radar_lab.evaluation.matching import Matching, Visibility
-from radar_lab.evaluation.scoring import RecognisedGesture, score_gestures, truth_segments
+from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
 from radar_sim import Scene
 from radar_sim.people import Moves
 from radar_tracking import TrackedCloud, make_tracker
@@ -61,24 +60,29 @@ def scenes(moves: Moves | None, quick: bool = False) -> tuple[list[Scene], list[
     )
 
 
-def tally(store: StreamStore, scene: Scene, make: Callable[[RadarInfo], Recognizer]) -> Tally:
-    """Run the default tracker and a recogniser over a stored scene, and count its gestures person by person."""
-    info = scene.radars[0].info
-    tracker, recogniser, matching, rule = make_tracker(None, info), make(info), Matching(), Visibility(info)
-    found: list[Gesture] = []
+def tallies(scene: Scene, folder: Path) -> dict[str, Tally]:
+    """Run the default tracker and each of `MODELS` over a stored scene, and count gestures person by person."""
+    store, info = StreamStore(folder), scene.radars[0].info
+    tracker, matching, rule = make_tracker(None, info), Matching(), Visibility(info)
+    recognisers = {model: shipped(info, model) for model in MODELS}
+    found: dict[str, list[Gesture]] = {model: [] for model in MODELS}
     truths = []
     for moment in store.moments(scene):
         tracks = tracker.process(moment.cloud)
         truths.append(moment.truth)
         matching.process(tracks, moment.truth, rule.process(moment.truth))
-        found += recogniser.process(TrackedCloud(moment.cloud, tracks))
-    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.end_ns), g.label, g.start_ns, g.end_ns) for g in found]
+        for model, recogniser in recognisers.items():
+            found[model] += recogniser.process(TrackedCloud(moment.cloud, tracks))
     performed = [segment for segment in truth_segments(truths) if segment.label != GESTURES.index("random")]
+    return {model: _tally(own, performed, matching, scene.duration / 60) for model, own in found.items()}
+
+
+def _tally(found: Sequence[Gesture], performed: Sequence[TruthSegment], matching: Matching, minutes: float) -> Tally:
+    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.end_ns), g.label, g.start_ns, g.end_ns) for g in found]
     score = score_gestures(performed, published)
     return Tally(
-        minutes=scene.duration / 60, performed=score.total, right=score.hits, wrong=score.wrong, missed=score.misses,
-        false_gestures=score.false_alarms,
-    )  # fmt: skip
+        minutes=minutes, performed=score.total, right=score.hits, wrong=score.wrong, missed=score.misses, false_gestures=score.false_alarms
+    )
 
 
 def counted(active: Tally, idle: Tally) -> dict[str, Any]:
@@ -101,14 +105,14 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     """
     drawn = {name: scenes(moves, quick) for name, moves in MOVES.items()}
     result: dict[str, Any] = {name: {"speed": moves.speed, "pause": moves.pause} for name, moves in MOVES.items() if moves is not None}
+    n_jobs = 1 if quick else PROCESSES
     with kept(keep) as folder:
-        store = StreamStore(folder)
-        everything = itertools.chain.from_iterable(active + idle for active, idle in drawn.values())
-        store.fill(everything, n_jobs=1 if quick else PROCESSES)
-        by = {
-            model: {
-                name: counted(*(sum((tally(store, scene, make) for scene in own), Tally()) for own in both)) for name, both in drawn.items()
-            }
-            for model, make in ((model, functools.partial(shipped, model=model)) for model in MODELS)
-        }
+        everything = [scene for active, idle in drawn.values() for scene in active + idle]
+        StreamStore(folder).fill(everything, n_jobs=n_jobs)
+        found = iter(Parallel(n_jobs=n_jobs)(delayed(tallies)(scene, folder) for scene in everything))
+    by: dict[str, dict[str, Any]] = {model: {} for model in MODELS}
+    for name, both in drawn.items():
+        active, idle = ([next(found) for _ in own] for own in both)
+        for model, rows in by.items():
+            rows[name] = counted(*(sum((one[model] for one in own), Tally()) for own in (active, idle)))
     return {"moves": result, **by, "choices": []}
