@@ -19,7 +19,7 @@ from benchmarks.gesture_scenes import gesture_stream, idle_stream
 from benchmarks.report import Tally, rate, share
 from benchmarks.rooms import PROCESSES
 from benchmarks.stores import kept
-from radar_core import GESTURES
+from radar_core import GESTURES, ConfigError
 from radar_gestures.gesture import Gesture
 from radar_lab.evaluation.matching import Matching, Visibility
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, score_gestures, truth_segments
@@ -97,14 +97,17 @@ def counted(active: Tally, idle: Tally) -> dict[str, Any]:
     }
 
 
-def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
-    """Measure; ``keep``: folder for simulated streams; quick: a few seconds of each.
+def run(quick: bool = False, keep: Path | None = None, parts: str = "") -> dict[str, Any]:
+    """Measure; ``keep``: folder for simulated streams; ``parts``: some of `MOVES`, with commas; quick: a few seconds of each.
 
     Returns for each model, and each way to move, the share of gestures named right, and false gestures an hour among gestures and while
     nobody gestures, with 95 % intervals.
     """
-    drawn = {name: scenes(moves, quick) for name, moves in MOVES.items()}
-    result: dict[str, Any] = {name: {"speed": moves.speed, "pause": moves.pause} for name, moves in MOVES.items() if moves is not None}
+    names = parts.split(",") if parts else list(MOVES)
+    if unknown := sorted(set(names) - set(MOVES)):
+        raise ConfigError(f"gesture_motion has no part {', '.join(unknown)}; parts: {', '.join(MOVES)}")
+    ways = {name: MOVES[name] for name in names}
+    drawn = {name: scenes(moves, quick) for name, moves in ways.items()}
     n_jobs = 1 if quick else PROCESSES
     with kept(keep) as folder:
         everything = [scene for active, idle in drawn.values() for scene in active + idle]
@@ -115,4 +118,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
         active, idle = ([next(found) for _ in own] for own in both)
         for model, rows in by.items():
             rows[name] = counted(*(sum((one[model] for one in own), Tally()) for own in (active, idle)))
-    return {"moves": result, **by, "choices": []}
+    bounds = {name: {"speed": moves.speed, "pause": moves.pause} for name, moves in ways.items() if moves is not None}
+    return {"moves": bounds, **by, "choices": []}

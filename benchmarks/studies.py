@@ -62,6 +62,7 @@ STUDIES: Final[Mapping[str, Study]] = {
     "gesture_ladder": Study("gesture_ladder", keep="gesture_ladder"),
     "gesture_model": Study("gesture_model"),
     "gesture_motion": Study("gesture_motion", LONG, keep="gesture_motion"),
+    "gesture_motion_usual": Study("gesture_motion --parts told,usual", LONG, keep="gesture_motion"),
     "gesture_networks": Study("gesture_networks", keep="gesture_tables"),
     "gesture_rooms": Study("gesture_rooms", LONG, keep="rooms"),
     "gesture_rooms_first": Study("gesture_rooms --seeds first", keep="rooms"),

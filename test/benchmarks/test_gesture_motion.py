@@ -6,8 +6,9 @@ import dataclasses
 
 import pytest
 
-from benchmarks.gesture_motion import MOVES, SEEDS, counted, scenes
+from benchmarks.gesture_motion import MOVES, SEEDS, counted, run, scenes
 from benchmarks.report import Tally
+from radar_core import ConfigError
 from radar_sim.people import Moves
 
 
@@ -40,3 +41,8 @@ def test_false_ones_are_told_apart_by_whether_somebody_gestures():
     assert (found["false_per_hour"], found["idle_false_per_hour"], found["idle_hours"]) == (2.0, 2.5, 2.0)
     low, high = found["idle_false_per_hour_interval"]
     assert low < 2.5 < high
+
+
+def test_a_part_that_is_none_is_named():
+    with pytest.raises(ConfigError, match=r"no part usal; parts: told, usual"):
+        run(quick=True, parts="told,usal")
