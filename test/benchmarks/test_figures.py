@@ -23,8 +23,8 @@ print(json.dumps([name for name in sys.modules if name.split(".")[0].startswith(
 STUDY = """
 import pathlib, sys, time
 folder = pathlib.Path(sys.argv[1])
-(folder / "begun").touch()
 try:
+    (folder / "begun").touch()
     time.sleep(60)
 except KeyboardInterrupt:
     time.sleep(1)
