@@ -61,11 +61,13 @@ def test_what_goes_wrong_is_counted():
     assert row["crashing"].keys() == {"KeyError: 'oh'"}
 
 
-def test_what_never_ends_is_a_hang(monkeypatch):
-    """It is stopped, and counted."""
+@pytest.mark.parametrize("wait", [60.0, 0.05])
+def test_what_never_ends_is_a_hang(monkeypatch, wait):
+    """It is stopped, and counted; also where both times are up at once, as on a machine that slept."""
     from benchmarks import fuzz as benchmark
 
     monkeypatch.setattr(benchmark, "_HANG", 0.05)
+    monkeypatch.setattr(benchmark, "_WAIT", wait)
 
     def read(data):
         while data != b"good":
