@@ -104,7 +104,7 @@ class DoaConfig:
     newton_steps: int = knob(2, low=0, high=20, doc="refinement steps after the coarse search")
     loading: float = knob(0.05, low=1e-6, high=10.0, doc="capon only: diagonal loading, relative to the mean power of a channel")
     split: float = knob(1e-3, low=1e-12, high=0.5, doc="dml2 only: probability of taking one echo in noise for two")
-    gate: bool = knob(True, doc="drop detections outside the array's field of view")
+    gate: bool = knob(True, doc="drop detections whose direction the array does not tell and that are outside its field of view")
 
 
 @config

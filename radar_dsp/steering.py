@@ -16,8 +16,11 @@ _AXES = {"azimuth_elevation": 0, "azimuth": 1, "elevation": 2}
 _APERTURE = 1e-4
 """Least spread of the elements that counts as an aperture [wavelength^2]; a hundredth of a wavelength is mounting tolerance."""
 _MARGIN = 0.1
-"""The search reaches so far beyond the field of view in direction cosine: an echo from outside must find its own direction, to be
-dropped, not the next best one inside."""
+"""The search reaches so far beyond the view in direction cosine: an echo from outside must find its own direction, to be dropped, not the
+next best one inside."""
+_APART = 0.1  # wavelengths: elements nearer to each other along an axis stand in one place, but for calibrated shifts
+_HALF_WAVE = 0.525  # wavelengths: up to this spacing an array tells all directions apart, with some tolerance of how it is made
+_TOLD, _SEARCHED = 0.95, 0.975  # direction cosines up to which such an array is used, and searched: at 1 both ends are the same
 
 
 def apertures(virtual: FloatArray, wavelength: float) -> tuple[bool, bool, bool]:
@@ -64,7 +67,7 @@ class Steering(NamedTuple):
     bound : ndarray, shape (3,)
         Cramer-Rao bound on (uy uy, uy uz, uz uz) times the signal-to-noise ratio per channel; one measured axis: (u u, 0, 0).
     limit : ndarray, shape (2,)
-        Half the field of view in azimuth and elevation [rad].
+        Half the view in azimuth and elevation [rad], see `half_view`.
     axes : int
         What is measured: 0 azimuth and elevation, 1 azimuth, 2 elevation.
     """
@@ -89,6 +92,37 @@ class Steering(NamedTuple):
         return np.abs(self.fold) ** 2
 
 
+def half_view(position: FloatArray, field_of_view: float) -> float:
+    """How far from the boresight directions are kept [rad].
+
+    Elements half a wavelength apart tell all directions, nearly to the side. The field of view, which is kept at least, is where an antenna
+    is strong, and what is near is strong enough beyond it: the hand of somebody 1 m before a radar high on a wall is 40 degrees below its
+    boresight. Of elements farther apart, echoes from beyond the field of view would seem to come from within a wider one.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n_channel,)
+        Of the virtual elements along one axis [wavelengths].
+    field_of_view : float
+        Full field of view in that plane [rad].
+    """
+    return max(field_of_view / 2, math.asin(_TOLD) if _tells_all(position) else 0.0)
+
+
+def _tells_all(position: FloatArray) -> bool:
+    """Whether no two directions look alike to elements at these places along an axis, shape (n_channel,) [wavelengths]."""
+    ordered = np.sort(position)
+    group = np.cumsum(np.diff(ordered, prepend=ordered[:1]) > _APART)
+    places = np.bincount(group, ordered) / np.bincount(group)
+    return len(places) > 1 and float(np.diff(places).min()) <= _HALF_WAVE
+
+
+def _edge(position: FloatArray, limit: float) -> float:
+    """Direction cosine up to which an axis is searched for directions that are kept up to ``limit`` [rad]."""
+    wanted = math.sin(min(limit, math.pi / 2))
+    return _SEARCHED if _tells_all(position) and wanted <= _TOLD else min(1.0, wanted + _MARGIN)
+
+
 def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
     """Prepare an array, its calibration (shifts, gains, phases) included, for the search in a resolved mode that is not void.
 
@@ -101,11 +135,11 @@ def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
     weight = np.abs(fold) ** 2
     position = array.virtual.T / info.waveform.wavelength
     phase = 2 * math.pi * (position - (position @ weight / weight.sum())[:, None])
-    limit = np.array([array.fov_azimuth / 2, array.fov_elevation / 2])
+    limit = np.array([half_view(own, view) for own, view in zip(position, (array.fov_azimuth, array.fov_elevation), strict=True)])
     used = {"azimuth_elevation": [0, 1], "azimuth": [0], "elevation": [1]}[mode]
     sides = []
     for axis in used:
-        edge = min(1.0, math.sin(min(limit[axis], math.pi / 2)) + _MARGIN)
+        edge = _edge(position[axis], limit[axis])
         points = (config.grid_azimuth, config.grid_elevation)[axis]
         if config.search == "newton":
             density, least = (10, 7) if config.method == "dml2" else (4, 2)

@@ -143,7 +143,7 @@ class Update:
         place = measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy
         errors = measured.range_variance, measured.cross_variance
         columns = np.stack([*place, measured.ux, measured.uy, *errors, measured.distance, measured.rate, known])
-        found = _centroids(shares.torso, table.rows["stands"], slow, columns)
+        found = _centroids(shares.torso, table.rows["stands"].copy(), slow, columns)
         self.rows: IndexArray = np.flatnonzero(found[:, 0] > _LEAST_SHARE)
         table.rows["nis"], table.rows["dof"] = np.nan, 0
         total, mean = found[self.rows, 0], found[self.rows, 1:]

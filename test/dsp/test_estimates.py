@@ -173,8 +173,8 @@ def test_void():
         assert np.isnan(getattr(cloud, name)).all()
 
 
-def test_field_of_view():
-    """An echo from 75 degrees is dropped, unless the gate is off: then it keeps its own direction rather than one inside."""
+def test_view():
+    """An echo from 75 degrees, hardly told from one from the other side, is dropped; without the gate it keeps its own direction."""
     given = frame(INFO, noise(INFO, np.random.default_rng(8)), echo(INFO, 2.0, 1.0, math.radians(75), 0.0, amplitude_for(35, INFO)))
     assert not np.any(np.abs(Baseband(PEAKS, INFO).process(given).range - 2.0) < 0.1)
     cloud = Baseband(dataclasses.replace(PEAKS, doa=DoaConfig(gate=False)), INFO).process(given)
