@@ -20,6 +20,7 @@ _MARGIN = 0.1
 next best one inside."""
 _APART = 0.1  # wavelengths: elements nearer to each other along an axis stand in one place, but for calibrated shifts
 _HALF_WAVE = 0.525  # wavelengths: up to this spacing an array tells all directions apart, with some tolerance of how it is made
+_STEP, _ALIKE = 0.04, 0.9  # direction cosine: differences that are looked at; amplitude of a lobe from which two directions look alike
 _TOLD, _SEARCHED = 0.95, 0.975  # direction cosines up to which such an array is used, and searched: at 1 both ends are the same
 
 
@@ -67,7 +68,7 @@ class Steering(NamedTuple):
     bound : ndarray, shape (3,)
         Cramer-Rao bound on (uy uy, uy uz, uz uz) times the signal-to-noise ratio per channel; one measured axis: (u u, 0, 0).
     limit : ndarray, shape (2,)
-        Half the view in azimuth and elevation [rad], see `half_view`.
+        Half the view in azimuth and elevation [rad], see `half_views`.
     axes : int
         What is measured: 0 azimuth and elevation, 1 azimuth, 2 elevation.
     """
@@ -92,21 +93,25 @@ class Steering(NamedTuple):
         return np.abs(self.fold) ** 2
 
 
-def half_view(position: FloatArray, field_of_view: float) -> float:
-    """How far from the boresight directions are kept [rad].
+def half_views(position: FloatArray, field_of_view: FloatArray) -> FloatArray:
+    """How far from the boresight directions are kept in azimuth and elevation, shape (2,) [rad].
 
     Elements half a wavelength apart tell all directions, nearly to the side. The field of view, which is kept at least, is where an antenna
     is strong, and what is near is strong enough beyond it: the hand of somebody 1 m before a radar high on a wall is 40 degrees below its
-    boresight. Of elements farther apart, echoes from beyond the field of view would seem to come from within a wider one.
+    boresight. Of elements farther apart, along an axis or on a lattice, echoes from beyond the field of view would seem to come from within
+    a wider one.
 
     Parameters
     ----------
-    position : ndarray, shape (n_channel,)
-        Of the virtual elements along one axis [wavelengths].
-    field_of_view : float
-        Full field of view in that plane [rad].
+    position : ndarray, shape (2, n_channel)
+        Of the virtual elements along both axes [wavelengths].
+    field_of_view : ndarray, shape (2,)
+        Full field of view in azimuth and elevation [rad].
     """
-    return max(field_of_view / 2, math.asin(_TOLD) if _tells_all(position) else 0.0)
+    half = field_of_view / 2
+    wide = np.maximum(half, [math.asin(_TOLD) if _tells_all(own) else 0.0 for own in position])
+    flat = bool((np.ptp(position, axis=1) < _APART).any())  # along one axis, `_tells_all` has said everything
+    return half if not flat and (wide > half).any() and _alike(position, np.sin(np.minimum(wide, math.pi / 2))) else wide
 
 
 def _tells_all(position: FloatArray) -> bool:
@@ -117,10 +122,21 @@ def _tells_all(position: FloatArray) -> bool:
     return len(places) > 1 and float(np.diff(places).min()) <= _HALF_WAVE
 
 
-def _edge(position: FloatArray, limit: float) -> float:
+def _alike(position: FloatArray, limit: FloatArray) -> bool:
+    """Whether two directions within limits, shape (2,) in direction cosine, look alike: beside its main lobe the beam has one as high."""
+    step = [np.arange(-(n := math.ceil(2 * own / _STEP)), n + 1) * (2 * own / max(n, 1)) for own in limit]
+    turn = [np.exp(2j * math.pi * np.outer(own, steps)) for own, steps in zip(position, step, strict=True)]
+    beam = np.abs(turn[0].T @ turn[1]) / position.shape[1]
+    inner = beam[1:-1, 1:-1]
+    around = [beam[1 + i : beam.shape[0] - 1 + i, 1 + k : beam.shape[1] - 1 + k] for i in (-1, 0, 1) for k in (-1, 0, 1)]
+    apart = np.hypot(*np.meshgrid(step[0][1:-1], step[1][1:-1], indexing="ij"))
+    lobe = (inner >= np.max(around, axis=0) - 1e-9) & (inner > _ALIKE) & (apart > _STEP) & (apart < 2.0)
+    return bool(lobe.any())
+
+
+def _edge(limit: float, field_of_view: float) -> float:
     """Direction cosine up to which an axis is searched for directions that are kept up to ``limit`` [rad]."""
-    wanted = math.sin(min(limit, math.pi / 2))
-    return _SEARCHED if _tells_all(position) and wanted <= _TOLD else min(1.0, wanted + _MARGIN)
+    return _SEARCHED if limit > field_of_view / 2 else min(1.0, math.sin(min(limit, math.pi / 2)) + _MARGIN)
 
 
 def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
@@ -135,11 +151,12 @@ def make_steering(config: DoaConfig, info: RadarInfo, mode: str) -> Steering:
     weight = np.abs(fold) ** 2
     position = array.virtual.T / info.waveform.wavelength
     phase = 2 * math.pi * (position - (position @ weight / weight.sum())[:, None])
-    limit = np.array([half_view(own, view) for own, view in zip(position, (array.fov_azimuth, array.fov_elevation), strict=True)])
+    view = np.array([array.fov_azimuth, array.fov_elevation])
+    limit = half_views(position, view)
     used = {"azimuth_elevation": [0, 1], "azimuth": [0], "elevation": [1]}[mode]
     sides = []
     for axis in used:
-        edge = _edge(position[axis], limit[axis])
+        edge = _edge(limit[axis], view[axis])
         points = (config.grid_azimuth, config.grid_elevation)[axis]
         if config.search == "newton":
             density, least = (10, 7) if config.method == "dml2" else (4, 2)

@@ -30,7 +30,7 @@ from radar_core import AntennaArray, ConfigError, DataError, RadarInfo, Waveform
 from radar_dsp import DoaConfig
 from radar_dsp.doa import DirectionFinder
 from radar_dsp.doa_kernels import sine_cosine
-from radar_dsp.steering import half_view, make_steering
+from radar_dsp.steering import half_views, make_steering
 
 FIELDS = ("azimuth", "elevation", "azimuth_std", "elevation_std")
 
@@ -225,14 +225,26 @@ def test_field_of_view_of_an_array_that_does_not_tell_all(backend):
     np.testing.assert_array_equal(found.inside, np.arange(6) < 3)
 
 
-def test_half_view():
+def test_half_views():
     """Nearly to the side where the array tells all directions, else the field of view; calibrated shifts change nothing."""
-    places, rng = np.arange(8) / 2, np.random.default_rng(4)
-    assert math.degrees(half_view(places, math.radians(120))) == pytest.approx(71.8, abs=0.1)
-    assert half_view(places + rng.uniform(-0.01, 0.01, 8), math.radians(120)) == half_view(places, math.radians(120))
-    assert half_view(np.repeat(places, 3), 3.0) == 1.5
-    assert half_view(1.2 * places, 1.0) == 0.5
-    assert half_view(np.zeros(8), 1.0) == 0.5
+    usual, rng = np.radians([120.0, 60.0]), np.random.default_rng(4)
+    line, upright = np.arange(8) / 2, np.zeros(8)
+    far = math.asin(0.95)
+    np.testing.assert_allclose(half_views(np.stack([line, upright]), usual), [far, usual[1] / 2])
+    np.testing.assert_allclose(half_views(np.stack([line + rng.uniform(-0.01, 0.01, 8), upright]), usual), [far, usual[1] / 2])
+    np.testing.assert_allclose(half_views(np.stack([np.repeat(line, 3), np.zeros(24)]), np.array([3.0, 1.0])), [1.5, 0.5])
+    np.testing.assert_allclose(half_views(np.stack([1.2 * line, upright]), usual), usual / 2)
+    np.testing.assert_allclose(half_views(np.zeros((2, 8)), usual), usual / 2)
+
+
+def test_half_views_of_lattices():
+    """A full lattice of half waves tells all; of one like a chessboard, two directions look alike: a wider view would fold them."""
+    usual = np.radians([120.0, 60.0])
+    full = np.stack(np.meshgrid(np.arange(4) / 2, np.arange(2) / 2)).reshape(2, -1)
+    board = np.array([[i / 2, (i % 2) / 2] for i in range(16)]).T
+    assert (half_views(full, usual) == math.asin(0.95)).all()
+    assert (half_views(INFO.array.virtual.T / LAMBDA, usual) == math.asin(0.95)).all()
+    np.testing.assert_allclose(half_views(board, usual), usual / 2)
 
 
 def test_grid_is_within_half_its_spacing():
