@@ -2,7 +2,8 @@
 
     python -m benchmarks stream_model --json --keep FOLDER     # writes FOLDER/stream.npz and its card; hours, and goes on where it stopped
 
-Lives are those of `radar_lab.datasets.lives`, nine of ten to learn from and to choose on, the tenth for figures. Real people are those of
+Lives are those of `radar_lab.datasets.lives`, nine of ten to learn from and to choose on, the tenth for figures. Busy lives are of other
+people, who gesture more often (`BUSY_SHARE`), and all of them are to learn from: what a network lacks is strokes. Real people are those of
 `benchmarks.stream_real`; who is named in `FIGURE` there gives the figures, and is in no training.
 """
 
@@ -32,11 +33,14 @@ from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_live
 from radar_lab.training.stream_figures import spans
 from radar_lab.training.stream_training import StreamTraining, learned_sequences, measured, train_stream_net
 
-LIVES: Final = 798
+LIVES: Final = 1100
+BUSY: Final = 600
+BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
 LOST: Final = 0.5  # of the strokes named right: at the limit for fewer, false gestures are several times as many
 TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=40)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _PIECE: Final = 100
+_SEED, _BUSY_SEED = 1, 2
 _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
 _RANDOM: Final = GESTURES[0]
 _SLOTS: Final = ("radar_core", "radar_tracking", "radar_gestures/stream/slots.py", "radar_lab/training/slot_sequences.py")
@@ -104,15 +108,26 @@ def judged(model: StreamNet, keep: Path | None) -> dict[str, Any]:
 
 
 def lives_in(folder: Path, number: int) -> list[LifeSlots]:
-    """Simulate what is missing of so many lives, and give the slots of all; those of `_PIECE` lives are kept together."""
-    generate_lives(folder / "lives", number, n_jobs=PROCESSES)
-    files, code = life_files(folder / "lives"), sources(_SLOTS)
+    """Simulate what is missing of so many lives, and give the slots of all."""
+    generate_lives(folder / "lives", number, seed=_SEED, n_jobs=PROCESSES)
+    return _slots(folder, "lives", number)
+
+
+def busy_in(folder: Path, number: int) -> list[LifeSlots]:
+    """Simulate what is missing of so many busy lives, and give the slots of all."""
+    generate_lives(folder / "busy", number, seed=_BUSY_SEED, gestures=BUSY_SHARE, n_jobs=PROCESSES)
+    return _slots(folder, "busy", number)
+
+
+def _slots(folder: Path, kind: str, number: int) -> list[LifeSlots]:
+    """Slots of the lives of a folder; those of `_PIECE` lives are kept together."""
+    files, code = life_files(folder / kind), sources(_SLOTS)
     found: list[LifeSlots] = []
     for first in range(0, number, _PIECE):
         end = min(first + _PIECE, number)
         told = digest([[path.stat().st_size for path in files[first:end]], code])
-        read = functools.partial(read_lives, folder / "lives", first, end, n_jobs=PROCESSES)
-        found += once(folder / "parts" / f"lives_{first}_{told}.joblib", read)
+        read = functools.partial(read_lives, folder / kind, first, end, n_jobs=PROCESSES)
+        found += once(folder / "parts" / f"{kind}_{first}_{told}.joblib", read)
     return found
 
 
@@ -125,11 +140,12 @@ def members(folder: Path, known: Sequence[SlotSequence], config: StreamTraining,
     return dataclasses.replace(found[0], members=tuple(one.members[0] for one in found))
 
 
-def trained(folder: Path, number: int, config: StreamTraining) -> StreamNet:
-    """Train, unless the folder has it; ``number`` of lives."""
+def trained(folder: Path, number: int, busy: int, config: StreamTraining) -> StreamNet:
+    """Train, unless the folder has it; ``number`` of lives, and of ``busy`` ones."""
     more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()]
+    more += [sequence for life in busy_in(folder, busy) for sequence in life.sequences]
     lives = lives_in(folder, number)
-    model = members(folder, [*learned_sequences(lives), *more], config, [number, len(more)])
+    model = members(folder, [*learned_sequences(lives), *more], config, [number, busy, len(more)])
     return measured(model, lives, config, lost=LOST, more=len(more)).model
 
 
@@ -143,7 +159,8 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     except ConfigError as error:
         raise AbsentError(str(error)) from None
     with kept(keep) as folder:
-        model = trained(folder, 10 if quick else LIVES, StreamTraining(members=1, passes=1, width=8) if quick else TRAINING)
+        config = StreamTraining(members=1, passes=1, width=8) if quick else TRAINING
+        model = trained(folder, *((10, 1) if quick else (LIVES, BUSY)), config)
         save_model(model, folder / "stream.npz")
         text = card(
             model,
@@ -154,4 +171,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
             limits=[_PEOPLE],
         )
         write_card(text, folder / "stream.md")
-        return {"lives": model.figures, "reject": model.reject, **judged(model, folder), "choices": []}
+        known = {"busy_lives": 1 if quick else BUSY, "busy_share": BUSY_SHARE}
+        return {"lives": model.figures, **known, "reject": model.reject, **judged(model, folder), "choices": []}

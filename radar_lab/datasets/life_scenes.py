@@ -49,7 +49,9 @@ _APART: Final = 0.8  # m: people begin at least so far from each other
 _SECTOR: Final = (52.0, 55.0)  # deg to either side: where people begin, and where they walk to
 _NEAREST, _FARTHEST, _FROM_LIMIT = 0.6, 5.5, 0.5  # m: from the radar; and so far within its range
 _ASIDE: Final = 0.7  # m: nobody walks nearer past where another one began
-_HABITS: Final = {"gesture": 0.5, "walk": 0.14, "fidget": 0.1, "reach": 0.1, "draw": 0.04, "sit": 0.07, "stand": 0.05}
+GESTURES_SHARE: Final = 0.5
+"""Share of what people do one after the other that is a gesture, unless told otherwise."""
+_HABITS: Final = {"walk": 0.28, "fidget": 0.2, "reach": 0.2, "draw": 0.08, "sit": 0.14, "stand": 0.1}  # of the rest
 _IDLE: Final = 0.15  # share of people who never gesture
 _TOLD: Final = 0.15  # share of people who move slowly between gestures, as if they had been told to
 _OWN: Final = 0.5  # share of gestures that are performed as the simulator's library does not
@@ -97,7 +99,7 @@ def kind_of(number: int) -> str:
     return list(KINDS)[number % len(KINDS)]
 
 
-def life_scene(number: int, rng: Random, kind: str | None = None) -> Scene:
+def life_scene(number: int, rng: Random, kind: str | None = None, gestures: float = GESTURES_SHARE) -> Scene:
     """Draw half a minute of one to four people, 0.6 to 5.5 m away, who gesture and do other things as it comes.
 
     Half of them face the radar, the others any way; some sit down, some never gesture. Radar, mount, receiver, walls, furniture and faults
@@ -111,6 +113,8 @@ def life_scene(number: int, rng: Random, kind: str | None = None) -> Scene:
         All draws come from it.
     kind : str or None
         One of `KINDS`; None: that of the number.
+    gestures : float
+        Share of what people do one after the other that is a gesture, 0 to below 1.
 
     Raises
     ------
@@ -120,7 +124,7 @@ def life_scene(number: int, rng: Random, kind: str | None = None) -> Scene:
     info = _radar(rng, kind if kind is not None else kind_of(number))
     far = min(_FARTHEST, info.waveform.max_range - _FROM_LIMIT)
     places = _places(rng, 1 + int(rng.choice(len(_PEOPLE), p=_PEOPLE)), far)
-    people = tuple(_person(rng, k + 1, place, [p for p in places if p is not place], far) for k, place in enumerate(places))
+    people = tuple(_person(rng, k + 1, place, [p for p in places if p is not place], far, gestures) for k, place in enumerate(places))
     seed = int(rng.integers(1 << 31))
     return Scene(
         duration=DURATION,
@@ -178,11 +182,11 @@ def _effects(rng: Random) -> Effects:
     )
 
 
-def _person(rng: Random, number: int, place: Float64Array, others: list[Float64Array], far: float) -> Person:
+def _person(rng: Random, number: int, place: Float64Array, others: list[Float64Array], far: float, gestures: float) -> Person:
     x, y = float(place[0]), float(place[1])
     heading = math.atan2(-y, -x) + (rng.normal(0, 0.2) if rng.random() < 0.5 else rng.uniform(-2.0, 2.0))
     arm: Literal["right", "left"] = "right" if rng.random() < 0.7 else "left"
-    script = _Day(rng, arm, (x, y), heading, others, far).script()
+    script = _Day(rng, arm, (x, y), heading, others, far).script(gestures)
     return Person(
         id=number,
         height=float(rng.uniform(1.48, 1.98)),
@@ -214,11 +218,11 @@ class _Day:
         self._steps = [Action(stand=float(rng.uniform(0.3, 3.0)))]
         self._time, self._sits = 2.0, False  # s, about
 
-    def script(self) -> tuple[Action, ...]:
-        """Draw all of it."""
+    def script(self, gestures: float) -> tuple[Action, ...]:
+        """Draw all of it; ``gestures``: their share."""
         rng = self._rng
         idle = rng.random() < _IDLE
-        names, shares = list(_HABITS), list(_HABITS.values())
+        names, shares = ["gesture", *_HABITS], [gestures, *((1.0 - gestures) * share for share in _HABITS.values())]
         while self._time < DURATION + 2:
             what = str(rng.choice(names, p=shares))
             if idle and what in ("gesture", "draw"):

@@ -20,7 +20,7 @@ from radar_core import GESTURES, ConfigError, DataError, PointCloud, RadarInfo
 from radar_core.config import plain
 from radar_core.types import Float32Array, IndexArray
 from radar_dsp import Baseband, BasebandConfig, SpectrumConfig
-from radar_lab.datasets.life_scenes import kind_of, life_scene
+from radar_lab.datasets.life_scenes import GESTURES_SHARE, kind_of, life_scene
 from radar_lab.datasets.life_strokes import gesture_of
 from radar_lab.datasets.samples import (
     CLOUD_FIELDS,
@@ -84,7 +84,9 @@ class Life:
             raise DataError(f"life {self.number}: positions have shape {self.position.shape}, expected {wanted} with at least one cloud")
 
 
-def generate_lives(folder: str | Path, n_lives: int = 1000, *, seed: int = 1, n_jobs: int = 1, progress: bool = True) -> int:
+def generate_lives(
+    folder: str | Path, n_lives: int = 1000, *, seed: int = 1, gestures: float = GESTURES_SHARE, n_jobs: int = 1, progress: bool = True
+) -> int:
     """Simulate lives and write each to a file of its own; a stopped run goes on where it stopped. Returns how many the folder holds.
 
     A life takes about 10 s of one core, up to 40 s with four people, and half a megabyte.
@@ -96,25 +98,29 @@ def generate_lives(folder: str | Path, n_lives: int = 1000, *, seed: int = 1, n_
     n_lives, n_jobs : int
         Lives that the folder shall hold in the end, and those simulated at the same time, each on a core of its own.
     seed : int
-        The file of life ``i`` depends on ``seed`` and ``i`` only, byte for byte: neither the number of jobs nor a restart change anything.
+        The file of life ``i`` depends on ``seed``, ``gestures`` and ``i`` only, byte for byte: neither the number of jobs nor a restart
+        change anything.
+    gestures : float
+        Share of what people do one after the other that is a gesture, see `life_scene`: there is more to learn from lives with many.
     progress : bool
         Whether to show a progress bar.
 
     Raises
     ------
     ConfigError
-        When the folder holds something else, or lives of another seed or other motions.
+        When the folder holds something else, or lives of another seed, with more or fewer gestures, or of other motions.
     """
-    place = open_folder(folder, manifest(seed))
+    place = open_folder(folder, manifest(seed, gestures))
     todo = [number for number in range(n_lives) if not life_path(place, number).exists()]
-    make = functools.partial(_write_life, place, seed)
+    make = functools.partial(_write_life, place, seed, gestures)
     work_through(make, todo, n_total=n_lives, n_jobs=n_jobs, progress=progress, title="simulating lives")
     return len(list(place.glob("life_*.npz")))
 
 
-def manifest(seed: int) -> dict[str, Any]:
+def manifest(seed: int, gestures: float = GESTURES_SHARE) -> dict[str, Any]:
     """Say what has to be equal for a run to go on in a folder."""
-    return {"lives": FORMAT, "seed": seed, "motions": library_hash()}
+    usual = {"lives": FORMAT, "seed": seed, "motions": library_hash()}
+    return usual if gestures == GESTURES_SHARE else {**usual, "gestures": gestures}
 
 
 def life_path(folder: Path, number: int) -> Path:
@@ -122,21 +128,21 @@ def life_path(folder: Path, number: int) -> Path:
     return folder / f"life_{number:05d}.npz"
 
 
-def _write_life(folder: Path, seed: int, number: int) -> None:
-    life = simulate_life(number, _draws(number, seed))
+def _write_life(folder: Path, seed: int, gestures: float, number: int) -> None:
+    life = simulate_life(number, _draws(number, seed), gestures)
     if life is not None:
         write_chunk(life_path(folder, number), life_columns(life), compressed=True)
 
 
-def simulate_life(number: int, rng: np.random.Generator) -> Life | None:
+def simulate_life(number: int, rng: np.random.Generator, gestures: float = GESTURES_SHARE) -> Life | None:
     """Draw a life and simulate it up to its clouds; None: thirty draws gave no possible scene, which is left out."""
-    drawn = _possible(number, rng)
+    drawn = _possible(number, rng, gestures)
     return None if drawn is None else record_life(number, *drawn, rng)
 
 
-def scene_of(number: int, seed: int = 1) -> Scene:
-    """Draw the scene of a life that `generate_lives` simulated with that seed. Raises `DataError` when there is no such life."""
-    drawn = _possible(number, _draws(number, seed))
+def scene_of(number: int, seed: int = 1, gestures: float = GESTURES_SHARE) -> Scene:
+    """Draw the scene of a life that `generate_lives` simulated so. Raises `DataError` when there is no such life."""
+    drawn = _possible(number, _draws(number, seed), gestures)
     if drawn is None:
         raise DataError(f"life {number} of seed {seed} was left out: {_TRIES} draws gave no possible scene")
     return drawn[0]
@@ -146,10 +152,10 @@ def _draws(number: int, seed: int) -> np.random.Generator:
     return np.random.default_rng([_STREAM + seed, number])
 
 
-def _possible(number: int, rng: np.random.Generator) -> tuple[Scene, Simulator] | None:
+def _possible(number: int, rng: np.random.Generator, gestures: float = GESTURES_SHARE) -> tuple[Scene, Simulator] | None:
     for _ in range(_TRIES):
         try:
-            scene = life_scene(number, rng)
+            scene = life_scene(number, rng, gestures=gestures)
             return scene, Simulator(scene)
         except ConfigError:  # a wall through somebody, a way through another: the next draw is another one
             continue

@@ -187,7 +187,7 @@ def short_scene(number, rng, tries):
 @pytest.mark.long
 def test_a_stopped_run_goes_on_and_gives_the_same_files(tmp_path, monkeypatch):
     tries = []
-    monkeypatch.setattr(lives, "life_scene", lambda number, rng: short_scene(number, rng, tries))
+    monkeypatch.setattr(lives, "life_scene", lambda number, rng, gestures: short_scene(number, rng, tries))
     one, two = tmp_path / "one", tmp_path / "two"
     assert lives.generate_lives(one, 2, seed=5, progress=False) == 2
     assert tries == [0, 1, 1]
@@ -206,7 +206,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same_files(tmp_path, monkeypatch):
 
 
 def test_a_number_without_a_possible_scene_is_left_out(monkeypatch):
-    def never(number, rng):
+    def never(number, rng, gestures):
         raise ConfigError("a wall through somebody")
 
     monkeypatch.setattr(lives, "life_scene", never)
@@ -220,3 +220,27 @@ def test_the_scene_of_a_life_can_be_drawn_again(monkeypatch):
     scene = lives.simulate_life(3, lives._draws(3, 5))
     assert lives.scene_of(3, 5) == scene
     assert lives.scene_of(3, 6) != scene
+    busy = lives.simulate_life(3, lives._draws(3, 5), 0.8)
+    assert busy not in (scene, None)
+    assert lives.scene_of(3, 5, 0.8) == busy
+
+
+def test_people_gesture_as_often_as_they_are_told():
+    """Of what those do who gesture at all, the wanted share is gestures: standing before one is no action of its own."""
+    for wanted in (0.5, 0.8):
+        done = [0, 0]
+        for number in range(30):
+            for person in lives.scene_of(number, 3, wanted).people:
+                names = [action for action in person.script if action.stand is None]
+                gestures = sum(action.gesture is not None for action in names)
+                if gestures:
+                    done[0] += gestures
+                    done[1] += len(names)
+        assert done[0] / done[1] == pytest.approx(wanted / (1 - 0.1 * (1 - wanted)), abs=0.06)
+
+
+def test_lives_with_more_gestures_are_kept_apart(tmp_path):
+    assert lives.manifest(1, lives.GESTURES_SHARE) == lives.manifest(1)
+    lives.open_folder(tmp_path, lives.manifest(2, 0.8))
+    with pytest.raises(ConfigError, match="other settings"):
+        lives.generate_lives(tmp_path, 0, seed=2, progress=False)
