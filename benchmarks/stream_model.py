@@ -3,7 +3,8 @@
     python -m benchmarks stream_model --json --keep FOLDER     # writes FOLDER/stream.npz and its card; hours, and goes on where it stopped
 
 Lives are those of `radar_lab.datasets.lives`, nine of ten to learn from and to choose on, the tenth for figures. Busy lives are of other
-people, who gesture more often (`BUSY_SHARE`), and all of them are to learn from: what a network lacks is strokes. Real people are those of
+people, who gesture more often (`BUSY_SHARE`), and all of them are to learn from: what a network lacks is strokes. Before,
+networks learn from quick lives, for which no sample is simulated (`radar_lab.training.quick_lives`). Real people are those of
 `benchmarks.stream_real`; who is named in `FIGURE` there gives the figures, and is in no training.
 """
 
@@ -29,21 +30,31 @@ from radar_gestures.stream.slots import SLOT_NS
 from radar_lab.datasets.lives import generate_lives, life_files
 from radar_lab.training.card import card, write_card
 from radar_lab.training.networks import need_torch
+from radar_lab.training.quick_lives import quick_lives
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_lives
 from radar_lab.training.stream_figures import spans
 from radar_lab.training.stream_training import StreamTraining, learned_sequences, measured, train_stream_net
 
 LIVES: Final = 1100
 BUSY: Final = 600
+QUICK: Final = 3000
 BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
 LOST: Final = 0.5  # of the strokes named right: at the limit for fewer, false gestures are several times as many
-TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=40)
+TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=12, first_passes=6)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
-_PIECE: Final = 100
-_SEED, _BUSY_SEED = 1, 2
+_PIECE, _QUICK_PIECE = 100, 500
+_SEED, _BUSY_SEED, _QUICK_SEED = 1, 2, 3
 _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
 _RANDOM: Final = GESTURES[0]
 _SLOTS: Final = ("radar_core", "radar_tracking", "radar_gestures/stream/slots.py", "radar_lab/training/slot_sequences.py")
+_QUICKLY: Final = (
+    "radar_core",
+    "radar_sim/bodies",
+    "radar_sim/motions",
+    "radar_gestures/stream/slots.py",
+    "radar_lab/datasets",
+    "radar_lab/training/quick_lives.py",
+)
 _TRAINED: Final = (*_SLOTS, "radar_gestures/stream", "radar_lab/training", "benchmarks/stream_real.py")
 
 _COMMAND: Final = "python -m benchmarks stream_model --json --keep FOLDER"
@@ -131,21 +142,35 @@ def _slots(folder: Path, kind: str, number: int) -> list[LifeSlots]:
     return found
 
 
-def members(folder: Path, known: Sequence[SlotSequence], config: StreamTraining, told: Any) -> StreamNet:
+def quick_in(folder: Path, number: int) -> list[SlotSequence]:
+    """Give so many quick lives; those of `_QUICK_PIECE` are kept together."""
+    found: list[SlotSequence] = []
+    code = sources(_QUICKLY)
+    for first in range(0, number, _QUICK_PIECE):
+        many = min(_QUICK_PIECE, number - first)
+        make = functools.partial(quick_lives, many, seed=_QUICK_SEED, first=first, n_jobs=PROCESSES)
+        found += once(folder / "parts" / f"quick_{first}_{digest([many, code])}.joblib", make)
+    return found
+
+
+def members(
+    folder: Path, known: Sequence[SlotSequence], config: StreamTraining, told: Any, first: Sequence[SlotSequence] = ()
+) -> StreamNet:
     """Train as `train_stream_net` does, unless the folder has it, and keep each member as soon as it is done; ``told``: what is known."""
     each = [dataclasses.replace(config, members=1, seed=config.seed + number) for number in range(config.members)]
     paths = [folder / "parts" / f"member_{digest([told, str(own), sources(_TRAINED)])}.joblib" for own in each]
-    work = (delayed(once)(path, functools.partial(train_stream_net, known, config=own)) for path, own in zip(paths, each, strict=True))
+    train = functools.partial(train_stream_net, known, first=first)
+    work = (delayed(once)(path, functools.partial(train, config=own)) for path, own in zip(paths, each, strict=True))
     found = list(Parallel(n_jobs=PROCESSES)(work))
     return dataclasses.replace(found[0], members=tuple(one.members[0] for one in found))
 
 
-def trained(folder: Path, number: int, busy: int, config: StreamTraining) -> StreamNet:
-    """Train, unless the folder has it; ``number`` of lives, and of ``busy`` ones."""
+def trained(folder: Path, number: int, busy: int, quick: int, config: StreamTraining) -> StreamNet:
+    """Train, unless the folder has it; ``number`` of lives, of ``busy`` and of ``quick`` ones."""
     more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()]
     more += [sequence for life in busy_in(folder, busy) for sequence in life.sequences]
     lives = lives_in(folder, number)
-    model = members(folder, [*learned_sequences(lives), *more], config, [number, busy, len(more)])
+    model = members(folder, [*learned_sequences(lives), *more], config, [number, busy, quick, len(more)], quick_in(folder, quick))
     return measured(model, lives, config, lost=LOST, more=len(more)).model
 
 
@@ -159,8 +184,8 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
     except ConfigError as error:
         raise AbsentError(str(error)) from None
     with kept(keep) as folder:
-        config = StreamTraining(members=1, passes=1, width=8) if quick else TRAINING
-        model = trained(folder, *((10, 1) if quick else (LIVES, BUSY)), config)
+        config = StreamTraining(members=1, passes=1, first_passes=1, width=8) if quick else TRAINING
+        model = trained(folder, *((10, 1, 1) if quick else (LIVES, BUSY, QUICK)), config)
         save_model(model, folder / "stream.npz")
         text = card(
             model,
@@ -171,5 +196,5 @@ def run(quick: bool = False, keep: Path | None = None) -> dict[str, Any]:
             limits=[_PEOPLE],
         )
         write_card(text, folder / "stream.md")
-        known = {"busy_lives": 1 if quick else BUSY, "busy_share": BUSY_SHARE}
+        known = {"busy_lives": 1, "quick_lives": 1} if quick else {"busy_lives": BUSY, "quick_lives": QUICK}
         return {"lives": model.figures, **known, "reject": model.reject, **judged(model, folder), "choices": []}

@@ -52,7 +52,10 @@ class World:
 
     def poses(self, middle: float, span: float) -> list[Pose]:
         """Skeletons at start, middle and end of a stretch of time [s]."""
-        times = middle + np.array([-0.5, 0.0, 0.5]) * span
+        return self.skeletons(middle + np.array([-0.5, 0.0, 0.5]) * span)
+
+    def skeletons(self, times: Float64Array) -> list[Pose]:
+        """Skeletons of all people at times of the scene in any order, shape (T,) [s]."""
         return [figure.skeleton.pose(timeline.posture(times)) for figure, timeline in zip(self._figures, self.timelines, strict=True)]
 
     def scatterers(self, middle: float, span: float, poses: list[Pose]) -> Scatterers:

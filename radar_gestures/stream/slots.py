@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radar_core import CloudComposite, PointCloud, Pose, RadarInfo
 from radar_core.types import Float32Array, Float64Array
@@ -89,10 +90,7 @@ class SlotStreams:
     """
 
     def __init__(self, info: RadarInfo) -> None:
-        wave, places = info.waveform, info.array.virtual
-        self._mount = info.mount
-        high = float(np.ptp(places[:, 1]) > 1e-6)
-        self._radar = np.array([high, wave.speed_resolution / 0.5, wave.range_resolution / 0.5, wave.frame_interval / 0.05])
+        self._mount, self._radar = info.mount, about_radar(info)
         self._open: dict[tuple[int, str], _Open] = {}
         self._last: dict[tuple[int, str], Slot] = {}
 
@@ -174,10 +172,10 @@ def _add(one: _Open, points: Float64Array, own: np.ndarray[tuple[int, ...], np.d
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
     relative = rate - (way[:, :2] / distance[:, None]) @ velocity
     share = spread(np.where(np.isfinite(relative), relative, 0.0))
-    amplitude = _amplitude(np.clip(np.where(np.isfinite(snr), snr, _USUAL_SNR), 0.0, _MOST_SNR), distance)
+    strong = amplitude(np.clip(np.where(np.isfinite(snr), snr, _USUAL_SNR), 0.0, _MOST_SNR), distance)
     side = (way[:, 1] * away[0] - way[:, 0] * away[1]) / ground
     height = np.where(np.isfinite(z), z - _MIDDLE, 0.0)
-    weight = share * amplitude[:, None]
+    weight = share * strong[:, None]
     values = np.stack([np.ones_like(side), distance - np.linalg.norm(away), side, height], axis=-1)
     one.sums[:, :4] += weight.T @ values
     one.sums[:, 4] += share.sum(axis=0)
@@ -185,11 +183,11 @@ def _add(one: _Open, points: Float64Array, own: np.ndarray[tuple[int, ...], np.d
 
 def usual_amplitude(distance: Float64Array) -> Float64Array:
     """Give what a point counts whose radar does not tell how strong it is, by its distance, shape (n,) [m]."""
-    return _amplitude(np.array(_USUAL_SNR), distance)
+    return amplitude(np.array(_USUAL_SNR), distance)
 
 
-def _amplitude(level: Float64Array, distance: Float64Array) -> Float64Array:
-    """Amplitude of the same echo at the reference, by SNR [dB] and distance [m]."""
+def amplitude(level: Float64Array, distance: Float64Array) -> Float64Array:
+    """Amplitude of the same echo 2 m away, by its SNR [dB] and distance [m], shape (...)."""
     return np.asarray(10.0 ** (level / 20.0) * (np.maximum(distance, _NEAREST) / _REFERENCE) ** 2)
 
 
@@ -200,21 +198,55 @@ def moving(features: Float32Array) -> bool:
 
 
 def spread(speed: Float64Array) -> Float64Array:
-    """Share range rates, shape (n,) [m/s], among `SPEEDS`, shape (n, n_speeds); each row sums to 1."""
+    """Share range rates, shape (...) [m/s], among `SPEEDS`, shape (..., n_speeds); the shares of each sum to 1."""
     centres = np.array(SPEEDS)
     v = np.clip(speed, centres[0], centres[-1])
     k = np.clip(np.searchsorted(centres, v) - 1, 0, _N - 2)
     upper = (v - centres[k]) / (centres[k + 1] - centres[k])
-    share, row = np.zeros((len(v), _N)), np.arange(len(v))
-    share[row, k], share[row, k + 1] = 1.0 - upper, upper
+    share = np.zeros((*v.shape, _N))
+    np.put_along_axis(share, k[..., None], (1.0 - upper)[..., None], axis=-1)
+    np.put_along_axis(share, k[..., None] + 1, upper[..., None], axis=-1)
     return share
 
 
 def _features(one: _Open, radar: Float64Array) -> Float32Array:
-    strength = one.sums[:, 0]
-    mean = np.clip(one.sums[:, 1:4] / (strength + _TRACE * one.clouds)[:, None], -_FARTHEST, _FARTHEST)
-    each = np.column_stack([np.log1p(strength / one.clouds), mean, np.log1p(one.sums[:, 4] / one.clouds)])
-    totals = [np.log1p(strength[SLOW].sum() / one.clouds), np.log1p(strength.sum() / one.clouds)]
-    distance, azimuth, speed = one.body
-    totals += [distance / 3.0, azimuth, speed, np.log1p(one.points), 1.0]
-    return np.concatenate([each.ravel(), totals, radar]).astype(np.float32)
+    return slot_features(one.sums, one.clouds, np.array(one.body), np.array(one.points), radar)
+
+
+def slot_features(sums: Float64Array, clouds: int, body: Float64Array, points: NDArray[Any], radar: Float64Array) -> Float32Array:
+    """Make the features of slots of sums over their points.
+
+    Parameters
+    ----------
+    sums : ndarray of float64, shape (..., n_speeds, 5)
+        At each of `SPEEDS`: amplitude, amplitude times range [m] before the body, side [m] and height [m], and how many points.
+    clouds : int
+        So many clouds are in the sums.
+    body : ndarray of float64, shape (..., 3)
+        Distance on the ground from the radar [m], azimuth [rad] and speed [m/s] of the body.
+    points : ndarray, shape (...)
+        Of the last cloud.
+    radar : ndarray of float64, shape (4,)
+        The last four of `NAMES`, see `about_radar`.
+
+    Returns
+    -------
+    ndarray of float32, shape (..., n_features)
+        See `NAMES`; of slots that hold a cloud.
+    """
+    strength = sums[..., 0]
+    mean = np.clip(sums[..., 1:4] / (strength + _TRACE * clouds)[..., None], -_FARTHEST, _FARTHEST)
+    each = np.concatenate([np.log1p(strength / clouds)[..., None], mean, np.log1p(sums[..., 4:] / clouds)], axis=-1)
+    distance, azimuth, speed = np.moveaxis(body, -1, 0)
+    totals = [np.log1p(strength[..., SLOW].sum(axis=-1) / clouds), np.log1p(strength.sum(axis=-1) / clouds)]
+    totals += [distance / 3.0, azimuth, speed, np.log1p(points), np.ones_like(distance)]
+    shape = strength.shape[:-1]
+    parts = [each.reshape(*shape, -1), np.stack(totals, axis=-1), np.broadcast_to(radar, (*shape, len(radar)))]
+    return np.concatenate(parts, axis=-1).astype(np.float32)
+
+
+def about_radar(info: RadarInfo) -> Float64Array:
+    """Say of which kind a radar is, shape (4,): whether it tells heights, and its Doppler cell, range cell and interval."""
+    wave = info.waveform
+    high = float(np.ptp(info.array.virtual[:, 1]) > 1e-6)
+    return np.array([high, wave.speed_resolution / 0.5, wave.range_resolution / 0.5, wave.frame_interval / 0.05])

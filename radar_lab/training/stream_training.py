@@ -30,6 +30,7 @@ _CHOOSE, _FIGURES = 4, 9  # the part that the limit is chosen on, and the one th
 _FLATTEST: Final = 0.05  # inputs that hardly change are not blown up further
 _APART: Final = 1e-6  # m: antennas nearer to each other than this stand in one place
 _NORM: Final = 1.0  # longest gradient of a step
+_SLOWER: Final = 3.0  # times: after quick lives
 
 
 @config
@@ -42,6 +43,7 @@ class StreamTraining:
     dropout: float = knob(0.3, low=0.0, high=0.95, doc="in training, of what each block adds")
     members: int = knob(3, low=1, high=100, doc="networks that are trained apart and averaged")
     passes: int = knob(60, low=1, high=10_000, doc="over the sequences, each time changed otherwise")
+    first_passes: int = knob(6, low=1, high=10_000, doc="before them over quick lives and the sequences together, if there are quick ones")
     batch: int = knob(16, low=1, high=65_536, doc="pieces of sequences a step")
     length: int = knob(256, low=2, high=100_000, doc="slots of a piece")
     learning_rate: float = knob(3e-3, low=1e-8, high=10.0, doc="of Adam with a one-cycle schedule, at its highest")
@@ -177,7 +179,12 @@ def least(radars: Sequence[RadarInfo]) -> Needs:
 
 
 def train_stream_net(
-    sequences: Sequence[SlotSequence], *, labels: Sequence[str] = GESTURES, config: StreamTraining | None = None, n_jobs: int = 1
+    sequences: Sequence[SlotSequence],
+    *,
+    first: Sequence[SlotSequence] = (),
+    labels: Sequence[str] = GESTURES,
+    config: StreamTraining | None = None,
+    n_jobs: int = 1,
 ) -> StreamNet:
     """Train a network; the same sequences and seed give the same numbers on one machine.
 
@@ -187,6 +194,9 @@ def train_stream_net(
     ----------
     sequences : sequence of SlotSequence
         At least one, with the features `NAMES`.
+    first : sequence of SlotSequence
+        Quick lives (`radar_lab.training.quick_lives`): networks learn from them and the sequences together first, and from the sequences
+        alone at the end, a third as fast.
     labels : sequence of str
         What their labels mean; the first is no gesture.
     config : StreamTraining or None
@@ -200,26 +210,30 @@ def train_stream_net(
         When PyTorch is not installed; when there is no sequence, or one has other features or labels.
     """
     config = config or StreamTraining()
-    top = max((int(sequence.label.max(initial=0)) for sequence in sequences), default=-1)
-    if not sequences or top >= len(labels) or any(sequence.features.shape[1] != len(NAMES) for sequence in sequences):
-        raise DataError(
-            f"{len(sequences)} sequences with labels up to {top}; expected some with {len(NAMES)} features, {len(labels)} labels"
-        )
+    known = [*sequences, *first]
+    top = max((int(sequence.label.max(initial=0)) for sequence in known), default=-1)
+    if not sequences or top >= len(labels) or any(sequence.features.shape[1] != len(NAMES) for sequence in known):
+        raise DataError(f"{len(known)} sequences with labels up to {top}; expected some with {len(NAMES)} features, {len(labels)} labels")
     need_torch("the network on streams")
     mean, scale = _spread(sequences)
     each = (dataclasses.replace(config, seed=config.seed + number) for number in range(config.members))
-    members = Parallel(n_jobs=n_jobs)(delayed(_trained)(sequences, mean, scale, labels, own) for own in each)
+    members = Parallel(n_jobs=n_jobs)(delayed(_trained)(sequences, first, mean, scale, labels, own) for own in each)
     return StreamNet(mean, scale, tuple(members), NAMES, tuple(labels), config.delay)
 
 
 def _trained(
-    sequences: Sequence[SlotSequence], mean: Float32Array, scale: Float32Array, labels: Sequence[str], config: StreamTraining
-) -> Member:
+    sequences: Sequence[SlotSequence], first: Sequence[SlotSequence], mean: Float32Array, scale: Float32Array, labels: Sequence[str],
+    config: StreamTraining,
+) -> Member:  # fmt: skip
     """Train one member."""
     torch = need_torch("the network on streams")
     with threadpool_limits(1), torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         net = _Network(torch, config, len(NAMES), len(labels))
+        if first:
+            together = dataclasses.replace(config, passes=config.first_passes)
+            _fit(torch, net, [*first, *sequences], mean, scale, labels, together)
+            config = dataclasses.replace(config, learning_rate=config.learning_rate / _SLOWER)
         _fit(torch, net, sequences, mean, scale, labels, config)
     return net.exported()
 

@@ -213,6 +213,24 @@ def test_training_twice_gives_the_same_bytes(report, tmp_path):
     assert not np.array_equal(one.members[0].first[0], other.members[0].first[0])
 
 
+def test_what_was_learned_first_is_kept():
+    """Of two lives alone little is learned in a few passes; after many others first, pushes and pulls are told apart."""
+    pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
+    first = [life.sequences[0] for life in made_lives(40, seed=11)]
+    known = [life.sequences[0] for life in made_lives(3)[::2]]
+    few = dataclasses.replace(QUICK, passes=4, first_passes=QUICK.passes)
+    alone, after = (train_stream_net(known, first=own, config=few) for own in ((), first))
+    np.testing.assert_array_equal(alone.mean, after.mean)  # slots are scaled as real ones are
+    right = []
+    for net in (alone, after):
+        told = [
+            (net.probabilities(one.features)[QUICK.delay :], one.label) for one in (life.sequences[0] for life in made_lives(8, seed=9))
+        ]
+        right.append(np.mean([np.mean(p.argmax(axis=1)[y[: len(p)] > 0] == y[: len(p)][y[: len(p)] > 0]) for p, y in told]))
+    assert right[1] > 0.8
+    assert right[0] < right[1] - 0.1
+
+
 def test_numpy_gives_what_pytorch_gives():
     """The finished network, slot by slot, against the layers that were trained; inputs far out are cut off alike."""
     torch = pytest.importorskip("torch", reason="PyTorch is not installed (extra train)")
