@@ -116,7 +116,7 @@ class PointRadar:
     def _hidden(self, targets: Targets, snr: Float64Array, above: BoolArray) -> BoolArray:
         """Which echoes a stronger one beside them hides: of these a cloud has one point."""
         taken = np.zeros(snr.shape, bool)
-        order, row = np.argsort(-snr, axis=1), np.arange(len(snr))
+        order, row = np.argsort(-snr, axis=1, kind="stable"), np.arange(len(snr))
         place = targets.range / self._cell[0], targets.rate / self._cell[1]
         for column in order.T:
             shows = above[row, column] & ~taken[row, column]

@@ -59,7 +59,7 @@ def walk():
         # what a driver would say before calibration: height and tilt, but not where
         infos[name] = replace(simulator.info, mount=Pose() if name == "right" else MOUNTS[name])
         made = [replace(simulator.process(k).frame, stamp_ns=10**9 + k * 40_000_000 - late) for k in range(simulator.n_frames)]
-        clouds[name], frames[name] = [baseband.process(frame) for frame in made], made[:48]
+        clouds[name], frames[name] = [baseband.process(frame) for frame in made], made[:40]
     return infos, clouds, frames
 
 
@@ -126,13 +126,13 @@ def test_raw_frames_do_as_well_as_clouds(walk, tmp_path):
     """Where a bag has frames only, the baseband makes the same clouds of them: the same positions."""
     infos, clouds, frames = walk
     write(tmp_path / "raw", infos, [(f.stamp_ns, name, "radar/frame", frame_to_msg(f)) for name in MOUNTS for f in frames[name]])
-    write(tmp_path / "points", infos, [(c.stamp_ns, n, "radar/points", cloud_to_msg(c)) for n in MOUNTS for c in clouds[n][:48]])
+    write(tmp_path / "points", infos, [(c.stamp_ns, n, "radar/points", cloud_to_msg(c)) for n in MOUNTS for c in clouds[n][:40]])
     shares, follow = [], functools.partial(Walker, PairConfig())
     raw, points = (from_bag(tmp_path / name, list(MOUNTS), follow, shares.append) for name in ("raw", "points"))
     for a, b in zip(raw, points, strict=True):
         assert np.array_equal(a.trajectory().position, b.trajectory().position)
-        assert len(a.trajectory()) > 20
-    assert shares[95] == shares[-1] == 1.0
+        assert len(a.trajectory()) > 15  # found in the 17th cloud; from the 34th on two tracks share who starts to walk
+    assert shares[79] == shares[-1] == 1.0
 
 
 @pytest.mark.long
