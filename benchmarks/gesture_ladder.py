@@ -34,6 +34,7 @@ from benchmarks.stores import digest, kept, once, sources
 from radar_core import ConfigError, PointCloud, RadarInfo
 from radar_core.types import Float32Array, Float64Array
 from radar_gestures.stream.network import StreamNet
+from radar_lab.datasets.body_targets import placed
 from radar_lab.datasets.lives import Life, generate_lives, life_files, read_life, scene_of
 from radar_lab.evaluation.scoring import truth_segments
 from radar_lab.training.networks import need_torch
@@ -41,7 +42,7 @@ from radar_lab.training.slot_sequences import LifeSlots, slots_of
 from radar_lab.training.stream_figures import Judged, figures_of, judge
 from radar_lab.training.stream_training import StreamTraining, train_stream_net
 from radar_sim import Scene
-from radar_sim.bodies.base import BONES, Pose
+from radar_sim.bodies.base import Pose
 from radar_sim.world import World
 from radar_tracking import TrackedCloud
 from radar_tracking.tracks import Track, Tracks, TrackStatus
@@ -57,7 +58,6 @@ _SPAN: Final = 4e-3  # s: range rates are of so long
 _STRONG: Final = 20.0  # dB, of everything 2 m away
 _LIMITS: Final = np.round(np.arange(0.0, 1.0, 0.01), 2)
 _SOURCES: Final = ("radar_core", "radar_sim", "radar_tracking", "radar_gestures/stream", "radar_lab/training", "radar_lab/datasets")
-_ARM: Final = [[BONES.index(f"{bone}_{side}") for bone in ("upperarm", "lowerarm", "hand")] for side in "lr"]
 
 
 def with_places(clouds: Sequence[PointCloud], person_id: Sequence[int], position: Float64Array) -> Iterator[TrackedCloud]:
@@ -100,18 +100,12 @@ def of_bodies(life: Life, scene: Scene) -> Life:
 def _joints(sequence: int, time: float, poses: Sequence[Pose], info: RadarInfo) -> PointCloud:
     """Joints, hands and the middles of upper and lower arms of some people, as a cloud."""
     origin = np.asarray(info.mount.origin, np.float64)
-    places = np.concatenate([_of_body(pose) for pose in poses], axis=1)  # start, middle and end; points
+    places = np.concatenate([placed(pose) for pose in poses], axis=1)  # start, middle and end; points
     away = np.linalg.norm(places - origin, axis=-1)
     x, y, z = (_single(value) for value in places[1].T)
     level = _STRONG - 40.0 * np.log10(np.maximum(away[1], 0.1) / 2.0)
     rate = (away[2] - away[0]) / _SPAN
     return PointCloud(round(time * 1e9), sequence, "room", x, y, z, radial_speed=_single(rate), snr=_single(level))
-
-
-def _of_body(pose: Pose) -> Float64Array:
-    arms = pose.joint[:, _ARM]  # times, sides, shoulder to wrist, 3
-    middles = (arms[:, :, 1:] + arms[:, :, :-1]) / 2
-    return np.concatenate([pose.joint, pose.hand, middles.reshape(len(arms), -1, 3)], axis=1)
 
 
 def _single(values: Float64Array) -> Float32Array:

@@ -64,7 +64,7 @@ def parted(lives: Sequence[LifeSlots]) -> tuple[list[LifeSlots], list[LifeSlots]
 def trained(folder: Path, lives: Sequence[LifeSlots], config: StreamTraining) -> StreamNet:
     """Train networks, unless the folder has them."""
     known = [sequence for life in lives for sequence in life.sequences]
-    return members(folder, known, config, [life.number for life in lives])
+    return members(folder, known, config)
 
 
 def slot_times(models: Mapping[str, StreamNet], features: Float32Array, n: int) -> dict[str, list[float]]:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from joblib import Parallel, delayed
+from joblib import hash as hashed
 
 from benchmarks.report import AbsentError, rate, share
 from benchmarks.rooms import PROCESSES
@@ -153,10 +154,9 @@ def quick_in(folder: Path, number: int) -> list[SlotSequence]:
     return found
 
 
-def members(
-    folder: Path, known: Sequence[SlotSequence], config: StreamTraining, told: Any, first: Sequence[SlotSequence] = ()
-) -> StreamNet:
-    """Train as `train_stream_net` does, unless the folder has it, and keep each member as soon as it is done; ``told``: what is known."""
+def members(folder: Path, known: Sequence[SlotSequence], config: StreamTraining, first: Sequence[SlotSequence] = ()) -> StreamNet:
+    """Train as `train_stream_net` does, unless the folder has it, and keep each member as soon as it is done."""
+    told = [hashed([(one.features, one.label, one.weight) for one in some]) for some in (known, first)]
     each = [dataclasses.replace(config, members=1, seed=config.seed + number) for number in range(config.members)]
     paths = [folder / "parts" / f"member_{digest([told, str(own), sources(_TRAINED)])}.joblib" for own in each]
     train = functools.partial(train_stream_net, known, first=first)
@@ -170,7 +170,7 @@ def trained(folder: Path, number: int, busy: int, quick: int, config: StreamTrai
     more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()]
     more += [sequence for life in busy_in(folder, busy) for sequence in life.sequences]
     lives = lives_in(folder, number)
-    model = members(folder, [*learned_sequences(lives), *more], config, [number, busy, quick, len(more)], quick_in(folder, quick))
+    model = members(folder, [*learned_sequences(lives), *more], config, quick_in(folder, quick))
     return measured(model, lives, config, lost=LOST, more=len(more)).model
 
 

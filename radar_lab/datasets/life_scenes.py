@@ -114,7 +114,7 @@ def life_scene(number: int, rng: Random, kind: str | None = None, gestures: floa
     kind : str or None
         One of `KINDS`; None: that of the number.
     gestures : float
-        Share of what people do one after the other that is a gesture, 0 to below 1.
+        Share of what people do one after the other that is a gesture, 0 to 1.
 
     Raises
     ------

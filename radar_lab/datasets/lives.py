@@ -37,8 +37,8 @@ from radar_lab.evaluation.scoring import TruthSegment, truth_segments
 from radar_sim import Scene, Simulator
 from radar_sim.motions.strokes import library_hash
 
-FORMAT: Final = 2
-"""Of the files of lives; a folder of another one is refused."""
+FORMAT: Final = 3
+"""Of the files of lives, and of what radars saw when they were made; a folder of another one is refused."""
 FIELDS: Final[tuple[str, ...]] = (*CLOUD_FIELDS, "range_std")
 """What is kept of the points: all that the default tracker and streams of slots look at."""
 _STREAM: Final = 76  # keeps lives apart from other scenes with the same seed
@@ -108,8 +108,11 @@ def generate_lives(
     Raises
     ------
     ConfigError
-        When the folder holds something else, or lives of another seed, with more or fewer gestures, or of other motions.
+        When the folder holds something else, or lives of another seed, with more or fewer gestures, or of other motions; when the share is
+        none.
     """
+    if not 0.0 <= gestures <= 1.0:
+        raise ConfigError(f"gestures is {gestures:g}; it is a share of what people do: 0 to 1")
     place = open_folder(folder, manifest(seed, gestures))
     todo = [number for number in range(n_lives) if not life_path(place, number).exists()]
     make = functools.partial(_write_life, place, seed, gestures)

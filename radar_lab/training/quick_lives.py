@@ -1,6 +1,6 @@
 """Streams of slots of lives that no sample was simulated of: bodies are point targets of a simple radar.
 
-A life takes a fifth of a second in place of ten. Networks learn most of what arms do from many of these, and then, from fewer of
+A life takes half a second in place of ten. Networks learn most of what arms do from many of these, and then, from fewer of
 `radar_lab.datasets.lives`, what radars, walls, clutter and the tracker make of it. Nothing is measured on them.
 """
 
@@ -91,28 +91,31 @@ def _centre(pose: Pose) -> Float64Array:
 def _features(radar: PointRadar, targets: Targets, trunk: Float64Array, info: RadarInfo) -> Float32Array:
     """Features of the slots of one body, whose trunk is there, shape (T, 3), from the sensor [m]."""
     interval = info.waveform.frame_interval
-    clouds = max(1, round(_SLOT / interval))
+    clouds, about = max(1, round(_SLOT / interval)), about_radar(info)
     velocity = np.gradient(trunk[:, :2], _SLOT, axis=0)
     sums, points = np.zeros((len(trunk), len(SPEEDS), 5)), np.zeros(len(trunk))
     for _ in range(clouds):
         points = np.zeros(len(trunk))
         for echoes in radar.process(targets):
-            own = _add(sums, echoes, trunk, velocity, info)
+            own = _add(sums, echoes, trunk, velocity, info.mount.z - _MIDDLE if about[0] else None)
             points += own.sum(axis=1)
     body = np.column_stack([np.hypot(trunk[:, 0], trunk[:, 1]), np.arctan2(trunk[:, 1], trunk[:, 0]), np.hypot(*velocity.T)])
-    return _held(slot_features(sums, clouds, body, points, about_radar(info)), interval)
+    return _held(slot_features(sums, clouds, body, points, about), interval)
 
 
-def _add(sums: Float64Array, echoes: Echoes, trunk: Float64Array, velocity: Float64Array, info: RadarInfo) -> BoolArray:
-    """Add the points of a cloud to the sums of slots, as `SlotStreams` does; returns which are the body's, shape (T, n_targets)."""
+def _add(sums: Float64Array, echoes: Echoes, trunk: Float64Array, velocity: Float64Array, height: float | None) -> BoolArray:
+    """Add the points of a cloud to the sums of slots, as `SlotStreams` does; returns which are the body's, shape (T, n_targets).
+
+    ``height``: of the sensor above where heights count from [m]; None: it tells none.
+    """
     flat = echoes.range * np.cos(echoes.elevation)
     x, y, z = flat * np.cos(echoes.azimuth), flat * np.sin(echoes.azimuth), echoes.range * np.sin(echoes.elevation)
     own = echoes.found & (np.hypot(x - trunk[:, None, 0], y - trunk[:, None, 1]) < _GATE)
     ground = np.maximum(np.hypot(trunk[:, 0], trunk[:, 1]), 1e-6)[:, None]
     relative = echoes.rate - (x * velocity[:, None, 0] + y * velocity[:, None, 1]) / np.maximum(echoes.range, 1e-6)
     side = (y * trunk[:, None, 0] - x * trunk[:, None, 1]) / ground
-    high = about_radar(info)[0]
-    values = [np.ones_like(side), echoes.range - np.linalg.norm(trunk, axis=1)[:, None], side, high * (z + info.mount.z - _MIDDLE)]
+    above = np.zeros_like(z) if height is None else z + height
+    values = [np.ones_like(side), echoes.range - np.linalg.norm(trunk, axis=1)[:, None], side, above]
     share = spread(relative) * own[..., None]
     weight = share * amplitude(np.clip(echoes.snr, 0.0, _MOST_SNR), np.maximum(echoes.range, 1e-6))[..., None]
     sums[..., :4] += np.einsum("tns,tnv->tsv", weight, np.stack(values, axis=-1))

@@ -67,6 +67,7 @@ def weigh(table: Table, shares: Shares, dt: float, now: float, config: PoissonCo
     """Change log odds and rates by what a cloud says."""
     rows, away = table.rows, table.mean[:, :2] - view.origin[:2]
     aside = view.margin(np.column_stack([table.mean[:, :2], np.full(len(table), view.origin[2])])) < _ASIDE
+    # Copies are contiguous whether there is one row or more: loops are compiled once.
     covered = hidden(np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0]), rows["confirmed"].copy())
     held = _HELD * min((1.0 - table.stood[0] / table.stood[1]) / (1.0 - SHOWN), 1.0)
     times = config.stay_time, config.leave_time, config.correlation_time

@@ -143,6 +143,7 @@ class Update:
         place = measured.x + config.surface * measured.ux, measured.y + config.surface * measured.uy
         errors = measured.range_variance, measured.cross_variance
         columns = np.stack([*place, measured.ux, measured.uy, *errors, measured.distance, measured.rate, known])
+        # As in `weigh`: a contiguous copy, so that the loop is compiled once.
         found = _centroids(shares.torso, table.rows["stands"].copy(), slow, columns)
         self.rows: IndexArray = np.flatnonzero(found[:, 0] > _LEAST_SHARE)
         table.rows["nis"], table.rows["dof"] = np.nan, 0

@@ -44,13 +44,15 @@ def test_members_that_are_kept_one_by_one_are_those_that_are_trained_together(tm
     known = [sequence(1), sequence(2)]
     config = StreamTraining(members=2, passes=1, width=4, dilations=(1, 2), length=32, batch=2)
     together = train_stream_net(known, config=config)
-    apart = members(tmp_path, known, config, "these")
+    apart = members(tmp_path, known, config)
     x = sequence(3).features
     np.testing.assert_array_equal(apart.probabilities(x), together.probabilities(x))
     files = {path: path.stat().st_mtime_ns for path in (tmp_path / "parts").iterdir()}
     assert len(files) == 2
-    one = members(tmp_path, known, dataclasses.replace(config, members=1), "these")
+    one = members(tmp_path, known, dataclasses.replace(config, members=1))
     assert len(one.members) == 1
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "parts").iterdir()} == files
+    members(tmp_path, known, dataclasses.replace(config, members=1), [sequence(4)])  # with something else to learn from: another one
+    assert len(list((tmp_path / "parts").iterdir())) == 3
     assert set(slot_times({"one": one, "two": apart}, x, 7)) == {"one", "two"}
     assert all(len(times) == 7 for times in slot_times({"one": one, "two": apart}, x[:3], 7).values())

@@ -244,3 +244,5 @@ def test_lives_with_more_gestures_are_kept_apart(tmp_path):
     lives.open_folder(tmp_path, lives.manifest(2, 0.8))
     with pytest.raises(ConfigError, match="other settings"):
         lives.generate_lives(tmp_path, 0, seed=2, progress=False)
+    with pytest.raises(ConfigError, match=r"gestures is 1\.5; .*0 to 1"):
+        lives.generate_lives(tmp_path, 0, seed=2, gestures=1.5, progress=False)
