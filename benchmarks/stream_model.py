@@ -36,14 +36,14 @@ from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_live
 from radar_lab.training.stream_figures import spans
 from radar_lab.training.stream_training import StreamTraining, learned_sequences, measured, train_stream_net
 
-LIVES: Final = 1100
-BUSY: Final = 600
-QUICK: Final = 3000
+LIVES: Final = 600
+BUSY: Final = 250
+QUICK: Final = 8000
 BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
 LOST: Final = 0.5  # of the strokes named right: at the limit for fewer, false gestures are several times as many
-TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=12, first_passes=6)
+TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=12, first_passes=3)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
-_PIECE, _QUICK_PIECE = 100, 500
+_PIECE, _QUICK_PIECE = 100, 1000
 _SEED, _BUSY_SEED, _QUICK_SEED = 1, 2, 3
 _LATE_NS: Final = 500_000_000  # an event may end so long after its segment
 _RANDOM: Final = GESTURES[0]

@@ -65,7 +65,10 @@ class Simulator:
         effects = scene.effects
         if effects.converter is not None:
             self.info = dataclasses.replace(self.info, full_scale=full_scale(effects.converter))
-        self.world = World(scene, self.setting.radar) if world is None else world
+        if world is None:
+            world = World(scene, self.setting.radar)
+            world.make_bodies()
+        self.world = world
         self._chain = make_chain(self.setting)
         sampling = Sampling(self.info, *elements(effects.channel_errors, self.setting))
         self.propagator: Propagator = make_propagator(scene.fidelity, Physics.of(effects), sampling, scene.tolerance)

@@ -6,6 +6,7 @@ from anatomy import FLIP, PEOPLE, bone, length, rest_pose, volume
 from figures import GESTURES, SPAN, posture, ring
 from oracles import skin as oracle
 
+from radar_sim import Scene, Simulator
 from radar_sim.bodies import skin
 from radar_sim.bodies.base import LEG, stand
 from radar_sim.bodies.ellipsoids import EllipsoidBody, sphere, spread
@@ -16,6 +17,7 @@ from radar_sim.bodies.skin import MeshBody
 from radar_sim.bodies.subject import MIRROR, Subject
 from radar_sim.people import Person
 from radar_sim.scatterers import Motion, Scatterers, Triangles
+from radar_sim.world import World
 
 
 @pytest.fixture(scope="module")
@@ -272,3 +274,14 @@ def test_bodies_are_chosen_by_name_and_seeded():
     assert not np.array_equal(surface().motion.position[:5], surface(id=2).motion.position[:5])
     assert len(surface(body="mesh")) == 5889
     assert surface(reflectivity=0.2).rcs.sum() == pytest.approx(0.5 * surface().rcs.sum())
+
+
+def test_bodies_are_made_when_they_are_asked_for():
+    """Who wants postures alone does not wait for surfaces; a simulator has them before its first frame."""
+    person = Person(height=1.713)
+    scene = Scene(people=(person,))
+    figure = make_figure(person, scene.seed)
+    World(scene).skeletons(np.zeros(1))
+    assert "body" not in vars(figure)
+    Simulator(scene)
+    assert "body" in vars(figure)
