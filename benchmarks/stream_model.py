@@ -57,6 +57,8 @@ _QUICKLY: Final = (
     "radar_lab/training/quick_lives.py",
 )
 _TRAINED: Final = (*_SLOTS, "radar_gestures/stream", "radar_lab/training", "benchmarks/stream_real.py")
+MADE_OF: Final = (*_TRAINED, *_QUICKLY)
+"""The code that decides about a network that learned from quick lives first."""
 
 _COMMAND: Final = "python -m benchmarks stream_model --json --keep FOLDER"
 _PEOPLE: Final = "It also learned from people of mHomeGes and mTransSee; how it does with others of them: docs/research/gestures.md."

@@ -36,6 +36,9 @@ def train(
     seed: Annotated[int, typer.Option(help="of everything random", min=0)] = 1,
     scenes: Annotated[int, typer.Option(help="first simulate until the first folder holds so many scenes, 10 s each", min=0)] = 0,
     lives: Annotated[int, typer.Option(help="model stream: first simulate until the folder holds so many lives, 10 s each", min=0)] = 0,
+    quick_lives: Annotated[
+        int, typer.Option(help="model stream: learn first from so many lives that no echo is simulated of, 0.1 s each", min=0)
+    ] = 0,
     jobs: Annotated[int, typer.Option(help="with --scenes or --lives: processes that simulate", min=1)] = 2,
     model: Annotated[
         str,
@@ -62,18 +65,19 @@ def train(
     Use the model with: `handwave up --param gestures.model=gestures.npz`, or in a running graph: `handwave gesture use gestures.npz`
 
     Examples: `handwave dataset generate strokes` then `handwave train strokes -o mine.npz` · `handwave train samples --scenes 120 -j 2`
-    · `handwave train lives --model stream --lives 1000 -o stream.npz`
+    · `handwave train lives --model stream --lives 1000 --quick-lives 4000 -o stream.npz`
     """
     if model not in ("perceptron", "network", "cells", "curves", "stream"):
         raise ConfigError(f"--model {model}: choose perceptron, network, cells, curves or stream")
     if farther and model not in ("network", "cells", "curves"):
         raise ConfigError(f"--farther: goes with --model network, cells or curves, not with {model}")
-    if lives and model != "stream":
-        raise ConfigError(f"--lives {lives}: goes with --model stream only")
+    for name, number in (("--lives", lives), ("--quick-lives", quick_lives)):
+        if number and model != "stream":
+            raise ConfigError(f"{name} {number}: goes with --model stream only")
     if model == "stream":
         if labels or scenes or len(folders) != 1:
             raise ConfigError("--model stream: give one folder of lives, and neither --labels nor --scenes")
-        _train_stream(folders[0], out, lost, seed, passes, lives, jobs)
+        _train_stream(folders[0], out, lost, seed, passes, lives, quick_lives, jobs)
         return
     if model in ("network", "cells", "curves"):
         _train_curves(folders, out, comma_separated(labels), lost, seed, passes, model, farther)
@@ -133,7 +137,7 @@ def _train_curves(
     print(f"model in {out}, its card in {out.with_suffix('.md')}")
 
 
-def _train_stream(folder: Path, out: Path, lost: float, seed: int, passes: int, lives: int, jobs: int) -> None:
+def _train_stream(folder: Path, out: Path, lost: float, seed: int, passes: int, lives: int, quick: int, jobs: int) -> None:
     from radar_lab.datasets.lives import generate_lives
     from radar_lab.training.card import card, write_card
     from radar_lab.training.networks import need_torch
@@ -145,9 +149,9 @@ def _train_stream(folder: Path, out: Path, lost: float, seed: int, passes: int, 
     need_torch("the network on streams")  # before hours of simulation
     if lives:
         generate_lives(folder, lives, seed=seed, n_jobs=jobs)
-    report = train_streams(folder, out, StreamTraining(seed=seed, passes=passes), lost=lost, n_jobs=jobs)
+    report = train_streams(folder, out, StreamTraining(seed=seed, passes=passes), lost=lost, quick=quick, n_jobs=jobs)
     print(as_text(report.model))
-    simulated = f"--lives {lives} " if lives else ""
+    simulated = "".join(f"--{name} {many} " for name, many in (("lives", lives), ("quick-lives", quick)) if many)
     text = card(
         report.model,
         [],

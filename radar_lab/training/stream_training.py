@@ -22,6 +22,7 @@ from radar_gestures.needs import Needs
 from radar_gestures.stream.network import CLIP, Block, Member, StreamNet
 from radar_gestures.stream.slots import NAMES
 from radar_lab.training.networks import as_array, need_torch
+from radar_lab.training.quick_lives import quick_lives
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_lives, varied
 from radar_lab.training.stream_figures import Judged, choose_limit, figures_of, judge
 
@@ -61,7 +62,13 @@ class StreamReport:
 
 
 def train_streams(
-    folder: str | Path, out: str | Path | None = None, config: StreamTraining | None = None, *, lost: float = 0.05, n_jobs: int = 1
+    folder: str | Path,
+    out: str | Path | None = None,
+    config: StreamTraining | None = None,
+    *,
+    lost: float = 0.05,
+    quick: int = 0,
+    n_jobs: int = 1,
 ) -> StreamReport:
     """Train a network on the lives of a folder and write it to ``out``; needs PyTorch (extra ``train``).
 
@@ -74,7 +81,9 @@ def train_streams(
     config : StreamTraining or None
         None: the defaults.
     lost, n_jobs : float, int
-        As in `fit_lives`; lives that are read, and networks that are trained, at the same time.
+        As in `fit_lives`; lives that are read or made, and networks that are trained, at the same time.
+    quick : int
+        Quick lives to learn from first, see `train_stream_net`.
 
     Raises
     ------
@@ -82,7 +91,9 @@ def train_streams(
         Without PyTorch; when there are no lives, or too few to keep one to choose on and one for the figures.
     """
     need_torch("the network on streams")  # before minutes of reading
-    report = fit_lives(read_lives(folder, n_jobs=n_jobs), config, lost=lost, n_jobs=n_jobs)
+    config = config or StreamTraining()
+    lives = read_lives(folder, n_jobs=n_jobs)
+    report = fit_lives(lives, config, lost=lost, first=quick_lives(quick, seed=config.seed, n_jobs=n_jobs), n_jobs=n_jobs)
     if out is not None:
         save_model(report.model, out)
     return report
@@ -94,6 +105,7 @@ def fit_lives(
     *,
     lost: float = 0.05,
     more: Sequence[SlotSequence] = (),
+    first: Sequence[SlotSequence] = (),
     n_jobs: int = 1,
 ) -> StreamReport:
     """Train a network on eight of ten lives, choose on the fifth of ten what it rejects, and measure on the tenth what it is worth.
@@ -113,6 +125,8 @@ def fit_lives(
         Share of strokes named right that may be rejected.
     more : sequence of SlotSequence
         Others to learn from too, such as recorded ones; nothing is chosen or measured on them.
+    first : sequence of SlotSequence
+        Quick lives to learn from before, see `train_stream_net`.
     n_jobs : int
         Networks that are trained at the same time.
 
@@ -123,7 +137,8 @@ def fit_lives(
     """
     config = config or StreamTraining()
     known = [*learned_sequences(lives), *more]
-    return measured(train_stream_net(known, config=config, n_jobs=n_jobs), lives, config, lost=lost, more=len(more))
+    model = train_stream_net(known, first=first, config=config, n_jobs=n_jobs)
+    return measured(model, lives, config, lost=lost, more=len(more))
 
 
 def learned_sequences(lives: Sequence[LifeSlots]) -> list[SlotSequence]:

@@ -151,6 +151,7 @@ def test_a_model_of_some_gestures_is_evaluated_on_these(folder, tmp_path):
         (train, ["--model", "forest"], "perceptron, network, cells, curves or stream"),
         (train, ["--model", "stream", "--labels", "push"], "one folder of lives"),
         (train, ["--lives", "3"], "--model stream only"),
+        (train, ["--quick-lives", "3"], "--model stream only"),
         (train, ["--farther"], "goes with --model network, cells or curves"),
         (evaluate, ["--split", "half"], "subjects, random, all"),
     ],

@@ -383,7 +383,8 @@ def test_the_command_trains_a_model_and_writes_its_card(folder, tmp_path):
     app = typer.Typer()
     app.command()(train)
     for name in ("a.npz", "b.npz"):
-        arguments = ["--model", "stream", "--passes", "1", "--seed", "4", "--jobs", "1", "--out", str(tmp_path / name)]
+        arguments = ["--model", "stream", "--quick-lives", "2", "--passes", "1", "--seed", "4", "--jobs", "1"]
+        arguments += ["--out", str(tmp_path / name)]
         result = CliRunner().invoke(app, [str(folder), *arguments], catch_exceptions=False)
         assert "1 strokes in 1 lives that" in result.output
     model = load_model(tmp_path / "a.npz")
@@ -394,7 +395,7 @@ def test_the_command_trains_a_model_and_writes_its_card(folder, tmp_path):
     assert "# Gesture model 66-64-64-64-64-64-64-10" in text
     assert "networks on streams of slots" in text
     assert f"| false_per_minute | {model.figures['false_per_minute']} |" in text
-    assert f"handwave train {folder} --model stream --out {tmp_path / 'a.npz'} --passes 1 --lost 0.05 --seed 4" in text
+    assert f"handwave train {folder} --model stream --quick-lives 2 --out {tmp_path / 'a.npz'} --passes 1 --lost 0.05 --seed 4" in text
 
 
 def test_without_pytorch_training_says_what_to_install(folder):
