@@ -56,7 +56,7 @@ TRAINING: Final = StreamTraining(members=1, passes=30)
 _SEED: Final = 1  # of the lives
 _SPAN: Final = 4e-3  # s: range rates are of so long
 _STRONG: Final = 20.0  # dB, of everything 2 m away
-_LIMITS: Final = np.round(np.arange(0.0, 1.0, 0.01), 2)
+_LIMITS: Final = np.round(np.arange(0.0, 1.0, 0.005), 3)
 _SOURCES: Final = ("radar_core", "radar_sim", "radar_tracking", "radar_gestures/stream", "radar_lab/training", "radar_lab/datasets")
 
 

@@ -33,7 +33,7 @@ from radar_lab.training.card import card, write_card
 from radar_lab.training.networks import need_torch
 from radar_lab.training.quick_lives import quick_lives
 from radar_lab.training.slot_sequences import LifeSlots, SlotSequence, read_lives
-from radar_lab.training.stream_figures import spans
+from radar_lab.training.stream_figures import name_event, spans
 from radar_lab.training.stream_training import StreamTraining, learned_sequences, measured, train_stream_net
 
 LIVES: Final = 600
@@ -41,7 +41,7 @@ BUSY: Final = 250
 QUICK: Final = 8000
 BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
 LOST: Final = 0.5  # of the strokes named right: at the limit for fewer, false gestures are several times as many
-TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=12, first_passes=3)
+TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=28, first_passes=3)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _PIECE, _QUICK_PIECE = 100, 1000
 _SEED, _BUSY_SEED, _QUICK_SEED = 1, 2, 3
@@ -71,9 +71,8 @@ def events(model: StreamNet, stream: RealStream) -> Iterator[Event]:
     for track in stream.tracks:
         told = model.probabilities(track.features)[model.delay :]  # each row about the slot that stands there
         for first, end in spans(told):
-            mean = told[first:end].mean(axis=0)
-            best = 1 + int(mean[1:].argmax())
-            if mean[best] >= model.reject:
+            best, score = name_event(model, told[first:end])
+            if score >= model.reject:
                 yield int(track.number[first]) * SLOT_NS, int(track.number[end - 1] + 1) * SLOT_NS, model.labels[best]
 
 

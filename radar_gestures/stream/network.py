@@ -22,6 +22,7 @@ _WIDEST: Final = 1024  # slots from tap to tap: a file cannot ask for memory wit
 _OF_BLOCK: Final = ("kernel", "offset", "mix", "mix_offset")  # the arrays of a block, in this order
 CLIP: Final = 8.0
 """Standardised inputs are cut off beyond this: what is so far out says no more than that it is."""
+_FLOOR: Final = 0.02  # of a probability in a pool
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class StreamNet:
     delay : int
         Slots by which the outputs are late.
     reject : float
-        A gesture whose mean probability is below this is unknown.
+        A gesture whose score is below this is unknown, see `StreamNet.score`.
     settings, figures : mapping
         ``needs``: what the poorest radar of the training gave (`radar_gestures.needs.Needs`); and what training measured.
 
@@ -172,11 +173,13 @@ class StreamNet:
         return np.array([state.process(row) for row in rows]).reshape(len(rows), len(self.labels))
 
     def score(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> Float64Array:
-        """Probability of the most probable gesture, shape (...), of probabilities of shape (..., n_labels)."""
-        return np.asarray(np.asarray(probabilities, np.float64)[..., 1:].max(axis=-1))
+        """Probability that it was the most probable gesture and not none, shape (...), of pooled probabilities, shape (..., n_labels)."""
+        told = np.asarray(probabilities, np.float64)
+        best = told[..., 1:].max(axis=-1)
+        return np.asarray(best / np.maximum(best + told[..., 0], np.finfo(np.float64).tiny))
 
     def known(self, features: NDArray[np.floating], probabilities: NDArray[np.floating]) -> bool:
-        """Whether one event, by its mean probabilities, is a gesture that the model knows."""
+        """Whether one event, by its pooled probabilities, is a gesture that the model knows."""
         return bool(self.score(features, probabilities) >= self.reject)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -211,6 +214,25 @@ def _member(held: Mapping[str, Float32Array], number: int, dilations: Sequence[i
     blocks = tuple(Block(**arrays, dilation=int(dilation)) for arrays, dilation in zip(own, dilations, strict=True))
     first, last = ((held[f"{number}_{name}"], held[f"{number}_{name}_offset"]) for name in ("first", "last"))
     return Member(first, blocks, last)
+
+
+def pool(probabilities: NDArray[np.floating]) -> Float64Array:
+    """Pool what is said of the slots of an event: geometric means that sum to 1 (logarithmic opinion pool; Genest and Zidek 1986).
+
+    One slot that is probably none speaks louder against a gesture than a likely one speaks for it, so that what only begins like a gesture
+    is none. A floor keeps single slots from deciding all.
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (n_slots, n_labels)
+        Of at least one slot.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_labels,)
+    """
+    means = np.exp(np.log(np.asarray(probabilities, np.float64) + _FLOOR).mean(axis=0))
+    return np.asarray(means / means.sum())
 
 
 class Memory:

@@ -14,7 +14,7 @@ from radar_gestures.activation import Activation, Rests
 from radar_gestures.classifiers.model import Classifier
 from radar_gestures.gesture import RANDOM, Gesture
 from radar_gestures.stage import GestureConfig
-from radar_gestures.stream.network import Memory, StreamNet
+from radar_gestures.stream.network import Memory, StreamNet, pool
 from radar_gestures.stream.slots import NAMES, SLOT_NS, Slot, SlotStreams, moving
 from radar_tracking.tracks import TrackedCloud
 
@@ -39,7 +39,7 @@ class StreamEvent:
     start_ns, end_ns : int
         Begin of its first and end of its last slot [ns].
     probabilities : ndarray of float64, shape (n_labels,)
-        Mean over its slots, in the order of the model's labels.
+        Of its slots, pooled (`pool`), in the order of the model's labels.
     features : ndarray of float64, shape (n_features,)
         Mean over the slots that were taken while it lasted.
     position : ndarray of float64, shape (3,)
@@ -61,7 +61,8 @@ class StreamRecognizer:
     """Recognise the arm gestures of people slot by slot.
 
     A gesture begins when the network says that some gesture is more probable than none, and ends when that is over. It has the label with
-    the largest mean probability over its slots, and is unknown (random) when that is below the model's ``reject`` or ``min_confidence``.
+    the largest pooled probability of its slots (`pool`), and is unknown (random) when its score is below the model's ``reject`` or that
+    probability below ``min_confidence``.
     The network's outputs come ``delay`` slots late, and so do the gestures. What several sensors see of a track is classified for each by
     itself, and the probabilities are averaged.
 
@@ -156,7 +157,8 @@ class _TrackState:
         self._memories: dict[str, Memory] = {}
         self._rests = Rests(_BRIDGE_NS)
         self._begun: int | None = None  # number of the first slot
-        self._count, self._sum, self._features = 0, np.zeros(len(model.labels)), np.zeros(len(model.names))
+        self._told: list[Float64Array] = []  # of its slots
+        self._features = np.zeros(len(model.names))
 
     def process(self, slots: Sequence[Slot]) -> StreamEvent | None:
         """Take a slot as all sensors saw it; return the event that ended before it."""
@@ -171,22 +173,19 @@ class _TrackState:
 
     def _decide(self, slot: Slot, probabilities: Float64Array, features: Float64Array) -> StreamEvent | None:
         gesture = 1.0 - float(probabilities[0])
-        over = gesture <= OFF or self._count >= MOST or slot.begins
+        over = gesture <= OFF or len(self._told) >= MOST or slot.begins
         ended = self._end(slot, self._begun) if over and self._begun is not None else None
         if self._begun is None and gesture > ON:
             self._begun = slot.number
         if self._begun is not None:
-            self._count += 1
-            self._sum += probabilities
+            self._told.append(probabilities)
             self._features += features
         return ended
 
     def _end(self, slot: Slot, start: int) -> StreamEvent | None:
-        count, late = self._count, self._model.delay
-        mean, features = self._sum / count, self._features / count
-        self._begun, self._count = None, 0
-        self._sum, self._features = np.zeros_like(self._sum), np.zeros_like(self._features)
-        if count < LEAST:
+        told, features, late = self._told, self._features / len(self._told), self._model.delay
+        self._begun, self._told, self._features = None, [], np.zeros_like(self._features)
+        if len(told) < LEAST:
             return None
-        first, last = (start - late) * SLOT_NS, (start + count - late) * SLOT_NS
-        return StreamEvent(slot.track_id, first, last, mean, features, slot.position, self._rests.before(first))
+        first, last = (start - late) * SLOT_NS, (start + len(told) - late) * SLOT_NS
+        return StreamEvent(slot.track_id, first, last, pool(np.array(told)), features, slot.position, self._rests.before(first))

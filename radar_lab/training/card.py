@@ -97,7 +97,7 @@ def _decision(model: GestureModel | CurveNet | StreamNet) -> list[str]:
     if isinstance(model, StreamNet):
         return [
             f"| operations of one slot | {operations(model):,} FLOP |",
-            f"| rejection | by mean probability, below {model.reject:.4g} |",
+            f"| rejection | by pooled probability against none, below {model.reject:.4g} |",
         ]
     if not isinstance(model, GestureModel):
         return [f"| operations of one event | {operations(model):,} FLOP |", f"| rejection | by probability, below {model.reject:.4g} |"]

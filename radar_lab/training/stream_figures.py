@@ -12,7 +12,7 @@ import numpy as np
 
 from radar_core import GESTURES
 from radar_core.types import Float64Array, IndexArray
-from radar_gestures.stream.network import StreamNet
+from radar_gestures.stream.network import StreamNet, pool
 from radar_gestures.stream.recognizer import LEAST, MOST, OFF, ON
 from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.training.calibration import choose_reject
@@ -28,7 +28,7 @@ class StrokeEvent:
     life: int  # its number
     stroke: int  # index into the strokes of the life; -1: the person performed nothing
     label: int  # the most probable gesture
-    score: float  # its mean probability
+    score: float  # `StreamNet.score`
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def judge(model: StreamNet, lives: Sequence[LifeSlots]) -> Judged:
         for sequence in life.sequences:
             told = model.probabilities(sequence.features)[model.delay :]  # each row about the slot that stands there
             own = sequence.stroke[: len(told)]
-            events += (_event(life, own[a:b], told[a:b]) for a, b in spans(told))
+            events += (_event(model, life, own[a:b], told[a:b]) for a, b in spans(told))
             named += ((life.kind, right) for right in _named(life, sequence, told))
     return Judged(tuple(lives), tuple(events), _shares(named))
 
@@ -137,13 +137,18 @@ def as_text(model: StreamNet) -> str:
     )
 
 
-def _event(life: LifeSlots, own: IndexArray, told: Float64Array) -> StrokeEvent:
+def name_event(model: StreamNet, told: Float64Array) -> tuple[int, float]:
+    """Name an event as `StreamRecognizer` does: label and score, of the probabilities of its slots, shape (n_slots, n_labels)."""
+    pooled = pool(told)
+    return 1 + int(pooled[1:].argmax()), float(model.score(np.zeros(0), pooled))
+
+
+def _event(model: StreamNet, life: LifeSlots, own: IndexArray, told: Float64Array) -> StrokeEvent:
     """Name an event; it was the stroke that most of its slots belong to, of those that are a gesture."""
-    mean = told.mean(axis=0)
-    label = 1 + int(mean[1:].argmax())
+    label, score = name_event(model, told)
     real = [k for k in own.tolist() if k >= 0 and life.strokes[k].label]
     stroke = max(sorted(set(real)), key=real.count) if real else -1
-    return StrokeEvent(life.number, stroke, label, float(mean[label]))
+    return StrokeEvent(life.number, stroke, label, score)
 
 
 def _named(life: LifeSlots, sequence: SlotSequence, told: Float64Array) -> Iterator[bool]:

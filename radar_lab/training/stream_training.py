@@ -111,8 +111,8 @@ def fit_lives(
     """Train a network on eight of ten lives, choose on the fifth of ten what it rejects, and measure on the tenth what it is worth.
 
     The three kinds of lives are disjoint, and the last is looked at once, when all is chosen. Events of the lives left out are found as at
-    run time: gestures begin and end where the network says so, and have the label with the largest mean probability over their slots.
-    ``StreamNet.reject`` is the highest limit of that probability that gives up at most a share of ``lost`` of the strokes that were named
+    run time: gestures begin and end where the network says so, and have the label with the largest pooled probability of their slots.
+    ``StreamNet.reject`` is the highest limit of their score that gives up at most a share of ``lost`` of the strokes that were named
     right: what is called a gesture in between, or named wrong, mostly lies below.
 
     Parameters
