@@ -8,6 +8,7 @@ import pytest
 from benchmarks.stream_model import counted, events
 from benchmarks.stream_real import DAILY, DEVELOP, FIGURE, RealStream, Track, learned, people_of, streams_of
 from radar_core import GESTURES, DataError
+from radar_gestures.stream.network import StreamNet
 from radar_gestures.stream.slots import NAMES, SLOT_NS
 
 PUSH, PULL = GESTURES.index("push"), GESTURES.index("pull")
@@ -46,6 +47,7 @@ class Sure:
     """Says what a table says of each slot, as late as networks do."""
 
     delay, reject, labels = 3, 0.6, GESTURES
+    score = StreamNet.score
 
     def __init__(self, said):
         self._said = said  # (first, end, label, probability)

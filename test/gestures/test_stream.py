@@ -18,7 +18,7 @@ from radar_gestures.make import make_recognizer
 from radar_gestures.needs import needs
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
-from radar_gestures.stream.network import Block, Member, Memory, StreamNet
+from radar_gestures.stream.network import Block, Member, Memory, StreamNet, pool
 from radar_gestures.stream.recognizer import StreamRecognizer
 from radar_gestures.stream.slots import FRESH, NAMES, SLOT_NS, SPEEDS, SlotStreams, spread
 from radar_lab.training.operations import operations
@@ -157,6 +157,21 @@ def test_a_file_gives_the_same_network(tmp_path):
     assert np.array_equal(again.probabilities(x), net.probabilities(x))
     assert (again.labels, again.delay, again.reject) == (net.labels, net.delay, net.reject)
     assert needs(again).interval == 0.1
+
+
+def test_slots_are_pooled_by_geometric_means():
+    """The same in all slots is what they say; a slot that is surely none costs more than its share, however many others are sure."""
+    sure, none = np.array([0.1, 0.7, 0.2]), np.array([1.0, 0.0, 0.0])
+    assert_allclose(pool(np.tile(sure, (5, 1))), sure, atol=0.021)
+    rows = np.array([*np.tile(sure, (4, 1)), none])
+    pooled, net = pool(rows), random_net(labels=("random", "push", "pull"))
+    assert pooled.sum() == pytest.approx(1.0)
+    assert pooled[1] < rows.mean(axis=0)[1]
+    means = np.exp(np.log(rows + 0.02).mean(axis=0))
+    assert_allclose(pooled, means / means.sum())
+    assert net.score(rows[0], pooled) == pytest.approx(means[1] / (means[1] + means[0]))
+    assert net.score(rows, pool(np.array([none]))) < 0.03
+    assert np.isfinite(pool(np.array([[1.0, 0.0, 0.0]] * 1000))).all()
 
 
 def test_bad_networks_and_features_are_refused():
