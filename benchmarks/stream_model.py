@@ -40,7 +40,7 @@ LIVES: Final = 600
 BUSY: Final = 250
 QUICK: Final = 8000
 BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
-LOST: Final = 0.5  # of the strokes named right: at the limit for fewer, false gestures are several times as many
+LOST: Final = 0.4  # of the strokes named right: at the limit for fewer, false gestures are several times as many
 TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=28, first_passes=3)
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _PIECE, _QUICK_PIECE = 100, 1000
