@@ -21,14 +21,14 @@ from typing import Any, Final
 from benchmarks.gesture_ladder import at_false
 from benchmarks.report import AbsentError, Panel, Row, measure_together, of_share, timed
 from benchmarks.stores import digest, kept, once, sources
-from benchmarks.stream_model import MADE_OF, lives_in, members
+from benchmarks.stream_model import MADE_OF, contents, lives_in, members
 from radar_core import ConfigError
 from radar_core.types import Float32Array
 from radar_gestures.stream.network import Memory, StreamNet
 from radar_gestures.stream.slots import SLOT_NS
 from radar_lab.training.networks import need_torch
 from radar_lab.training.quick_lives import quick_lives
-from radar_lab.training.slot_sequences import LifeSlots
+from radar_lab.training.slot_sequences import LifeSlots, SlotSequence
 from radar_lab.training.stream_figures import judge
 from radar_lab.training.stream_training import StreamTraining, train_stream_net
 
@@ -99,17 +99,16 @@ def rows_of(folder: Path, panel: str, lives: Sequence[LifeSlots], quick: bool) -
 def quick_rows(folder: Path, lives: Sequence[LifeSlots], quick: bool) -> list[Row]:
     """Train after quick lives, unless the folder has it, and test; the times are those of making them and of the training."""
     learned, tested = parted(lives)
-    models, times = {}, {}
+    known, models, times = [sequence for life in learned for sequence in life.sequences], {}, {}
     for name, number in ({"none": 0, "1": 1} if quick else QUICK_LIVES).items():
         config = _QUICK if quick else BASE
-        path = folder / "parts" / f"after_{digest([number, str(config), len(lives), sources(MADE_OF)])}.joblib"
-        models[name], taken = once(path, functools.partial(timed, _after, number, learned, config))
+        path = folder / "parts" / f"after_{digest([number, str(config), contents(known), sources(MADE_OF)])}.joblib"
+        models[name], taken = once(path, functools.partial(timed, _after, number, known, config))
         times[name] = [taken]
     return _rows(QUICK_PANEL, models, tested, times | {"": times["none"]}, "none")
 
 
-def _after(number: int, lives: Sequence[LifeSlots], config: StreamTraining) -> StreamNet:
-    known = [sequence for life in lives for sequence in life.sequences]
+def _after(number: int, known: Sequence[SlotSequence], config: StreamTraining) -> StreamNet:
     return train_stream_net(known, first=quick_lives(number), config=config)
 
 

@@ -155,9 +155,14 @@ def quick_in(folder: Path, number: int) -> list[SlotSequence]:
     return found
 
 
+def contents(sequences: Sequence[SlotSequence]) -> str:
+    """Hash what is learned from sequences."""
+    return str(hashed([(one.features, one.label, one.weight) for one in sequences]))
+
+
 def members(folder: Path, known: Sequence[SlotSequence], config: StreamTraining, first: Sequence[SlotSequence] = ()) -> StreamNet:
     """Train as `train_stream_net` does, unless the folder has it, and keep each member as soon as it is done."""
-    told = [hashed([(one.features, one.label, one.weight) for one in some]) for some in (known, first)]
+    told = [contents(some) for some in (known, first)]
     each = [dataclasses.replace(config, members=1, seed=config.seed + number) for number in range(config.members)]
     paths = [folder / "parts" / f"member_{digest([told, str(own), sources(_TRAINED)])}.joblib" for own in each]
     train = functools.partial(train_stream_net, known, first=first)

@@ -4,7 +4,8 @@ Segments are joined to streams as in `gestures_end_to_end`. Every other stream h
 user of a radar that nobody aligned has it. What a data set performs that is one of our ten has its name, everything else is random: claps,
 knocks, lifted and drawn things, daily life. A segment is labelled from its first to its last slot with fast points.
 
-`FIGURE` names the people whom no network of ours on streams learns from, and nothing is chosen on; `DEVELOP` those who were looked at.
+`FIGURE` names the people whom no network of ours on streams learns from, and nothing should be chosen on (docs/research/gestures.md says
+what was); `DEVELOP` those who were looked at.
 """
 
 from __future__ import annotations

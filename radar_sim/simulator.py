@@ -67,7 +67,7 @@ class Simulator:
             self.info = dataclasses.replace(self.info, full_scale=full_scale(effects.converter))
         if world is None:
             world = World(scene, self.setting.radar)
-            world.make_bodies()
+            world.bodies()  # now, so that the first frame takes no longer than others
         self.world = world
         self._chain = make_chain(self.setting)
         sampling = Sampling(self.info, *elements(effects.channel_errors, self.setting))

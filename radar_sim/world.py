@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from radar_core import NO_GESTURE, Waveform
-from radar_sim.bodies.base import Pose
+from radar_sim.bodies.base import Body, Pose
 from radar_sim.bodies.make import Figure, make_figure
 from radar_sim.motions.planner import Segment
 from radar_sim.motions.script import Timeline
@@ -50,10 +50,9 @@ class World:
         self._ids = np.array([person.id for person in scene.people], np.uint32)
         self._acting = np.array([0 if person.arm == "left" else 1 for person in scene.people], np.uint8)
 
-    def make_bodies(self) -> None:
-        """Make the surfaces of all people now, 0.1 s each, so that the first frame takes no longer than others."""
-        for figure in self._figures:
-            assert figure.body is not None  # made by being asked for
+    def bodies(self) -> tuple[Body, ...]:
+        """Surfaces of all people; the first call makes them, which takes 0.1 s each."""
+        return tuple(figure.body for figure in self._figures)
 
     def poses(self, middle: float, span: float) -> list[Pose]:
         """Skeletons at start, middle and end of a stretch of time [s]."""
@@ -65,7 +64,7 @@ class World:
 
     def scatterers(self, middle: float, span: float, poses: list[Pose]) -> Scatterers:
         """Everything that could echo, in ``room``: things, then people in the scene's order; arguments are those of `poses`."""
-        bodies = [figure.body.surface(pose, span, i) for i, (figure, pose) in enumerate(zip(self._figures, poses, strict=True))]
+        bodies = [body.surface(pose, span, i) for i, (body, pose) in enumerate(zip(self.bodies(), poses, strict=True))]
         moving = [] if self._movers is None else [self._movers.scatterers(middle, span)]
         return Scatterers.join([self._things.scatterers(middle), *moving, *bodies])
 

@@ -1,7 +1,7 @@
 """Streams of slots of lives that no sample was simulated of: bodies are point targets of a simple radar.
 
-A life takes a tenth of a second in place of ten seconds. Networks learn most of what arms do from many of these, and then, from fewer of
-`radar_lab.datasets.lives`, what radars, walls, clutter and the tracker make of it. Nothing is measured on them.
+A life takes a tenth of a second, a fortieth of the time that simulating it takes. Networks learn most of what arms do from many of these,
+and then, from fewer of `radar_lab.datasets.lives`, what radars, walls, clutter and the tracker make of it. Nothing is measured on them.
 """
 
 from __future__ import annotations
