@@ -30,7 +30,7 @@ class PoissonConfig:
     acceleration: float = knob(1.2, unit="m/s^2", low=0.01, high=100.0, doc="how hard people start, stop and turn")
     body_width: float = knob(0.35, unit="m", low=0.0, high=2.0, doc="least distance of two people")
     reach: float = _metres(0.9, doc="what appears this near to a person is taken for an arm at first")
-    arm_time: float = _seconds(3.0, doc="it has to stay this long, or go along for a metre, to be somebody; thrice beside who stands")
+    arm_time: float = _seconds(3.0, doc="it has to stay this long, or go along for a metre, to be somebody")
     moved: float = knob(0.2, unit="m", low=0.0, high=10.0, doc="way that something has moved lately before it counts as a person")
     correlation_time: float = _seconds(0.15, doc="clouds nearer in time than this say the same thing twice")
     leave_time: float = _seconds(0.7, doc="a walker without points is believed this long")

@@ -42,7 +42,6 @@ _NO_PERSON: Final = -1.0  # log odds below which a confirmed track is no person 
 _LEAST_HITS: Final = 0.2
 _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
-_STANDING: Final = 3.0  # who joins somebody who stands has to stay so many times longer
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
@@ -209,7 +208,7 @@ class Decisions:
         near = self._near(table, gaps, way, now)
         for row in np.flatnonzero(ready).tolist():
             own = near[row]
-            young = now - rows["born"][row] < config.arm_time * (_STANDING if rows["stands"][own].any() else 1.0)
+            young = now - rows["born"][row] < config.arm_time
             if own.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][own]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)

@@ -20,6 +20,12 @@ _LONGEST: Final = 1.5  # s: later clouds are predicted no farther
 _MANOEUVRE: Final = 0.5  # s: accelerations last so long
 _SLOW: Final = 0.12  # m/s: spread of range rates of a torso that stands
 _ARM_SHARE: Final = 0.2  # of the weight of its slow points: faster ones weigh no more together
+_SLOW_POINTS: Final = 1.0  # so many slow points of who stands are the body, and the others arms
+_STAYS_POINTS: Final = 0.2  # and of a person who has not set off
+_ARM_STD: Final = 0.4  # m: how far arms are from their body
+_SURGE_TIME, _SET_OFF = 0.6, 0.25  # s, m: who has come so far in this time has set off; a stroke of an arm comes back
+_LOOSENED: Final = 3.0  # 1/s: by which share of the square of that way the place of who sets off gets less sure
+_LONGEST_STEP: Final = 0.2  # s: range rates say no more about what came before
 _CALM, _CALMEST = 0.3, 0.02  # share of the process noise of who stands, with points and without
 _STOP, _GO = 0.7, 2.0  # s: velocities of who stands or is unseen fade, and of who walks
 _LIVELY: Final = 0.05  # share of moving points: who has less rests, wherever echoes that beat against each other seem to come from
@@ -101,20 +107,21 @@ def separate(table: Table, width: float) -> None:
 
 
 @_jit
-def _centroids(torso: Any, stands: Any, slow: Any, columns: Any) -> Any:
+def _centroids(torso: Any, stands: Any, stays: Any, slow: Any, columns: Any) -> Any:
     """Weights and weighted means of the torso's points, shape (n_tracks, 1 + n_columns), by ``columns``, shape (n_columns, n_points).
 
-    Of who stands, the faster points lose weight if there are slow ones: an arm gives more points than the body behind it. ``slow``, shape
-    (n_points,), is how slow points are, 0 to 1.
+    Of who stands, the faster points lose weight if there are slow ones: an arm gives more points than the body behind it. For a person who
+    ``stays``, shape (n_tracks,), a few are enough. ``slow``, shape (n_points,), is how slow points are, 0 to 1. The second result, shape
+    (n_tracks,), is the share of the weight of who stays that arms have all the same.
     """
     n, m = torso.shape
-    found = np.zeros((m, 1 + len(columns)))
+    found, arms = np.zeros((m, 1 + len(columns))), np.zeros(m)
     for i in range(m):
         body, arm, share, out = 0.0, 0.0, 1.0, found[i]
         for j in range(n):
             body += torso[j, i] * slow[j]
             arm += torso[j, i] * (1.0 - slow[j])
-        if stands[i] and body > 1.0:
+        if stands[i] and body > (_STAYS_POINTS if stays[i] else _SLOW_POINTS):
             share = min(1.0, _ARM_SHARE * body / max(arm, 1e-9))
         for j in range(n):
             weight = torso[j, i] * (slow[j] + (1.0 - slow[j]) * share)
@@ -123,7 +130,25 @@ def _centroids(torso: Any, stands: Any, slow: Any, columns: Any) -> Any:
                 out[1 + k] += weight * columns[k, j]
         if out[0] > 0.0:
             out[1:] /= out[0]
-    return found
+            arms[i] = share * arm / out[0] if stays[i] else 0.0
+    return found, arms
+
+
+def note_surge(table: Table, shares: Shares, dt: float) -> None:
+    """Add up range rates, of all points of each track, into the way that it has come lately along the line of sight.
+
+    A person who stands and has come so far that no arm would do is about to walk: where that person is, is less sure.
+    """
+    sums, rows = shares.sums, table.rows
+    rows["surge"] = rows["surge"] * math.exp(-dt / _SURGE_TIME) + sums["rate"] / np.maximum(sums["points"], 0.5) * min(dt, _LONGEST_STEP)
+    off = rows["confirmed"] & rows["stands"] & (np.abs(rows["surge"]) >= _SET_OFF)
+    variance = np.column_stack([rows["surge"][off] ** 2, np.zeros(off.sum())]) * _LOOSENED * min(dt, _LONGEST_STEP)
+    table.covariance[off, :2, :2] += offset_covariance(rows["sight"][off], variance)
+
+
+def _staying(table: Table) -> BoolArray:
+    """People who stand and have not set off, shape (n_tracks,)."""
+    return np.asarray(table.rows["confirmed"] & table.rows["stands"] & (np.abs(table.rows["surge"]) < _SET_OFF))
 
 
 class Update:
@@ -144,14 +169,14 @@ class Update:
         errors = measured.range_variance, measured.cross_variance
         columns = np.stack([*place, measured.ux, measured.uy, *errors, measured.distance, measured.rate, known])
         # As in `weigh`: a contiguous copy, so that the loop is compiled once.
-        found = _centroids(shares.torso, table.rows["stands"].copy(), slow, columns)
+        found, arms = _centroids(shares.torso, table.rows["stands"].copy(), _staying(table), slow, columns)
         self.rows: IndexArray = np.flatnonzero(found[:, 0] > _LEAST_SHARE)
         table.rows["nis"], table.rows["dof"] = np.nan, 0
         total, mean = found[self.rows, 0], found[self.rows, 1:]
         with np.errstate(invalid="ignore", divide="ignore"):
             self.speed: Float64Array = mean[:, 7] / np.where(mean[:, 8] > 0, mean[:, 8], np.nan)
         if len(self.rows):
-            self._correct(table, measured, mean, total, config)
+            self._correct(table, measured, mean, total, (_ARM_STD * arms[self.rows]) ** 2, config)
 
     def _offset(self, measured: Measured, distance: Float64Array, errors: Float64Array, config: PoissonConfig) -> Float64Array:
         """Variances of place along and across the line of sight that no number of points takes away, shape (n_rows, 2) [m^2]."""
@@ -160,8 +185,10 @@ class Update:
         least[:, 1] += (_ANGLE_OFFSET * distance) ** 2
         return np.asarray(least + _BLURRED**2 * errors)
 
-    def _correct(self, table: Table, measured: Measured, mean: Float64Array, total: Float64Array, config: PoissonConfig) -> None:
-        """Kalman update."""
+    def _correct(
+        self, table: Table, measured: Measured, mean: Float64Array, total: Float64Array, arms: Float64Array, config: PoissonConfig
+    ) -> None:
+        """Kalman update; ``arms``, shape (n_rows,): variances of place by arms [m^2]."""
         rows, n = self.rows, len(self.rows)
         centre, sight, errors = mean[:, :2], mean[:, 2:4], mean[:, 4:6]
         length = np.hypot(sight[:, 0], sight[:, 1])[:, None]  # zero: points all round the sensor
@@ -171,6 +198,7 @@ class Update:
         table.rows["sight"][rows], table.rows["offset"][rows] = sight, offset
         R = np.zeros((n, 3, 3))
         R[:, :2, :2] = offset_covariance(sight, _SCATTER * (config.torso_std**2 + errors) / total[:, None] + _LEAST_PLACE_STD**2)
+        R[:, (0, 1), (0, 1)] += arms[:, None]
         spread = _SPEED_SCATTER * config.torso_speed**2 + measured.still_speed**2 / 3.0
         R[:, 2, 2] = spread / np.maximum(mean[:, 8] * total, _LEAST_SHARE) + _LEAST_SPEED_STD**2
         H = np.zeros((n, 3, N_STATES))

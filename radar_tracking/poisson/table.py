@@ -18,6 +18,7 @@ RECORD = np.dtype(
         ("hits", np.float64),  # share of the clouds of the last half second with a point
         ("presence", np.float64),  # the same of the last half minute
         ("moved", np.float64),  # way of the last seconds, by range rates [m]
+        ("surge", np.float64),  # way of the last moments along the line of sight, by the range rates of all its points [m]
         ("lively", np.float64),  # share of its points that moved lately
         ("confirmed", np.bool_),
         ("arm_of", np.int64),  # whose arm it may be; 0: nobody's

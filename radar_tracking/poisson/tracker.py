@@ -141,6 +141,7 @@ class PoissonTracker:
         state = TrackArrays(*table.apparent(), table.rows["rate"].copy(), table.existence, bodies(table))
         shares = Shares(measured, clutter, state, knobs)
         weigh(table, shares, dt, now, knobs, self._view)
+        motion.note_surge(table, shares, dt)
         update = motion.Update(table, measured, shares, knobs)
         note_motion(table, update, measured, dt, now, knobs)
         note_look(table, shares, measured.still_speed, dt, self._view.origin, CONFIRM_ODDS, knobs.body_height)

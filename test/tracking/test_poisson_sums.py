@@ -78,15 +78,26 @@ def test_points_are_whose_they_mostly_are(seed, n, m):
         assert number == (most if totals[most] > 0.3 and most in alive else -1)
 
 
-@pytest.mark.parametrize("slow_points", [0, 8])
-def test_who_stands_is_where_the_slow_points_are(slow_points):
+@pytest.mark.parametrize(("slow_points", "stays", "arm"), [(0, False, 1.0), (8, False, 1.6 / 12), (8, True, 1.6 / 12), (0, True, 1.0)])
+def test_who_stands_is_where_the_slow_points_are(slow_points, stays, arm):
     """Of who stands, twelve points of an arm weigh a fifth of eight slow ones; who walks, or has no slow ones, is where all points are."""
     x = np.concatenate([np.zeros(slow_points), np.ones(12)])
     slow = np.concatenate([np.ones(slow_points), np.zeros(12)])
     torso = np.ones((len(x), 2))
-    found = motion._centroids(torso, np.array([True, False]), slow, x[None])
-    arm = min(1.0, 0.2 * slow_points / 12) if slow_points else 1.0
+    found, arms = motion._centroids(torso, np.array([True, False]), np.array([stays, False]), slow, x[None])
     weight = 12 * arm + slow_points
     np.testing.assert_allclose(found[0], [weight, 12 * arm / weight])
     np.testing.assert_allclose(found[1], [len(x), 12 / len(x)])
-    assert (motion._centroids(np.zeros((3, 1)), np.array([True]), np.zeros(3), np.ones((2, 3))) == 0.0).all()
+    np.testing.assert_allclose(arms, [12 * arm / weight if stays else 0.0, 0.0])
+    nobody, none = motion._centroids(np.zeros((3, 1)), np.array([True]), np.array([True]), np.zeros(3), np.ones((2, 3)))
+    assert (nobody == 0.0).all()
+    assert (none == 0.0).all()
+
+
+@pytest.mark.parametrize(("stays", "arm"), [(False, 1.0), (True, 0.2 * 0.5 / 12)])
+def test_half_a_slow_point_is_enough_for_a_person_who_has_not_set_off(stays, arm):
+    """Half a slow point is the body of a person who stays; of anybody else, who may be starting to walk, all points are."""
+    x, slow, torso = np.concatenate([[0.0], np.ones(12)]), np.concatenate([[1.0], np.zeros(12)]), np.ones((13, 1))
+    torso[0] = 0.5
+    found, _ = motion._centroids(torso, np.array([True]), np.array([stays]), slow, x[None])
+    np.testing.assert_allclose(found[0], [0.5 + 12 * arm, 12 * arm / (0.5 + 12 * arm)])

@@ -1,0 +1,73 @@
+"""Who stands and moves an arm stays where the body is; who sets off is followed; who stands beside somebody else is somebody."""
+
+import numpy as np
+import pytest
+
+from radar_core import PointCloud
+from radar_tracking import TrackerConfig
+from radar_tracking.poisson.tracker import PoissonTracker
+
+DT = 0.05  # s
+
+
+def cloud(k: int, points: np.ndarray, speed: np.ndarray, rng: np.random.Generator) -> PointCloud:
+    """Points, shape (n, 3) [m], blurred by a few centimetres, with range rates, shape (n,) [m/s]."""
+    place = (points + rng.normal(0.0, [0.04, 0.08, 0.12], points.shape)).astype(np.float32)
+    columns = {"radial_speed": speed.astype(np.float32), "snr": np.full(len(points), 25.0, np.float32)}
+    return PointCloud(round(k * DT * 1e9), k, "room", *place.T.copy(), **columns)
+
+
+def body(x: float, y: float, n: int, speed: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """So many points of a body, and their range rates."""
+    return np.tile([x, y, 1.0], (n, 1)), speed + rng.normal(0.0, 0.12, n)
+
+
+def after(seconds: float, then: str) -> tuple[PoissonTracker, np.ndarray]:
+    """Somebody comes, stands at 2.5 m, and either pulls an arm to and fro or walks away; gives how far the person is from the truth [m]."""
+    tracker, rng, errors = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(4), []
+    for k in range(round(seconds / DT)):
+        t = k * DT
+        x = 2.5 if t > 1.5 else 4.0 - t
+        parts = [body(x, 0.0, 8 if t < 6.0 else k % 2, -1.0 if t < 1.5 else 0.0, rng)]
+        if t >= 6.0 and then == "pull":
+            phase = 2.0 * np.pi * (t - 6.0) / 1.2
+            hand = 2.5 - 0.35 - 0.25 * np.sin(phase)
+            parts.append((np.tile([hand, 0.0, 1.1], (9, 1)), -0.25 * 2.0 * np.pi / 1.2 * np.cos(phase) + rng.normal(0.0, 0.1, 9)))
+        if t >= 6.0 and then == "walk":
+            x = 2.5 + 1.0 * (t - 6.0)
+            parts = [body(x, 0.0, 8, 1.0, rng)]
+        points, speed = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        people = tracker.process(cloud(k, points, speed, rng)).people
+        if t >= 6.5:
+            errors.append(min((float(np.hypot(*(one.position[:2] - [x, 0.0]))) for one in people), default=np.inf))
+    return tracker, np.array(errors)
+
+
+def test_an_arm_does_not_draw_its_person_away():
+    """Nine points of a hand, and one of the body in every other cloud: the person stays within 0.35 m of the body nearly all the time."""
+    tracker, errors = after(12.0, "pull")
+    assert tracker.table.rows["confirmed"].sum() == 1
+    assert np.quantile(errors, 0.9) < 0.35
+
+
+def test_who_sets_off_is_followed():
+    """Somebody who stood walks off at 1 m/s: after half a second the person is where the body is, and nobody stays behind."""
+    tracker, errors = after(8.5, "walk")
+    assert tracker.table.rows["confirmed"].sum() == 1
+    assert errors.max() < 0.4
+    assert np.median(errors) < 0.2
+
+
+@pytest.mark.parametrize("points", [8, 5])
+def test_nobody_waits_longer_beside_who_stands(points):
+    """Beside somebody with nine points, 0.8 m aside: who has fewer, but a body's, is somebody after the time of an arm."""
+    tracker, rng, found = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5), np.inf
+    for k in range(round(10.0 / DT)):
+        t = k * DT
+        parts = [body(2.5, 0.0, 9, 0.3 * np.sin(2.0 * np.pi * t / 1.5), rng)]
+        if t > 4.0:
+            parts.append(body(2.5, 0.8, points, 0.3 * np.sin(2.0 * np.pi * t / 1.1), rng))
+        both, speed = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        if len(tracker.process(cloud(k, both, speed, rng)).people) > 1:
+            found = min(found, t - 4.0)
+    assert 2.5 < found < 5.0
