@@ -5,37 +5,46 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.person_odds import N_INERTIA, fit, held, in_room
+from benchmarks.person_odds import fit, in_room
 from benchmarks.room_scenes import boards
 from benchmarks.room_score import KeptRoom
 from radar_core import PointCloud
 from radar_sim import Truth
-from radar_tracking.poisson.person import COEFFICIENTS, CONSTANT, FEATURES
+from radar_tracking.poisson.person import FEATURES
+
+
+def samples_of_a_law(n: int = 40_000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Samples of a logistic law with features of any scale, and its coefficients; the constant is -0.5."""
+    rng = np.random.default_rng(1)
+    x = rng.normal(0, 1, (n, 3)) * [1.0, 10.0, 0.1] + [0.0, 5.0, 0.0]
+    slope = np.array([0.8, 0.1, -5.0])
+    return x, rng.random(n) < 1 / (1 + np.exp(-(-0.5 + x @ slope))), slope
 
 
 def test_a_fit_finds_what_made_the_samples():
-    """Samples of a known logistic law, with features of any scale: constant and coefficients come back, weights or not."""
-    rng = np.random.default_rng(1)
-    x = rng.normal(0, 1, (40_000, 3)) * [1.0, 10.0, 0.1] + [0.0, 5.0, 0.0]
-    constant, slope = -0.5, np.array([0.8, 0.1, -5.0])
-    person = rng.random(len(x)) < 1 / (1 + np.exp(-(constant + x @ slope)))
-    found, coefficients = fit(x, person, np.ones(len(x)))
-    assert found == pytest.approx(constant, abs=0.3)
+    """Without a prior constant and coefficients come back, wherever it began."""
+    x, person, slope = samples_of_a_law()
+    found, coefficients = fit(x, person, np.ones(len(x)), (0.0, np.array([-1.0, 0.0, 3.0])), 0.0, np.zeros(3, bool))
+    assert found == pytest.approx(-0.5, abs=0.3)
     np.testing.assert_allclose(coefficients, slope, rtol=0.1, atol=0.01)
 
 
-def test_features_of_inertia_are_fitted_to_what_the_others_leave():
-    """Half of the samples rest and half move on the spot; the law of their inertia comes back, and the others keep their coefficients."""
-    rng, n = np.random.default_rng(1), 60_000
-    x = np.zeros((n, len(FEATURES)))
-    x[:, 0] = rng.normal(0.0, 3.0, n)
-    rests = np.arange(n) < n // 2
-    x[rests, -6], x[~rests, -2] = 1.0, 1.0
-    x[rests, -5:-2], x[~rests, -1] = rng.random((n // 2, 3)), rng.random(n // 2)
-    law = np.array([-2.0, 1.0, 0.5, 1.5, -1.0, 3.0])
-    odds = CONSTANT + x[:, :-N_INERTIA] @ np.array(COEFFICIENTS[:-N_INERTIA]) + x[:, -N_INERTIA:] @ law
-    found = held(x, rng.random(n) < 1.0 / (1.0 + np.exp(-odds)), np.ones(n))
-    np.testing.assert_allclose(found, law, atol=0.3)
+def test_what_is_held_keeps_its_value_and_the_others_find_theirs():
+    x, person, slope = samples_of_a_law()
+    before = np.array([0.0, slope[1], 0.0])
+    found, coefficients = fit(x, person, np.ones(len(x)), (0.0, before), 0.0, np.array([False, True, False]))
+    assert coefficients[1] == slope[1]
+    np.testing.assert_allclose(coefficients[[0, 2]], slope[[0, 2]], rtol=0.1)
+    assert found == pytest.approx(-0.5, abs=0.3)
+
+
+@pytest.mark.parametrize(("prior", "least", "most"), [(1e-4, 0.9, 1.1), (0.1, 0.3, 0.9), (1e3, -0.01, 0.01)])
+def test_a_prior_keeps_coefficients_near_what_they_were(prior, least, most):
+    """The surer what was before, the smaller the part of the way that a coefficient goes."""
+    x, person, slope = samples_of_a_law()
+    before = np.array([0.0, slope[1], slope[2]])
+    _, coefficients = fit(x, person, np.ones(len(x)), (0.0, before), prior, np.zeros(3, bool))
+    assert least < coefficients[0] / slope[0] < most
 
 
 @pytest.mark.long
