@@ -44,6 +44,7 @@ _DRIFT: Final = 0.3  # m: tracks of nothing wander so far
 _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
+_LIMB_STAYS: Final = 2.0  # and so many times longer beside somebody who stands, whose arms come again and again
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
 _APART: Final = 1.0  # m
@@ -208,7 +209,8 @@ class Decisions:
         near = self._near(table, gaps, way, now)
         for row in np.flatnonzero(ready).tolist():
             own = near[row]
-            young = now - rows["born"][row] < config.arm_time
+            limb = (rows["rate"][row] < _LIMB_RATE * rows["rate"][own & rows["stands"]]).any()
+            young = now - rows["born"][row] < config.arm_time * (_LIMB_STAYS if limb else 1.0)
             if own.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][own]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)
