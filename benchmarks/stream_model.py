@@ -42,6 +42,7 @@ QUICK: Final = 8000
 BUSY_SHARE: Final = 0.8  # of what people of busy lives do: gestures
 LOST: Final = 0.4  # of the strokes named right: at the limit for fewer, false gestures are several times as many
 TRAINING: Final = StreamTraining(members=2, width=128, dropout=0.1, passes=28, first_passes=3)
+REAL_TIMES: Final = 2  # people of recordings are few beside all that is simulated: what they did counts so many times
 _KINDS: Final = ("mhomeges", "mtranssee", DAILY)
 _PIECE, _QUICK_PIECE = 100, 1000
 _SEED, _BUSY_SEED, _QUICK_SEED = 1, 2, 3
@@ -173,7 +174,7 @@ def members(folder: Path, known: Sequence[SlotSequence], config: StreamTraining,
 
 def trained(folder: Path, number: int, busy: int, quick: int, config: StreamTraining) -> StreamNet:
     """Train, unless the folder has it; ``number`` of lives, of ``busy`` and of ``quick`` ones."""
-    more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()]
+    more = [sequence for kind in _KINDS for one in streams_of(kind, learned(kind), folder) for sequence in one.sequences()] * REAL_TIMES
     more += [sequence for life in busy_in(folder, busy) for sequence in life.sequences]
     lives = lives_in(folder, number)
     model = members(folder, [*learned_sequences(lives), *more], config, quick_in(folder, quick))

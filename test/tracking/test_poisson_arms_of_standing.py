@@ -60,7 +60,7 @@ def test_who_sets_off_is_followed():
 
 @pytest.mark.parametrize(("points", "least", "most"), [(8, 2.5, 5.0), (5, 5.0, 8.0)])
 def test_who_appears_beside_who_stands_waits_for_the_time_of_an_arm(points, least, most):
-    """Beside somebody with nine points, 0.8 m aside: who has nearly as many is somebody after 3 s, who has half as many after twice that."""
+    """Beside somebody with nine points, 0.8 m aside: with nearly as many one is somebody after 3 s, with half as many after twice that."""
     tracker, rng, found = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5), np.inf
     for k in range(round(13.0 / DT)):
         t = k * DT
