@@ -21,10 +21,9 @@ from benchmarks.rooms import PART, PROCESSES, RoomStore
 from benchmarks.stores import PACKAGES, digest, kept, once, sources
 from radar_core import GESTURES, RadarInfo
 from radar_core.config import plain
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.model import AUTO, load_model
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
-from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import GestureConfig, config_for
 from radar_lab.evaluation.bootstrap import ratio_interval
 from radar_lab.evaluation.matching import Matching
@@ -76,7 +75,7 @@ class Scored:
 
 def shipped(info: RadarInfo, model: str = AUTO) -> Recognizer:
     """Make a recogniser with a model of ours, by its name; as it is by default."""
-    chosen = load_model(suited_model(model, info))
+    chosen = load_model(model)
     return make_recognizer(config_for(chosen.settings, GestureConfig()), chosen, info)
 
 

@@ -22,10 +22,9 @@ from benchmarks.stream_real import DAILY, FIGURE, OURS
 from radar_core import GESTURES, PointCloud, RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.model import AUTO, load_model
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
-from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import EventStage, GestureConfig, TrackEvent, config_for
 from radar_lab.importers import open_original
 from radar_lab.importers.recording import Recording, Segment
@@ -111,7 +110,7 @@ def make(name: str, info: RadarInfo) -> Recognizer:
     """Make the recogniser of a model of ours; what the radar's cells are is that of mHomeGes's, which no data set states."""
     described = radar()
     told = replace(info, waveform=described.waveform, array=described.array)
-    model = load_model(suited_model(name, told))
+    model = load_model(name)
     return make_recognizer(config_for(model.settings, GestureConfig()), model, told)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red", "-": "dim"}
 _FITS = "the radar gives what the gesture model that comes with Handwave needs"
-_OTHER = "the radar gives less than the thirteen features need, so gestures are named slot by slot (gestures.model: auto takes stream):"
+_OTHER = "the radar gives less than the thirteen features need, so the networks on streams name most gestures (gestures.model: auto):"
 _STATUS = {"ok": 0, "-": 0, "warn": 1, "fail": 2}
 
 

@@ -1,21 +1,15 @@
-"""Knobs of events and features, and the model, for a radar that nobody has said more about."""
+"""Knobs of events and features for a radar that nobody has said more about."""
 
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
-from typing import Final
 
 from radar_core import RadarInfo
 from radar_core.config import load_file
 from radar_core.paths import find_config
-from radar_gestures.classifiers.model import load_model
 from radar_gestures.features import FeatureConfig
-from radar_gestures.needs import lacks, needs
 from radar_gestures.stage import GestureConfig
 
-AUTO: Final = "auto"
-"""In place of the name of a model: the one of ours that suits the radar."""
 _SLOW = 0.06  # s: with clouds farther apart than that, the default events ask for more clouds than a stroke has
 _COARSE = 0.25  # m/s: with Doppler steps above it the body's own speed would be the first one
 
@@ -33,19 +27,3 @@ def usual_config(info: RadarInfo) -> GestureConfig:
     slow = load_file(GestureConfig, find_config("slow_radar", "gestures", ".yaml"))
     step = info.waveform.speed_resolution
     return dataclasses.replace(slow, features=FeatureConfig(gate=step, body_speed=step / 2)) if step > _COARSE else slow
-
-
-def suited_model(name_or_path: str | Path, info: RadarInfo | None) -> str | Path:
-    """Name the model to read: the one that is given, or, for `AUTO`, one of ours.
-
-    Before a radar that gives all that the thirteen features need it is ``gestures``, whose figures are best there; before any other one
-    ``stream``, which learned from four boards. Nobody knows a radar yet (None): ``gestures``.
-
-    Raises
-    ------
-    ConfigError
-        When a model of ours cannot be read.
-    """
-    if name_or_path != AUTO:
-        return name_or_path
-    return "stream" if info is not None and lacks(needs(load_model("gestures")), info) else "gestures"

@@ -12,7 +12,6 @@ from radar_gestures.classifiers.model import model_of
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.presets import suited_model
 from radar_gestures.stage import GestureConfig, config_for
 from radar_tracking import HandConfig, HandTrack, HandTracker, TrackedCloud, TrackerConfig, Tracks, make_tracker
 
@@ -28,7 +27,7 @@ class MountConfig:
 class ModelledGestureConfig(GestureConfig):
     """Knobs of the gesture stage: those of the processor, and its model."""
 
-    model: str = knob("auto", doc="gesture model: a file, one of ours by name, or auto: the one of ours that suits the radar")
+    model: str = knob("auto", doc="gesture model: a file, one of ours by name, or auto: both of ours together")
     person: str = knob("", doc="who is there, of those whom the model knows (handwave gesture enrol); empty: anybody")
 
 
@@ -87,11 +86,11 @@ class Pipeline:
         self._mount = known.mount
         self._baseband = Baseband(config.baseband, known)
         self._tracker = make_tracker(config.tracking, known)
-        name = suited_model(config.gestures.model, known)
+        name = config.gestures.model
         model = model_of(name, config.gestures.person)
         self._recognizer = make_recognizer(config_for(model.settings, config.gestures), model, known)
         self._hand = HandTracker(config.hand, known)
-        self.warning = warning(lacks(needs(model), known), str(name))
+        self.warning = warning(lacks(needs(model), known), name)
 
     @property
     def hand(self) -> HandTracker:

@@ -20,7 +20,6 @@ from radar_core.transmitters import one_transmitter, one_transmitter_frame
 from radar_dsp import Baseband, BasebandConfig
 from radar_gestures.classifiers.model import load_model
 from radar_gestures.make import make_recognizer
-from radar_gestures.presets import suited_model
 from radar_gestures.stage import config_for
 from radar_lab.evaluation.matching import MatchingConfig, Visibility, without_scatterers
 from radar_lab.pipeline import PipelineConfig
@@ -236,7 +235,7 @@ class Chain:
         self._every, knobs = PRESETS[name]
         config, info = load(PipelineConfig, nest(knobs)), slower(info, self._every)
         self._baseband, self._tracker = Baseband(config.baseband, info), make_tracker(config.tracking, info)
-        model = load_model(suited_model(config.gestures.model, info))
+        model = load_model(config.gestures.model)
         self._gestures = make_recognizer(config_for(model.settings, config.gestures), model, info)
         self._info, self._rate, self._judge, self._parts = info, 1.0 / info.waveform.frame_interval, judge, parts
 

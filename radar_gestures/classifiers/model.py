@@ -23,6 +23,8 @@ ENROLLED = "enrolled model"
 """Kind of the files of `enrolled.Enrolled`."""
 STREAM_NETWORK = "stream network"
 """Kind of the files of `radar_gestures.stream.network.StreamNet`."""
+AUTO = "auto"
+"""In place of the name of a model: ours, the thirteen features and the networks on streams together."""
 
 
 class Classifier(Protocol):
@@ -100,13 +102,17 @@ def load_model(name_or_path: str | Path = "gestures") -> Classifier:
     Parameters
     ----------
     name_or_path : str or Path
-        E.g. ``"gestures"``.
+        E.g. ``"gestures"``; `AUTO`: an `Ensemble` of both of ours.
 
     Raises
     ------
     ConfigError
         When there is no such file, it is no model, or it is of another version; the message says what to do.
     """
+    if name_or_path == AUTO:
+        from radar_gestures.classifiers.ensemble import Ensemble
+
+        return Ensemble(load_model("gestures"), load_model("stream"))
     path = find_config(name_or_path, "models", ".npz")
     arrays = load_arrays(path, "gesture model", ADVICE)
     try:

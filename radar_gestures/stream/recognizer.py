@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -123,6 +124,19 @@ class StreamRecognizer:
                 found.append(event)
         return tuple(found)
 
+    def told(self, track_id: int, start_ns: int, end_ns: int) -> Float64Array:
+        """Mean probability of every gesture over the slots of a track that were told so far and lie between two moments [ns].
+
+        Returns
+        -------
+        ndarray of float64, shape (n_labels,)
+            In the order of ``labels``; zeros where no slot was told.
+        """
+        found, state = np.zeros(len(self.labels)), self._tracks.get(track_id)
+        if state is not None:
+            found[self._place] = state.mean(start_ns, end_ns)
+        return found
+
     def wanted(self, gesture: Gesture) -> bool:
         """Whether a gesture is to be published."""
         return self._config.publish_random or gesture.label != RANDOM
@@ -159,6 +173,12 @@ class _TrackState:
         self._begun: int | None = None  # number of the first slot
         self._told: list[Float64Array] = []  # of its slots
         self._features = np.zeros(len(model.names))
+        self._recent: deque[tuple[int, Float64Array]] = deque(maxlen=MOST)  # numbers of slots, and what was told of them
+
+    def mean(self, start_ns: int, end_ns: int) -> Float64Array:
+        """Mean of what was told of the slots between two moments [ns], shape (n_labels,); zeros without any."""
+        own = [told for number, told in self._recent if start_ns - SLOT_NS < number * SLOT_NS < end_ns]
+        return np.asarray(np.mean(own, axis=0)) if own else np.zeros(len(self._model.labels))
 
     def process(self, slots: Sequence[Slot]) -> StreamEvent | None:
         """Take a slot as all sensors saw it; return the event that ended before it."""
@@ -167,9 +187,12 @@ class _TrackState:
                 self._memories[slot.sensor] = Memory(self._model)
         if slots[0].begins:
             self._rests.clear()
+            self._recent.clear()
         self._rests.process(slots[0].number * SLOT_NS, any(moving(slot.features) for slot in slots))
         told = [self._memories[slot.sensor].process(slot.features) for slot in slots]
-        return self._decide(slots[0], np.mean(told, axis=0), np.mean([slot.features for slot in slots], axis=0))
+        mean = np.mean(told, axis=0)
+        self._recent.append((slots[0].number - self._model.delay, mean))
+        return self._decide(slots[0], mean, np.mean([slot.features for slot in slots], axis=0))
 
     def _decide(self, slot: Slot, probabilities: Float64Array, features: Float64Array) -> StreamEvent | None:
         gesture = 1.0 - float(probabilities[0])

@@ -16,11 +16,10 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, HandwaveError, RadarInfo, vocabulary
 from radar_core.config import flat
 from radar_gestures.activation import Activation, ActivationConfig
-from radar_gestures.classifiers.model import Classifier, model_of
+from radar_gestures.classifiers.model import AUTO, Classifier, model_of
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning
-from radar_gestures.presets import AUTO, suited_model
 from radar_gestures.stage import GestureConfig, TrackEvent, config_for
 from radar_ros import qos
 from radar_ros.messages.convert import cloud_from_msg
@@ -41,7 +40,6 @@ class _Pending:
     """What the node works with once nobody refuses it: what was chosen, and what became of it."""
 
     chosen: dict[str, str]
-    name: str | Path
     model: Classifier
     config: GestureConfig
     recognizer: Recognizer
@@ -54,12 +52,11 @@ class GesturesNode(StageNode):
         super().__init__("gestures", **kwargs)
         model = declare(
             self, "model", AUTO,
-            "gesture model: a file, one of ours by name, or auto: the one of ours that suits the radar; brings its own features",
+            "gesture model: a file, one of ours by name, or auto: both of ours together; brings its own features",
             changeable=True,
         )  # fmt: skip
         person = declare(self, "person", "", "who is there, of those enrolled in the model; empty: anybody", changeable=True)
-        self._name = suited_model(model, None)
-        self._model = _ready(self._name, person)
+        self._model = _ready(model, person)
         base = config_for(self._model.settings, GestureConfig())
         self._config = declare_config(self, GestureConfig, changeable=_changeable, base=base)
         Activation(self._config.activation, vocabulary(self._model.labels))  # refuse it now, not with the first cloud
@@ -85,15 +82,12 @@ class GesturesNode(StageNode):
         self.commands.add(self.create_subscription(handwave.msg.ZoneArray, "zones", self._take_zones, qos.LATCHED).topic_name)
 
     def _configure(self, info: RadarInfo) -> None:
-        if suited_model(self._chosen["model"], info) == self._name:
-            self._recognizer = make_recognizer(self._config, self._model, info)
-            self._compare(info)
-        else:
-            self._adopt(self._prepared(self._chosen, info), info)
+        self._recognizer = make_recognizer(self._config, self._model, info)
+        self._compare(info)
 
     def _compare(self, info: RadarInfo) -> None:
         """Say once what the radar does not give of what the model needs."""
-        said, self._lacks = self._lacks, warning(lacks(needs(self._model), info), str(self._name))
+        said, self._lacks = self._lacks, warning(lacks(needs(self._model), info), self._chosen["model"])
         if self._lacks and self._lacks != said:
             self.get_logger().warning(self._lacks)
 
@@ -117,11 +111,10 @@ class GesturesNode(StageNode):
         return SetParametersResult(successful=True)
 
     def _prepared(self, chosen: dict[str, str], info: RadarInfo | None) -> _Pending:
-        name, usual = suited_model(chosen["model"], info), GestureConfig()
-        model = _ready(name, chosen["person"])
+        usual, model = GestureConfig(), _ready(chosen["model"], chosen["person"])
         bare = dataclasses.replace(self._config, **{name: getattr(usual, name) for name in _MODELS_OWN})
         config = config_for(model.settings, bare)
-        return _Pending(chosen, name, model, config, make_recognizer(config, model, info))
+        return _Pending(chosen, model, config, make_recognizer(config, model, info))
 
     def _activate(self, wanted: ActivationConfig) -> Callable[[], None]:
         """Check that a gesture wakes which the model knows; see `on_change`."""
@@ -142,7 +135,7 @@ class GesturesNode(StageNode):
             self._adopt(pending, self._info.info)
 
     def _adopt(self, pending: _Pending, info: RadarInfo | None) -> None:
-        self._chosen, self._name, self._model, self._config = pending.chosen, pending.name, pending.model, pending.config
+        self._chosen, self._model, self._config = pending.chosen, pending.model, pending.config
         if info is not None:
             self._recognizer = pending.recognizer
             self._compare(info)
@@ -152,7 +145,7 @@ class GesturesNode(StageNode):
             self.set_parameters([Parameter(name, value=value) for name, value in values.items() if self.has_parameter(name)])
         finally:
             self._adopting = False
-        self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._name} from now on")
+        self.get_logger().info(f"names {', '.join(self._model.labels)} with {self._chosen['model']} from now on")
 
     def _take_zones(self, msg: Any) -> None:
         self._zones = areas_from_msg(msg)

@@ -10,11 +10,10 @@ from radar_core import AntennaArray, ConfigError, RadarInfo
 from radar_core.config import load, load_file, plain
 from radar_core.paths import find_config
 from radar_driver.tinyrad.config import TinyRadConfig
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.model import AUTO, load_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FeatureConfig
 from radar_gestures.needs import Needs, lacks, needs, warning
-from radar_gestures.presets import suited_model
 from radar_gestures.stage import GestureConfig
 from radar_lab.pipeline import Pipeline, PipelineConfig
 
@@ -78,12 +77,9 @@ def test_a_pipeline_says_so_in_one_line():
     assert "gestures was made for another radar: the radar tells no elevation" in Pipeline(info, named).warning
 
 
-def test_the_model_that_suits_a_radar_is_taken():
-    """The thirteen features where the radar gives all that they need or nobody knows it yet, networks on streams before every other."""
-    assert suited_model("auto", None) == suited_model("auto", DESIGN) == "gestures"
-    poor = (dataclasses.replace(DESIGN, array=ROW), waved(n_chirp=8), TinyRadConfig(calibrate=False).info())
+def test_both_models_of_ours_ask_for_what_the_networks_need():
+    """These learned from all boards, so nobody is told of what the thirteen features alone would need."""
+    assert needs(load_model(AUTO)) == needs(load_model("stream"))
+    poor = (DESIGN, dataclasses.replace(DESIGN, array=ROW), waved(n_chirp=8), TinyRadConfig(calibrate=False).info())
     for info in poor:
-        assert suited_model("auto", info) == "stream"
-        assert suited_model("mine.npz", info) == "mine.npz"
-        assert suited_model("gestures", info) == "gestures"
-        assert Pipeline(info).warning == warning(lacks(needs(load_model("stream")), info), "stream")
+        assert Pipeline(info).warning == warning(lacks(needs(load_model("stream")), info), AUTO)

@@ -26,6 +26,7 @@ from radar_gestures import FEATURE_NAMES, GestureConfig, GestureModel, GestureRe
 from radar_gestures.classifiers.branch import CLIP, Branch, convolve
 from radar_gestures.classifiers.curve_net import CurveNet
 from radar_gestures.curves import CURVE_NAMES, TOTALS, Curves
+from radar_gestures.ensemble import EnsembleRecognizer
 from radar_gestures.make import make_recognizer
 from radar_gestures.signals import CurveConfig
 from radar_gestures.stage import EventStage, feature_settings
@@ -356,26 +357,19 @@ def test_a_radar_that_lacks_what_the_model_needs_is_named(ros, tmp_path):
     assert "radar_lacks" not in bench.node.extra_diagnostics()[0]
 
 
-def test_the_model_that_suits_the_radar_is_taken(ros, tmp_path):
-    """Thirteen features for the design's radar, networks on streams for one without elevation, a file once it is set."""
+def test_a_model_is_changed_while_the_node_runs(ros, tmp_path):
+    """Both of ours together, then a file, then both again."""
     save_model(sign_model(), tmp_path / "model.npz")
     node = ros.add(radar_ros.nodes.gestures.make_node(namespace="other"))
-    assert (node.get_parameter("model").value, str(node._name)) == ("auto", "gestures")
+    assert node.get_parameter("model").value == "auto"
     node._configure(INFO)
-    assert isinstance(node._recognizer, GestureRecognizer)
-    row = dataclasses.replace(INFO, array=dataclasses.replace(INFO.array, tx=((0.0, 0.0), (0.0038, 0.0)), rx=((0.0, 0.0), (0.0019, 0.0))))
-    node._configure(row)
-    assert isinstance(node._recognizer, StreamRecognizer)
-    assert (node.get_parameter("model").value, str(node._name)) == ("auto", "stream")
-    node._info.accept(row)
-    file = str(tmp_path / "model.npz")
-    (done,) = node.set_parameters([Parameter("model", value=file)])
-    assert done.successful
-    assert isinstance(node._recognizer, GestureRecognizer)
-    assert str(node._name) == file
-    (done,) = node.set_parameters([Parameter("model", value="auto")])
-    assert done.successful
-    assert isinstance(node._recognizer, StreamRecognizer)
+    node._info.accept(INFO)
+    assert isinstance(node._recognizer, EnsembleRecognizer)
+    for model, kind in ((str(tmp_path / "model.npz"), GestureRecognizer), ("stream", StreamRecognizer), ("auto", EnsembleRecognizer)):
+        (done,) = node.set_parameters([Parameter("model", value=model)])
+        assert done.successful
+        assert isinstance(node._recognizer, kind)
+        assert node.get_parameter("model").value == model
 
 
 def test_when_gestures_count_is_set_while_it_runs(ros, tmp_path):
