@@ -14,8 +14,9 @@ import numpy as np
 from benchmarks.report import against_first, timed
 from benchmarks.stores import kept
 from radar_core.paths import find_config
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.classifiers.loading import load_perceptron
-from radar_gestures.classifiers.model import Classifier, save_model
+from radar_gestures.classifiers.model import save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_lab.datasets.samples import SampleSet, join_samples
 from radar_lab.datasets.scenes import generate

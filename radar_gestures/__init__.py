@@ -1,7 +1,8 @@
 """Tracked points to gestures: motion samples, events, features, classifier."""
 
 from radar_gestures.activation import ActivationConfig
-from radar_gestures.classifiers.model import Classifier, load_model, save_model
+from radar_gestures.classifiers.classifier import Classifier
+from radar_gestures.classifiers.model import load_model, save_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.events import Event, EventConfig, EventDetector
 from radar_gestures.features import FEATURE_NAMES, FeatureConfig

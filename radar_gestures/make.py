@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Union
 
 from radar_core import RadarInfo
-from radar_gestures.classifiers.model import Classifier
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.recognizer import GestureRecognizer
 from radar_gestures.stage import GestureConfig
 

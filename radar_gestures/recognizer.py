@@ -12,7 +12,7 @@ import numpy as np
 from radar_core import GESTURES, ConfigError, Pose, vocabulary
 from radar_core.types import Float64Array
 from radar_gestures.activation import Activation
-from radar_gestures.classifiers.model import Classifier
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.features import FEATURE_NAMES
 from radar_gestures.gesture import RANDOM, Gesture
 from radar_gestures.stage import EventStage, GestureConfig, SensorView, TrackEvent, feature_settings

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radar_core import ConfigError
 from radar_core.types import Float64Array
-from radar_gestures.classifiers.model import STREAM_NETWORK, Classifier
+from radar_gestures.classifiers.classifier import Classifier
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Ensemble:
     def __post_init__(self) -> None:
         kinds = self.events.extractor, self.stream.extractor
         if kinds[0] in ("stream", "ensemble") or kinds[1] != "stream":
-            raise ConfigError(f"an ensemble is a model of events and a {STREAM_NETWORK}, not models of {kinds[0]} and {kinds[1]}")
+            raise ConfigError(f"an ensemble is a model of events and a network on streams, not models of {kinds[0]} and {kinds[1]}")
         if set(self.events.labels) != set(self.stream.labels):
             odd = sorted(set(self.events.labels) ^ set(self.stream.labels))
             raise ConfigError(f"the models of an ensemble name the same gestures; only one of these knows {', '.join(odd)}")

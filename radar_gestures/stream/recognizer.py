@@ -12,7 +12,7 @@ import numpy as np
 from radar_core import ConfigError, RadarInfo, vocabulary
 from radar_core.types import Float64Array
 from radar_gestures.activation import Activation, Rests
-from radar_gestures.classifiers.model import Classifier
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.gesture import RANDOM, Gesture
 from radar_gestures.stage import GestureConfig
 from radar_gestures.stream.network import Memory, StreamNet, pool

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 from radar_gestures.cells import ATTRIBUTES
 from radar_gestures.classifiers.branch import Branch
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.classifiers.curve_net import CurveNet
-from radar_gestures.classifiers.model import Classifier
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.classifiers.rejection import ByDistance, Rejector
 from radar_gestures.curves import TOTALS

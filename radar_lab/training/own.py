@@ -11,8 +11,8 @@ import numpy as np
 
 from radar_core import ConfigError, DataError
 from radar_core.types import Float64Array, IndexArray
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.classifiers.enrolled import Base, Enrolled
-from radar_gestures.classifiers.model import Classifier
 from radar_gestures.event_maps import join
 from radar_gestures.inputs import inputs_for
 from radar_gestures.recognizer import make_extractor

@@ -16,7 +16,8 @@ from rclpy.parameter import Parameter
 from radar_core import ConfigError, HandwaveError, RadarInfo, vocabulary
 from radar_core.config import flat
 from radar_gestures.activation import Activation, ActivationConfig
-from radar_gestures.classifiers.model import AUTO, Classifier, model_of
+from radar_gestures.classifiers.classifier import Classifier
+from radar_gestures.classifiers.model import AUTO, model_of
 from radar_gestures.gesture import Gesture
 from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.needs import lacks, needs, warning

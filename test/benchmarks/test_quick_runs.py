@@ -40,7 +40,7 @@ def house(found):
     """Short modules and functions, no circles, and a live graph that imports little."""
     assert found["modules_over_400"] == found["import_circles"] == 0
     assert found["function_p99"] <= 45
-    assert found["live_closure_lines"] <= 15_500
+    assert found["live_closure_lines"] <= 16_500  # the default names gestures by events and by streams: 800 lines more than by events
 
 
 def fuzz(found):

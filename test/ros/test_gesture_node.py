@@ -224,7 +224,8 @@ def test_a_network_on_curves_runs_on_a_slow_radar(ros, tmp_path):
 def test_curve_code_is_loaded_for_a_model_that_needs_it_only():
     """A node with the shipped perceptron holds nothing of curves, cells or streams."""
     code = (
-        "import sys, rclpy; rclpy.init(); from radar_ros.nodes.gestures import make_node; make_node();"
+        "import sys, rclpy; rclpy.init(); from rclpy.parameter import Parameter; from radar_ros.nodes.gestures import make_node;"
+        "make_node(parameter_overrides=[Parameter('model', value='gestures')]);"
         "own = [name for name in sys.modules if name.startswith('radar_gestures')];"
         "print([name for name in own if any(word in name for word in ('curve', 'cells', 'signals', 'stream'))])"
     )

@@ -345,6 +345,7 @@ BEHIND = {
     "CameraTruth": "DepthReader",
     "GestureRecognizer": "EventStage",
     "StreamRecognizer": "SlotStreams, Memory",
+    "EnsembleRecognizer": "GestureRecognizer, StreamRecognizer",
     "EventDetector": "its own test above",
     "Rests": "EventDetector, SlotStreams",
     "Activation": "GestureRecognizer",
