@@ -73,7 +73,7 @@ class EnsembleRecognizer:
         found: list[tuple[TrackEvent | StreamEvent, Gesture]] = []
         for event, gesture, rested_ns in named:
             if gesture.label != RANDOM:
-                if self._told(gesture):
+                if self._named_before(gesture):
                     continue
                 self._last[gesture.track_id] = gesture.start_ns, gesture.end_ns
             found.append((event, self.activation.process(gesture, rested_ns)))
@@ -100,7 +100,7 @@ class EnsembleRecognizer:
                 )
             yield event, gesture, event.event.rested_ns
 
-    def _told(self, gesture: Gesture) -> bool:
+    def _named_before(self, gesture: Gesture) -> bool:
         """Whether a gesture is the motion that was named last."""
         if gesture.track_id not in self._last:
             return False

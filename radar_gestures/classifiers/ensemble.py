@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radar_core import ConfigError
+from radar_core import ConfigError, vocabulary
 from radar_core.types import Float64Array
 from radar_gestures.classifiers.classifier import Classifier
 
@@ -40,9 +40,11 @@ class Ensemble:
         kinds = self.events.extractor, self.stream.extractor
         if kinds[0] in ("stream", "ensemble") or kinds[1] != "stream":
             raise ConfigError(f"an ensemble is a model of events and a network on streams, not models of {kinds[0]} and {kinds[1]}")
-        if set(self.events.labels) != set(self.stream.labels):
-            odd = sorted(set(self.events.labels) ^ set(self.stream.labels))
+        odd = sorted(set(self.events.labels) ^ set(self.stream.labels))
+        if odd:
             raise ConfigError(f"the models of an ensemble name the same gestures; only one of these knows {', '.join(odd)}")
+        if vocabulary(self.events.labels) != vocabulary(self.stream.labels):
+            raise ConfigError("the models of an ensemble number gestures of one's own alike; these have them in another order")
 
     @property
     def extractor(self) -> str:

@@ -30,6 +30,15 @@ def silent_net():
     return dataclasses.replace(net, members=(found,))
 
 
+def wide_net():
+    """The network, with two gestures more that it never names."""
+    net = push_net()
+    (member,) = net.members
+    last, offset = member.last
+    more = np.pad(last, ((0, 0), (0, 2))), np.pad(offset, (0, 2), constant_values=-9.0)
+    return dataclasses.replace(net, members=(dataclasses.replace(member, last=more),), labels=(*GESTURES, "clap", "knock"))
+
+
 def run(model, speeds, config=None, seconds=3.0):
     """One person whose arm moves at ``speeds``: from, to [s], range rate [m/s]; gives what is recognised."""
     recognizer, found = make_recognizer(config or GestureConfig(), model, None), []
@@ -63,7 +72,7 @@ def test_what_is_too_slow_for_an_event_the_network_names_alone():
     assert gesture.name == "push"
 
 
-def test_of_two_names_for_one_motion_that_counts_to_which_the_network_gives_a_probability():
+def test_a_wrong_name_by_features_is_random_and_the_network_s_counts():
     """Features call every approach a pull here."""
     right = sign_model()
     hidden, output = right.weights
@@ -102,6 +111,8 @@ def test_models_that_do_not_belong_together_are_refused():
         Ensemble(sign_model(), sign_model())
     with pytest.raises(ConfigError, match="only one of these knows clap"):
         Ensemble(sign_model(labels=(*GESTURES, "clap")), push_net())
+    with pytest.raises(ConfigError, match="in another order"):
+        Ensemble(sign_model(labels=(*GESTURES, "clap", "knock")), dataclasses.replace(wide_net(), labels=(*GESTURES, "knock", "clap")))
     with pytest.raises(ConfigError, match="no file"):
         BOTH.arrays()
 

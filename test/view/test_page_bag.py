@@ -15,7 +15,7 @@ def test_a_recording_is_shown_paused_and_scrubbed(driver, results):
         first = page.until(lambda: page.data("points", "x"))
         page.until(lambda: page.data("points", "x") != first)
         page.until(lambda: len(page.data("people", "id")) == 2)
-        page.until(lambda: "swipe_left" in page.gestures())
+        page.until(lambda: "swipe left" in page.gestures())
         assert max(page.data("probabilities", "probability")) > 0.5
         assert page.data("person_maps", "micro_doppler")
 
