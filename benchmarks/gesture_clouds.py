@@ -148,7 +148,7 @@ def follow(
             near = None if track is None else nearest_person(moment.truth, track.position)
             events.append((near, gesture, event.without_maps()))
     owned = [
-        Found(near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.end_ns), gesture, event)
+        Found(near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.stamp_ns), gesture, event)
         for near, gesture, event in events
     ]
     return Run(scene, tracked, truths, owned, times, matching)

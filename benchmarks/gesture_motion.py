@@ -78,7 +78,7 @@ def tallies(scene: Scene, folder: Path) -> dict[str, Tally]:
 
 
 def _tally(found: Sequence[Gesture], performed: Sequence[TruthSegment], matching: Matching, minutes: float) -> Tally:
-    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.end_ns), g.label, g.start_ns, g.end_ns) for g in found]
+    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.stamp_ns), g.label, g.start_ns, g.end_ns) for g in found]
     score = score_gestures(performed, published)
     return Tally(
         minutes=minutes, performed=score.total, right=score.hits, wrong=score.wrong, missed=score.misses, false_gestures=score.false_alarms

@@ -91,7 +91,7 @@ def judge(own: KeptRoom, levels: Mapping[str, float], make: Recogniser = shipped
         gestures, more = timed(recogniser.process, TrackedCloud(cloud, tracks))
         found += gestures
         times.append(spent + took + more)
-    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.end_ns), g.label, g.start_ns, g.end_ns) for g in found]
+    published = [RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.stamp_ns), g.label, g.start_ns, g.end_ns) for g in found]
     score = score_gestures(truth_segments(own.truths), published)
     strokes = []
     for segment, event in score.outcomes:

@@ -62,7 +62,7 @@ class Seen:
             self.error += [float(np.hypot(*(where[person] - tracks[track]))) for person, track in pairs]
             self.clouds.append(result.cloud)
             for g in result.gestures:
-                self.gestures.append(RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.end_ns), g.label, g.start_ns, g.end_ns))
+                self.gestures.append(RecognisedGesture(matching.owner(g.track_id, g.start_ns, g.stamp_ns), g.label, g.start_ns, g.end_ns))
         self.ghosts = matching.ghost_track_frames
         return self
 

@@ -1,8 +1,8 @@
 """Rooms to judge zones in: random rooms with a fan and a curtain, the same rooms empty, and zones drawn into them.
 
 The rooms are those of `benchmarks.room_scenes` from seed 46000 on that have a fan and a curtain, and neither pet nor robot vacuum (`fits`):
-these are no people either, but an exclusion zone is not for what goes anywhere. Rooms from 40000 to 45999 were looked at before: they are to
-develop on now.
+these are no people either, but an exclusion zone is not for what goes anywhere. Rooms from 40000 to 45999 were looked at before: they are
+to develop on now.
 """
 
 from __future__ import annotations

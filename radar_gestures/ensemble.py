@@ -1,8 +1,8 @@
 """Gestures by two recognisers that see the same people: what one names counts if the other does not think otherwise.
 
 Events are found by their speed, and named by features: any fast motion of an arm may look like a gesture then. The network on streams knows
-what else arms do, but misses gestures of which few slots have points. So what the network names is a gesture, and what features name is one
-if the network, too, gives that gesture some probability while it lasts.
+what else arms do, but misses gestures of which few slots have points. So what the network names is a gesture, and so is an event that both
+together find probable enough. Who stands still from the start is not known as a person for a while: a gesture that both find tells more.
 """
 
 from __future__ import annotations
@@ -11,17 +11,22 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+
 from radar_core import RadarInfo
+from radar_core.types import Float64Array
 from radar_gestures.activation import Activation
 from radar_gestures.classifiers.ensemble import Ensemble
 from radar_gestures.gesture import RANDOM, Gesture
-from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.recognizer import STEPS, GestureRecognizer
 from radar_gestures.stage import GestureConfig, TrackEvent
 from radar_gestures.stream.recognizer import StreamEvent, StreamRecognizer
-from radar_tracking.tracks import TrackedCloud
+from radar_tracking.tracks import TrackedCloud, TrackStatus
 
-AGREES: Final = 0.3
-"""Mean probability that the network gives, over the slots of an event, to the gesture that features name: with less it is random."""
+JOINT: Final = 0.18
+"""Least product of the probability by features and the mean one of the network over the slots of an event: with less it is random."""
+SURELY: Final = 0.6
+"""The same where the person walks, or seems to take a step."""
 _Named = tuple[TrackEvent | StreamEvent, Gesture, int]  # an event, what it is, and how long its person rested before it [ns]
 _SAME: Final = 0.5  # of the shorter one: two gestures of a person that overlap by more are one motion
 
@@ -29,9 +34,12 @@ _SAME: Final = 0.5  # of the shorter one: two gestures of a person that overlap 
 class EnsembleRecognizer:
     """Recognise the arm gestures of people by events and by streams at once.
 
-    A gesture that the network on streams names is one. So is one that features of an event name, when the network gives it a mean
-    probability of at least `AGREES` over the slots that it has told of the event so far; otherwise the event is random and not ``known``.
-    Of two that overlap by more than half of the shorter one, the first that was decided counts. Random events are those of the features.
+    A gesture that the network on streams names is one. An event is the gesture for which the probability by features times the mean one of
+    the network, over the slots that it has told of the event so far, is largest, if that is at least `JOINT`, or `SURELY` of who walks or
+    seems to take a step; otherwise it is random. Of two gestures that overlap by more than half of the shorter one, the first that was
+    decided counts. Random events are those of the features.
+
+    Tentative tracks have gestures, too, but no random events: who gestures is somebody.
 
     Parameters
     ----------
@@ -49,8 +57,9 @@ class EnsembleRecognizer:
     """
 
     def __init__(self, config: GestureConfig, model: Ensemble, info: RadarInfo | None = None) -> None:
-        self._events = GestureRecognizer(config, model.events, None if info is None else info.mount)
-        self._stream = StreamRecognizer(config, model.stream, info)
+        self._config = config
+        self._events = GestureRecognizer(config, model.events, None if info is None else info.mount, tentative=True)
+        self._stream = StreamRecognizer(config, model.stream, info, tentative=True)
         self.labels = self._events.labels
         self.activation = Activation(config.activation, self.labels)  # may be replaced while it runs
         self._last: dict[int, tuple[int, int]] = {}  # by track: begin and end of the gesture that was last named [ns]
@@ -71,12 +80,15 @@ class EnsembleRecognizer:
         self.activation.keep(alive)
         self._last = {track: span for track, span in self._last.items() if track in alive}
         found: list[tuple[TrackEvent | StreamEvent, Gesture]] = []
+        nobody = {track.id for track in tracked.tracks.tracks if track.status == TrackStatus.TENTATIVE}
         for event, gesture, rested_ns in named:
             if gesture.label != RANDOM:
                 if self._named_before(gesture):
                     continue
                 self._last[gesture.track_id] = gesture.start_ns, gesture.end_ns
-            found.append((event, self.activation.process(gesture, rested_ns)))
+            counts = self.activation.process(gesture, rested_ns)
+            if counts.label != RANDOM or gesture.track_id not in nobody:
+                found.append((event, counts))
         return tuple(found)
 
     def wanted(self, gesture: Gesture) -> bool:
@@ -91,14 +103,28 @@ class EnsembleRecognizer:
                 yield event, gesture, event.rested_ns
 
     def _by_events(self, tracked: TrackedCloud) -> Iterator[_Named]:
-        """Give what the features name, random where the network does not agree."""
+        """Give the events with the names that both models find probable, random where there is none."""
         for event in self._events.find(tracked):
             gesture = self._events.name(event, tracked.tracks.stamp_ns)
-            if gesture.label != RANDOM and self._stream.told(gesture.track_id, gesture.start_ns, gesture.end_ns)[gesture.label] < AGREES:
-                gesture = dataclasses.replace(
-                    gesture, label=RANDOM, name=self.labels[RANDOM], confidence=float(gesture.probabilities[RANDOM]), known=False
-                )
-            yield event, gesture, event.event.rested_ns
+            yield event, self._jointly(event, gesture), event.event.rested_ns
+
+    def _jointly(self, event: TrackEvent, gesture: Gesture) -> Gesture:
+        """Name an event anew, which features call ``gesture``."""
+        told = self._stream.told(gesture.track_id, gesture.start_ns, gesture.end_ns)
+        probabilities = self._events.probabilities(event)
+        joint = probabilities * told
+        joint[RANDOM] = 0.0
+        label = int(np.argmax(joint))
+        walked = event.walked > self._config.walk_distance
+        stepped = label in STEPS and event.walked > self._config.step_distance and gesture.label != label
+        enough = joint[label] >= (SURELY if walked or stepped else JOINT)
+        if enough and probabilities[label] >= self._config.min_confidence:
+            return self._called(gesture, label, probabilities, known=True)
+        return self._called(gesture, RANDOM, gesture.probabilities, known=gesture.label == RANDOM and gesture.known)
+
+    def _called(self, gesture: Gesture, label: int, probabilities: Float64Array, *, known: bool) -> Gesture:
+        sure = float(probabilities[label])
+        return dataclasses.replace(gesture, label=label, name=self.labels[label], confidence=sure, probabilities=probabilities, known=known)
 
     def _named_before(self, gesture: Gesture) -> bool:
         """Whether a gesture is the motion that was named last."""

@@ -18,7 +18,8 @@ from radar_gestures.gesture import RANDOM, Gesture
 from radar_gestures.stage import EventStage, GestureConfig, SensorView, TrackEvent, feature_settings
 from radar_tracking.tracks import TrackedCloud
 
-_STEPS: Final[tuple[int, ...]] = (GESTURES.index("push"), GESTURES.index("pull"))  # what a step towards the radar, or back, looks like
+STEPS: Final[tuple[int, ...]] = (GESTURES.index("push"), GESTURES.index("pull"))
+"""What a step towards the radar, or back, looks like."""
 _LEAST: Final[float] = 1e-6  # a view that looks like nothing known still counts where the others do as well
 Extract = Callable[[SensorView], Float64Array | None]
 """Makes the features of one sensor's view of an event, shape (n_features,); None: it saw too little."""
@@ -57,6 +58,8 @@ class GestureRecognizer:
     mount : Pose or None
         Where the sensor stands (``RadarInfo.mount``), for clouds that do not name their sensors; angles are taken from there. None: at the
         origin of ``room``, 1.2 m high.
+    tentative : bool
+        Whether tracks that are nobody yet have gestures, too.
 
     Raises
     ------
@@ -65,7 +68,7 @@ class GestureRecognizer:
         trained on other features than its extractor makes; when the gesture that wakes is none of the model's.
     """
 
-    def __init__(self, config: GestureConfig, model: Classifier, mount: Pose | None = None) -> None:
+    def __init__(self, config: GestureConfig, model: Classifier, mount: Pose | None = None, *, tentative: bool = False) -> None:
         trained = {name: value for name, value in model.settings.items() if name not in model.extractor.split("+")}
         different = _differences(trained, feature_settings(config) | {"maps": dataclasses.asdict(config.maps)})
         if different:
@@ -79,7 +82,7 @@ class GestureRecognizer:
         self._model = model
         self.activation = Activation(config.activation, self.labels)  # may be replaced while it runs
         self._place = [self.labels.index(label) for label in model.labels]
-        self._stage = EventStage(config, mount if mount is not None else Pose())
+        self._stage = EventStage(config, mount if mount is not None else Pose(), tentative=tentative)
 
     @property
     def track_ids(self) -> tuple[int, ...]:
@@ -137,6 +140,16 @@ class GestureRecognizer:
             found.event.start_ns, found.event.end_ns, features, bool(known), found.position, labels=self.labels,
         )  # fmt: skip
 
+    def probabilities(self, found: TrackEvent) -> Float64Array:
+        """Give the probabilities of all views of an event together, shape (n_labels,), whether its person walked or not.
+
+        They are in the order of ``labels``; zeros without features.
+        """
+        probabilities, opinions = np.zeros(len(self.labels)), self._opinions(found)
+        if opinions:
+            probabilities[self._place] = _pooled(opinions)
+        return probabilities
+
     def _opinions(self, found: TrackEvent) -> list[_Opinion]:
         """Classify every view that has features; the most familiar first."""
         opinions = []
@@ -152,7 +165,7 @@ class GestureRecognizer:
         """Whether the model knows a gesture by one of the views that name it, and it is no step that only looks like one."""
         if not any(opinion.known for opinion in agreeing):
             return False
-        if label not in _STEPS or found.walked <= self._config.step_distance:
+        if label not in STEPS or found.walked <= self._config.step_distance:
             return True
         return agreeing[0].score >= self._config.step_score
 

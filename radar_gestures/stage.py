@@ -109,12 +109,13 @@ class EventStage:
     sensor to sensor, in sign too, so every sensor has motion samples and maps of its own, with the angles from the body as that sensor sees
     it. The event is common: it begins and ends with the fastest motion that any sensor sees. Each view is cut to the part in which its own
     sensor sees fast motion, which with one sensor is the whole event. Angles of clouds that do not name their sensors are taken from
-    ``mount``.
+    ``mount``. Tracks that are nobody yet give no events, unless with ``tentative``.
     """
 
-    def __init__(self, config: GestureConfig, mount: Pose) -> None:
+    def __init__(self, config: GestureConfig, mount: Pose, *, tentative: bool = False) -> None:
         self._config = config
         self._mount = mount
+        self._tentative = tentative
         self._states: dict[int, _TrackState] = {}
 
     @property
@@ -135,7 +136,7 @@ class EventStage:
             place = np.asarray(track.position)
             seen = {key: (share, _seen_from(key[1], place)) for (key, _), share in zip(sensors, points, strict=True)}
             event = self._states[track.id].process(seen, track.id)
-            if event is not None and track.status != TrackStatus.TENTATIVE:
+            if event is not None and (self._tentative or track.status != TrackStatus.TENTATIVE):
                 found.append(dataclasses.replace(event, position=np.asarray(track.position)))
         return tuple(found)
 

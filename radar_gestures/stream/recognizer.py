@@ -75,6 +75,8 @@ class StreamRecognizer:
         A `StreamNet`, see `radar_gestures.load_model`.
     info : RadarInfo or None
         The radar, its waveform included: what its cells are is an input of the network. None: the design's.
+    tentative : bool
+        Whether tracks that are nobody yet have gestures, too.
 
     Raises
     ------
@@ -83,7 +85,7 @@ class StreamRecognizer:
         that wakes is none of the model's.
     """
 
-    def __init__(self, config: GestureConfig, model: Classifier, info: RadarInfo | None = None) -> None:
+    def __init__(self, config: GestureConfig, model: Classifier, info: RadarInfo | None = None, *, tentative: bool = False) -> None:
         if not isinstance(model, StreamNet):
             raise ConfigError(f"the gesture model takes {model.extractor}, not slots of streams")
         if model.names != NAMES:
@@ -92,7 +94,7 @@ class StreamRecognizer:
         self._config, self._model = config, model
         self.activation = Activation(config.activation, self.labels)  # may be replaced while it runs
         self._place = [self.labels.index(label) for label in model.labels]
-        self._slots = SlotStreams(info if info is not None else RadarInfo())
+        self._slots = SlotStreams(info if info is not None else RadarInfo(), tentative=tentative)
         self._tracks: dict[int, _TrackState] = {}
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -37,6 +38,8 @@ _FARTHEST: Final = 1.5  # m: no hand is farther from its body
 _USUAL_SNR, _MOST_SNR = 10.0, 60.0  # dB: where the radar does not tell; more says no more
 _NEAREST, _REFERENCE = 0.3, 2.0  # m: amplitudes are those of the same echo at the reference; nearer than the nearest they are not corrected
 _TRACE: Final = 0.3  # amplitude of an echo that says little of where it comes from: places of weaker ones count as the body's
+SETTLED: Final = 0.5
+"""Age [s] from which a tentative track counts, where such tracks do."""
 _FORGET: Final = 40  # slots without a cloud after which a stream begins anew
 
 
@@ -87,10 +90,13 @@ class SlotStreams:
     ----------
     info : RadarInfo
         The radar; of a fused cloud every sensor counts as of this kind, seen from its own mount.
+    tentative : bool
+        Whether tracks that are nobody yet count, from the age of `SETTLED` on: most that are flicker end before.
     """
 
-    def __init__(self, info: RadarInfo) -> None:
+    def __init__(self, info: RadarInfo, *, tentative: bool = False) -> None:
         self._mount, self._radar = info.mount, about_radar(info)
+        self._settled = SETTLED if tentative else math.inf
         self._open: dict[tuple[int, str], _Open] = {}
         self._last: dict[tuple[int, str], Slot] = {}
 
@@ -100,12 +106,13 @@ class SlotStreams:
         return tuple(dict.fromkeys(number for number, _ in self._open))
 
     def process(self, tracked: TrackedCloud) -> list[Slot]:
-        """Take one cloud; return the slots that ended with it, of confirmed tracks, in the order of the tracks.
+        """Take one cloud; return the slots that ended with it, in the order of the tracks.
 
         Slots without a cloud hold what the one before held, and say so (`FRESH`).
         """
         number = tracked.cloud.stamp_ns // SLOT_NS
-        alive = {track.id for track in tracked.tracks.tracks if track.status != TrackStatus.TENTATIVE}
+        known = TrackStatus.CONFIRMED, TrackStatus.COASTING
+        alive = {track.id for track in tracked.tracks.tracks if track.status in known or track.age > self._settled}
         self._open = {key: one for key, one in self._open.items() if key[0] in alive}
         self._last = {key: one for key, one in self._last.items() if key[0] in alive}
         ended: list[Slot] = []

@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from radar_core import RadarInfo
 from radar_core.config import config, knob
 from radar_core.geometry import cartesian_to_spherical
-from radar_core.types import BoolArray
+from radar_core.types import BoolArray, IndexArray
 from radar_sim.truth import Truth
-from radar_tracking import Tracks
+from radar_tracking import Tracks, TrackStatus
 from radar_tracking.metrics import (
     ClearMot,
     ClearMotConfig,
@@ -26,6 +27,8 @@ from radar_tracking.metrics import (
     ObjectSet,
     people,
 )
+
+_LASTED_NS: Final = 500_000_000  # ns: tentative tracks that end sooner have no gestures
 
 
 @config
@@ -113,6 +116,7 @@ class Matching:
         self.config = config or MatchingConfig()
         self._mot, self._gospa = ClearMot(ClearMotConfig(radius=self.config.gate)), GospaMetric(self.config.gospa)
         self._runs: dict[int, list[tuple[int, int, int]]] = {}  # of each track: person, first and last moment [ns]
+        self._early: dict[int, list[tuple[int, int, int]]] = {}  # the same of tentative tracks, who are the only one of their person
         self._alone: set[int] = set()
         self.moments = self.track_frames = self.ghost_track_frames = 0
         self._span_ns: tuple[int, int] | None = None
@@ -128,7 +132,8 @@ class Matching:
         step = self._mot.process(real, found)
         first, before = self._span_ns or (truth.stamp_ns, truth.stamp_ns)
         for person, track in zip(step.truth_id.tolist(), step.estimate_id.tolist(), strict=True):
-            self._prolong(track, person, before, truth.stamp_ns)
+            _prolong(self._runs.setdefault(track, []), person, before, truth.stamp_ns)
+        self._begin(tracks, real, step.truth_id, before, truth.stamp_ns)
         self._alone.update(step.false.tolist())
         self.moments += 1
         self.track_frames += len(found)
@@ -136,25 +141,36 @@ class Matching:
         self._span_ns = (first, truth.stamp_ns)
         return Matched(real, found, step, self._gospa.process(real, found))
 
-    def _prolong(self, track: int, person: int, before_ns: int, stamp_ns: int) -> None:
-        """Remember who a track is on, as runs of equal pairs without a gap, so that long sessions stay small."""
-        runs = self._runs.setdefault(track, [])
-        if runs and runs[-1][0] == person and runs[-1][2] == before_ns:
-            runs[-1] = (person, runs[-1][1], stamp_ns)
-        else:
-            runs.append((person, stamp_ns, stamp_ns))
+    def _begin(self, tracks: Tracks, real: ObjectSet, paired: IndexArray, before_ns: int, stamp_ns: int) -> None:
+        """Remember on whom tentative tracks are: the nearest one, if that person has no track. What soon ends again is forgotten."""
+        free = ~np.isin(real.id, paired)
+        for track in tracks.tracks:
+            if track.status != TrackStatus.TENTATIVE or not free.any():
+                continue
+            away = np.hypot(*(real.position[free] - track.position[:2]).T)
+            if away.min() <= self.config.gate:
+                person = int(real.id[free][away.argmin()])
+                _prolong(self._early.setdefault(track.id, []), person, before_ns, stamp_ns)
+        alive = {track.id for track in tracks.tracks}
+        self._early = {n: runs for n, runs in self._early.items() if n in alive or runs[-1][2] - runs[0][1] >= _LASTED_NS}
 
     def owner(self, track: int, start_ns: int, end_ns: int) -> int | None:
-        """Say whose a track was during some time: the person with whom it was paired the longest; None: it was a ghost all the time."""
-        time: dict[int, int] = {}
-        for person, first, last in self._runs.get(track, []):
-            if last >= start_ns and first <= end_ns:
-                time[person] = time.get(person, 0) + min(last, end_ns) - max(first, start_ns)
-        return max(time, key=lambda person: time[person]) if time else None
+        """Say whose a track was during some time: the person with whom it was paired the longest; None: it was a ghost all the time.
+
+        While it was tentative: the person that it was nearest to, of those who had no track.
+        """
+        for runs in (self._runs, self._early):
+            time: dict[int, int] = {}
+            for person, first, last in runs.get(track, []):
+                if last >= start_ns and first <= end_ns:
+                    time[person] = time.get(person, 0) + min(last, end_ns) - max(first, start_ns)
+            if time:
+                return max(time, key=lambda person: time[person])
+        return None
 
     def last_owner(self, track: int) -> int | None:
         """Say who a track was on last; None: on nobody ever."""
-        runs = self._runs.get(track)
+        runs = self._runs.get(track) or self._early.get(track)
         return runs[-1][0] if runs else None
 
     @property
@@ -177,3 +193,11 @@ class Matching:
         """Length of the run, the last moment included [min]."""
         first, last = self._span_ns or (0, 0)
         return (last - first) * self.moments / max(self.moments - 1, 1) / 60e9
+
+
+def _prolong(runs: list[tuple[int, int, int]], person: int, before_ns: int, stamp_ns: int) -> None:
+    """Remember who a track is on, as runs of equal pairs without a gap, so that long sessions stay small."""
+    if runs and runs[-1][0] == person and runs[-1][2] == before_ns:
+        runs[-1] = (person, runs[-1][1], stamp_ns)
+    else:
+        runs.append((person, stamp_ns, stamp_ns))

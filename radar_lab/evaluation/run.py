@@ -79,7 +79,7 @@ class Evaluator:
         return self._score(self._owned())
 
     def _owned(self) -> list[tuple[int | None, Gesture]]:
-        return [(self._matching.owner(g.track_id, g.start_ns, g.end_ns), g) for _, g in self._gestures]
+        return [(self._matching.owner(g.track_id, g.start_ns, g.stamp_ns), g) for _, g in self._gestures]
 
     def score_of_owned(self) -> GestureScore:
         """Score by the first definition: by who a track was on last, gestures of tracks that were on nobody ever left out."""

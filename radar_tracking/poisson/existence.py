@@ -45,6 +45,7 @@ _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
 _LIMB_STAYS: Final = 2.0  # and so many times longer beside somebody who stands, whose arms come again and again
+_OWN_POINTS: Final = 1.0  # s: who has looked like a person for so long keeps the points, confirmed or not
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
 _APART: Final = 1.0  # m
@@ -217,7 +218,9 @@ class Decisions:
             rows["confirmed"][row] = True
             found.append(row)
             near = self._near(table, gaps, way, now)
-        rows["arm_of"] = np.where(near.any(axis=1), rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
+        somebody = (rows["odds"] > CONFIRM_ODDS) & (rows["person"] > 0.0) & (now - rows["born"] > _OWN_POINTS)
+        arm = near.any(axis=1) & ~somebody
+        rows["arm_of"] = np.where(arm, rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
         return found
 
     def _near(self, table: Table, gaps: Float64Array, way: Float64Array, now: float) -> BoolArray:

@@ -16,6 +16,7 @@ from radar_gestures.classifiers.model import AUTO, load_model
 from radar_gestures.ensemble import EnsembleRecognizer
 from radar_gestures.make import make_recognizer
 from radar_gestures.stage import GestureConfig
+from radar_tracking import TrackStatus
 
 STEP = 20_000_000  # ns
 BOTH = Ensemble(sign_model(), push_net())
@@ -39,15 +40,20 @@ def wide_net():
     return dataclasses.replace(net, members=(dataclasses.replace(member, last=more),), labels=(*GESTURES, "clap", "knock"))
 
 
-def run(model, speeds, config=None, seconds=3.0):
+def run(model, speeds, config=None, seconds=3.0, who=lambda now: person(1)):
     """One person whose arm moves at ``speeds``: from, to [s], range rate [m/s]; gives what is recognised."""
     recognizer, found = make_recognizer(config or GestureConfig(), model, None), []
     assert isinstance(recognizer, EnsembleRecognizer)
     for k in range(round(seconds * 1e9 / STEP)):
         now = k * STEP * 1e-9
         speed = sum(value for begin, end, value in speeds if begin <= now < end)
-        found += recognizer.process(tracked(k * STEP, [person(1)], [speed], k))
+        found += recognizer.process(tracked(k * STEP, [who(now)], [speed], k))
     return found
+
+
+def tentative(now, age=0.0):
+    """Somebody who is nobody yet; ``age``: since the first cloud, at the first cloud [s]."""
+    return dataclasses.replace(person(1, status=TrackStatus.TENTATIVE), age=now + age)
 
 
 def test_what_both_name_is_one_gesture():
@@ -80,6 +86,30 @@ def test_a_wrong_name_by_features_is_random_and_the_network_s_counts():
     wrong = dataclasses.replace(right, weights=(hidden, output[:, swapped]))
     found = run(Ensemble(wrong, push_net()), [(1.0, 1.6, -1.0)])
     assert sorted(gesture.name for gesture in found) == ["push", "random"]
+
+
+@pytest.mark.parametrize(("temperature", "name"), [(4.0, "push"), (40.0, "random")])
+def test_what_features_are_not_sure_of_counts_if_both_together_are(temperature, name):
+    """They give 0.58 and 0.12 to push, and would refuse both; the network is sure."""
+    unsure = dataclasses.replace(sign_model(), temperature=temperature, reject=0.9)
+    found = run(Ensemble(unsure, dataclasses.replace(push_net(), reject=1.0)), [(1.0, 1.6, -1.0)])
+    assert [gesture.name for gesture in found] == [name]
+    assert found[0].confidence == found[0].probabilities[found[0].label]
+
+
+def test_who_walks_off_after_a_push_has_pushed():
+    """Features alone take whatever somebody does who is elsewhere afterwards for walking, and the network is sure here."""
+    away = lambda now: person(1, (2.0 + 0.8 * float(now > 1.65), 0.0, 1.0))  # noqa: E731
+    assert [gesture.name for gesture in run(BOTH, [(1.0, 1.6, -1.0)], who=away)] == ["push"]
+    doubtful = Ensemble(dataclasses.replace(sign_model(), temperature=4.0), dataclasses.replace(push_net(), reject=1.0))
+    assert [gesture.name for gesture in run(doubtful, [(1.0, 1.6, -1.0)], who=away)] == ["random"]
+
+
+def test_who_gestures_is_somebody():
+    """A track that is nobody yet has gestures once it is half a second old, but what is random is nobody's."""
+    assert [gesture.name for gesture in run(BOTH, [(1.0, 1.6, -1.0)], who=tentative)] == ["push"]
+    assert run(BOTH, [(1.0, 1.6, 1.0)], who=tentative) == []
+    assert run(BOTH, [(1.0, 1.6, -1.0)], who=lambda now: tentative(now, age=-2.0)) == []
 
 
 def test_two_motions_are_two_gestures():

@@ -154,6 +154,19 @@ def test_a_gesture_belongs_to_whom_the_track_was_on_while_it_was_performed():
     assert judge.score().hits == 1
 
 
+@pytest.mark.parametrize(("others", "hits"), [({}, 1), ({8: (2.1, 0.1)}, 0)])
+def test_a_gesture_of_a_tentative_track_belongs_to_whom_it_is_on_who_has_no_other(others, hits):
+    """Nobody is confirmed on the performer: the gesture is theirs. Where somebody is, the tentative track is a second one, or an arm."""
+    judge = evaluator()
+    for k in range(150):
+        state = tracks(k, {7: (2.0, 0.1), **others})
+        early = replace(state.tracks[0], status=TrackStatus.TENTATIVE)
+        judge.add(replace(state, tracks=(early, *state.tracks[1:])), truth(k, [(2.0, 0.0), (4.0, 1.0)], "push" if 50 <= k < 80 else None))
+    judge.add_gesture(gesture("push", 7, SECOND, SECOND * 8 // 5))
+    assert judge.score().hits == hits
+    assert judge.score().false_alarms == 1 - hits
+
+
 def test_people_out_of_view_do_not_count():
     """Behind the radar, too far to the side, or beyond the unambiguous range nobody can be tracked."""
     judge = evaluator()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radar_core import PointCloud
-from radar_tracking import TrackerConfig
+from radar_tracking import TrackerConfig, TrackStatus
 from radar_tracking.poisson.tracker import PoissonTracker
 
 DT = 0.05  # s
@@ -71,3 +71,21 @@ def test_who_appears_beside_who_stands_waits_for_the_time_of_an_arm(points, leas
         if len(tracker.process(cloud(k, both, speed, rng)).people) > 1:
             found = min(found, t - 4.0)
     assert least < found < most
+
+
+def test_who_waits_keeps_the_points():
+    """The same with eight points: from a second and a half on they are no arm's, though nobody is confirmed there yet."""
+    tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5)
+    for k in range(round(6.5 / DT)):
+        t = k * DT
+        parts = [body(2.5, 0.0, 9, 0.3 * np.sin(2.0 * np.pi * t / 1.5), rng)]
+        if t > 4.0:
+            parts.append(body(2.5, 0.8, 8, 0.3 * np.sin(2.0 * np.pi * t / 1.1), rng))
+        both, speed = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        found = tracker.process(cloud(k, both, speed, rng))
+    (first,) = found.people
+    (other,) = (track for track in found.tracks if np.hypot(*(track.position[:2] - [2.5, 0.8])) < 0.3)
+    assert other.status is TrackStatus.TENTATIVE
+    own = both[:, 1] < 0.4
+    assert (found.point_track_id[own] == first.id).mean() > 0.8
+    assert (found.point_track_id[~own] == other.id).mean() > 0.8
