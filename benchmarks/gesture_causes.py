@@ -17,7 +17,7 @@ from radar_gestures.classifiers.perceptron import GestureModel
 from radar_gestures.features import FeatureConfig, summarise
 from radar_gestures.gesture import Gesture
 from radar_gestures.recognizer import GestureRecognizer
-from radar_gestures.stage import GestureConfig
+from radar_gestures.stage import GestureConfig, TrackEvent
 from radar_lab.evaluation.scoring import RecognisedGesture, TruthSegment, match_spans, score_gestures
 from radar_lab.evaluation.truth_events import CriterionConfig, TrueEvent, TrueEvents
 from radar_sim.motions.script import Timeline
@@ -254,6 +254,7 @@ def named_again(judged: Judged, recogniser: GestureRecognizer, times: list[float
     """Give every event the name that a recogniser has for it; the milliseconds that each takes are added to ``times``."""
 
     def again(found: Found) -> Found:
+        assert isinstance(found.event, TrackEvent)  # such models name nothing else
         gesture, spent = timed(recogniser.name, found.event, found.gesture.stamp_ns)
         times.append(spent)
         return dataclasses.replace(found, gesture=gesture)

@@ -6,7 +6,7 @@ import functools
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -18,10 +18,11 @@ from benchmarks.stores import Columns, Store, clouds_of, pack, unpack
 from radar_core import PointCloud, Pose
 from radar_core.config import plain
 from radar_dsp import BasebandConfig
-from radar_gestures.classifiers.perceptron import GestureModel
+from radar_gestures.classifiers.classifier import Classifier
 from radar_gestures.gesture import Gesture
-from radar_gestures.recognizer import GestureRecognizer
+from radar_gestures.make import Recognizer, make_recognizer
 from radar_gestures.stage import GestureConfig, TrackEvent
+from radar_gestures.stream.recognizer import StreamEvent
 from radar_lab.datasets.scenes import nearest_person
 from radar_lab.evaluation.matching import Matching, Visibility
 from radar_sim import Scene, Simulator, Truth
@@ -100,7 +101,7 @@ class Found:
 
     person_id: int | None
     gesture: Gesture
-    event: TrackEvent
+    event: TrackEvent | StreamEvent
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,40 +116,56 @@ class Run:
     matching: Matching  # tracks against people
 
 
-def _recognise(recogniser: GestureRecognizer, tracked: TrackedCloud) -> tuple[list[TrackEvent], list[Gesture]]:
-    found = recogniser.find(tracked)
-    return found, [recogniser.name(event, tracked.cloud.stamp_ns) for event in found]
+@dataclass(eq=False)
+class _Heard:
+    """A recogniser, what it has found so far, with who was nearest to the track then, and what each cloud took [ms]."""
+
+    recogniser: Recognizer
+    events: list[tuple[int | None, Gesture, TrackEvent | StreamEvent]] = field(default_factory=list)
+    times_ms: list[float] = field(default_factory=list)
+
+    def process(self, tracked: TrackedCloud, truth: Truth) -> None:
+        decided, spent = timed(self.recogniser.decide, tracked)
+        self.times_ms.append(spent)
+        for event, gesture in decided:
+            track = tracked.tracks.find(gesture.track_id)
+            near = None if track is None else nearest_person(truth, track.position)
+            self.events.append((near, gesture, event.without_maps() if isinstance(event, TrackEvent) else event))
+
+    def owned(self, matching: Matching, association: Association) -> list[Found]:
+        def owner(near: int | None, gesture: Gesture) -> int | None:
+            return near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.stamp_ns)
+
+        return [Found(owner(near, gesture), gesture, event) for near, gesture, event in self.events]
 
 
 def follow(
-    store: StreamStore,
-    scene: Scene,
-    model: GestureModel,
-    config: GestureConfig | None = None,
-    tracker: TrackerConfig | None = None,
-    association: Association = "matching",
+    store: StreamStore, scene: Scene, model: Classifier, tracker: TrackerConfig | None = None, association: Association = "matching"
 ) -> Run:
     """Run tracking and recognition over a stored scene; every event is kept, random ones too.
 
     An event belongs, by "matching", to the person on whom its track was longest meanwhile (`Matching.owner`); by "nearest", the first
     definition, to who was nearest to the track, within 0.8 m, when it was decided.
     """
+    return follow_all(store, scene, [model], tracker, association)[0]
+
+
+def follow_all(
+    store: StreamStore,
+    scene: Scene,
+    models: Sequence[Classifier],
+    tracker: TrackerConfig | None = None,
+    association: Association = "matching",
+) -> list[Run]:
+    """`follow` with several models that recognise in the same tracks."""
     info = scene.radars[0].info
     people, matching, rule = make_tracker(tracker, info), Matching(), Visibility(info)
-    recogniser = GestureRecognizer(config or GestureConfig(), model, info.mount)
-    tracked, truths, times, events = [], [], [], []
+    heard = [_Heard(make_recognizer(GestureConfig(), model, info)) for model in models]
+    tracked, truths = [], []
     for moment in store.moments(scene):
         tracked.append(TrackedCloud(moment.cloud, people.process(moment.cloud)))
         truths.append(moment.truth)
-        (found, gestures), spent = timed(_recognise, recogniser, tracked[-1])
-        times.append(spent)
         matching.process(tracked[-1].tracks, moment.truth, rule.process(moment.truth))
-        for event, gesture in zip(found, gestures, strict=True):
-            track = tracked[-1].tracks.find(gesture.track_id)
-            near = None if track is None else nearest_person(moment.truth, track.position)
-            events.append((near, gesture, event.without_maps()))
-    owned = [
-        Found(near if association == "nearest" else matching.owner(gesture.track_id, gesture.start_ns, gesture.stamp_ns), gesture, event)
-        for near, gesture, event in events
-    ]
-    return Run(scene, tracked, truths, owned, times, matching)
+        for one in heard:
+            one.process(tracked[-1], moment.truth)
+    return [Run(scene, tracked, truths, one.owned(matching, association), one.times_ms, matching) for one in heard]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.gesture_causes import Judged, Outcome, count, false_by_cause, judge, missed_by_cause, rows_of_rules
-from benchmarks.gesture_clouds import Association, StreamStore, follow
+from benchmarks.gesture_clouds import Association, StreamStore, follow_all
 from benchmarks.gesture_scenes import CROWDS, LEAD, ROUNDS, Crowd, crowd_scene
 from benchmarks.report import Tally, against_first, timed
 from benchmarks.stores import kept
@@ -18,7 +18,8 @@ from radar_core import GESTURES
 from radar_core.config import load_file
 from radar_core.paths import find_config
 from radar_dsp import Baseband, BasebandConfig
-from radar_gestures.classifiers.model import load_model
+from radar_gestures.classifiers.loading import load_perceptron
+from radar_gestures.classifiers.model import AUTO, load_model
 from radar_gestures.classifiers.perceptron import GestureModel
 from radar_sim import Simulator
 
@@ -60,31 +61,48 @@ def causes(judged: Sequence[Judged]) -> dict[str, Any]:
 def measure(
     plan: Plan,
     keep: Path,
-    model: GestureModel,
     n_jobs: int = 1,
     progress: bool = True,
     baseband: BasebandConfig = PEOPLE,
     association: Association = "matching",
 ) -> dict[str, Any]:
-    """Simulate what is missing in ``keep``, follow all scenes, and count; ``association``: see `follow`."""
-    store = StreamStore(keep, baseband)
+    """Simulate what is missing in ``keep``, follow all scenes, and count; ``association``: see `follow`.
+
+    Names are those of both models together, the default; ``features_``: those of the thirteen features alone, for which the rules of the
+    recogniser are varied, too.
+    """
+    store, models = StreamStore(keep, baseband), (load_model(AUTO), load_perceptron())
     scenes = {crowd: [crowd_scene(crowd, seed, plan.rounds) for seed in range(plan.seeds)] for crowd in plan.crowds}
     store.fill(itertools.chain(*scenes.values()), n_jobs=n_jobs, progress=progress)
-    judged = {crowd: [judge(follow(store, scene, model, association=association)) for scene in own] for crowd, own in scenes.items()}
-    times = {crowd: [spent for one in own for spent in one.times_ms] for crowd, own in judged.items()}
-    tallies = {crowd: total(own) for crowd, own in judged.items()}
+    both: dict[Crowd, list[Judged]] = {}
+    alone: dict[Crowd, list[Judged]] = {}
+    for crowd, own in scenes.items():
+        runs = [[judge(run) for run in follow_all(store, scene, models, association=association)] for scene in own]
+        both[crowd], alone[crowd] = ([pair[number] for pair in runs] for number in range(2))
+    times = {crowd: [spent for one in own for spent in one.times_ms] for crowd, own in both.items()}
+    tallies, features = ({crowd: total(own) for crowd, own in judged.items()} for judged in (both, alone))
     shares = {crowd.name: (own.right / max(own.performed, 1), times[crowd]) for crowd, own in tallies.items()}
-    users = {n: sum((tallies[crowd] for crowd in plan.crowds if crowd.users == n), Tally()) for n in (2, 3)}
-    two, three, whole = users[2].figures(), users[3].figures(), users[2] + users[3]
+    whole = sum(tallies.values(), Tally())
+    beside = sum((own for crowd, own in tallies.items() if crowd.bystander), Tally()).figures()
     return {
-        **{f"two_users_{name}": two[name] for name in ("accuracy", "accuracy_interval")},
-        **{f"three_users_{name}": three[name] for name in ("accuracy", "accuracy_interval")},
+        **by_users(tallies),
+        **{f"features_{name}": value for name, value in by_users(features).items()},
         **{name: whole.figures()[name] for name in ("cross_talk", "cross_talk_interval")},
+        **{name.replace("talk", "talk_with_bystander"): beside[name] for name in ("cross_talk", "cross_talk_interval")},
         "ghost_gestures": whole.ghost_gestures,
         **{f"crowd_{name}": value for name, value in whole.false_figures().items()},
-        "crowds": {crowd.name: tallies[crowd].figures() | {"causes": causes(judged[crowd])} for crowd in plan.crowds},
-        "choices": against_first("crowds", _ACCURACY, shares) + rule_rows([one for own in judged.values() for one in own], model),
+        "crowds": {crowd.name: tallies[crowd].figures() | {"causes": causes(both[crowd])} for crowd in plan.crowds},
+        "choices": against_first("crowds", _ACCURACY, shares) + rule_rows([one for own in alone.values() for one in own], models[1]),
     }
+
+
+def by_users(tallies: Mapping[Crowd, Tally]) -> dict[str, Any]:
+    """Give the accuracy of two and of three users who gesture at once, and their intervals."""
+    found: dict[str, Any] = {}
+    for n, name in ((2, "two"), (3, "three")):
+        figures = sum((own for crowd, own in tallies.items() if crowd.users == n), Tally()).figures()
+        found |= {f"{name}_users_{key}": figures[key] for key in ("accuracy", "accuracy_interval")}
+    return found
 
 
 def total(judged: Sequence[Judged]) -> Tally:
@@ -102,15 +120,14 @@ def rule_rows(judged: Sequence[Judged], model: GestureModel) -> list[dict[str, A
     return rows_of_rules("crowds: rules, one event", _ACCURACY, judged, model, figures)
 
 
-def compare(plan: Plan, keep: Path, model: GestureModel, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:
+def compare(plan: Plan, keep: Path, n_jobs: int = 1, progress: bool = True) -> dict[str, Any]:
     """Measure through the baseband for several people and through the default one, each with the time that a frame takes it."""
-    found = {name: measure(plan, keep, model, n_jobs, progress, baseband) for name, baseband in BASEBANDS.items()}
+    found = {name: measure(plan, keep, n_jobs, progress, baseband) for name, baseband in BASEBANDS.items()}
     times = {name: frame_times(baseband) for name, baseband in BASEBANDS.items()}
     result, single = found[_SEVERAL], found[_ONE]
-    figures = ("two_users_accuracy", "three_users_accuracy", "cross_talk")
     shares = {name: (found[name]["two_users_accuracy"] or 0.0, times[name]) for name in BASEBANDS}
     result["choices"] += against_first("crowds: baseband", f"two users: {_ACCURACY}", shares)
-    return result | {"one_direction_a_cell": {name: single[name] for name in figures}}
+    return result | {"one_direction_a_cell": {name: value for name, value in single.items() if name not in ("crowds", "choices")}}
 
 
 def frame_times(baseband: BasebandConfig, n_frames: int = 60) -> list[float]:
@@ -125,8 +142,9 @@ def run(quick: bool = False, keep: Path | None = None, n_jobs: int = 1) -> dict[
     """Measure crowds; a full run simulates 48 scenes of a minute, once for each of two basebands.
 
     Returns ``two_users_accuracy``, ``three_users_accuracy``: gestures credited rightly, over all performed, slow ones too; ``cross_talk``:
-    gestures credited to somebody who performed none while others did, over all performed; ``crowds``: the same and the causes by kind of
-    scene; ``one_direction_a_cell``: through the default baseband in place of its preset ``people``, which looks for two in a cell.
+    gestures credited to somebody who performed none while others did, over all performed; ``cross_talk_with_bystander``: the same where
+    somebody stands by; ``crowds``: the same and the causes by kind of scene; ``one_direction_a_cell``: through the default baseband in
+    place of its preset ``people``, which looks for two in a cell.
     """
     with kept(keep) as folder:
-        return compare(QUICK if quick else FULL, folder, load_model(), n_jobs)
+        return compare(QUICK if quick else FULL, folder, n_jobs)

@@ -189,11 +189,13 @@ def test_crowds_measure(tmp_path, monkeypatch):
     pair = Crowd(2, (1.2, 2.0), bystander=False)
     monkeypatch.setattr(gesture_scenes, "LEAD", 2.5)
     monkeypatch.setattr(gesture_scenes, "ROUND", 2.2)
-    result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1, crowds=(pair,)), tmp_path, load_model(), progress=False)
+    result = gesture_crowds.measure(gesture_crowds.Plan(seeds=1, rounds=1, crowds=(pair,)), tmp_path, progress=False)
     row = result["crowds"][pair.name]
     assert row["performed"] == 2
     assert row["wrong"] + row["missed"] + 2 * row["accuracy"] == pytest.approx(2)
-    assert result["three_users_accuracy"] is None
+    assert result["two_users_accuracy"] == row["accuracy"]
+    assert result["features_two_users_accuracy"] is not None
+    assert result["three_users_accuracy"] is result["cross_talk_with_bystander"] is None
 
 
 @pytest.mark.long
