@@ -36,7 +36,9 @@ class GestureConfig:
     events: EventConfig = EventConfig()
     maps: MapConfig = MapConfig()
     margin: float = knob(0.1, unit="s", low=0.0, high=2.0, doc="features also see that much before and after the event")
-    walk_distance: float = knob(0.6, unit="m", low=0.0, high=100.0, doc="a person who is farther away after an event walked: it is random")
+    walk_distance: float = knob(
+        0.6, unit="m", low=0.0, high=100.0, doc="a person who is farther away after an event walked: random, unless both models are sure"
+    )
     step_distance: float = knob(0.25, unit="m", low=0.0, high=100.0, doc="a push or pull that ends this far from its start may be a step")
     step_score: float = knob(0.6, low=0.0, high=1.0, doc="a push or pull like that with a lower score is unknown; 0: off")
     min_confidence: float = knob(0.0, low=0.0, high=1.0, doc="a less probable gesture is unknown (random), whatever the model's limit")
