@@ -45,6 +45,7 @@ _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
 _LIMB_STAYS: Final = 2.0  # and so many times longer beside somebody who stands, whose arms come again and again
+_TOO_NEAR: Final = 0.6  # m: nobody appears so near to somebody who stands; what is there is an arm
 _OWN_POINTS: Final = 1.0  # s: who has looked like a person for so long keeps the points, confirmed or not
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
@@ -212,6 +213,8 @@ class Decisions:
             own = near[row]
             limb = (rows["rate"][row] < _LIMB_RATE * rows["rate"][own & rows["stands"]]).any()
             young = now - rows["born"][row] < config.arm_time * (_LIMB_STAYS if limb else 1.0)
+            if (gaps[row][rows["confirmed"] & rows["stands"]] < _TOO_NEAR).any():
+                continue
             if own.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][own]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
             self._recover(table, gaps, row, now, ends)
@@ -219,8 +222,9 @@ class Decisions:
             found.append(row)
             near = self._near(table, gaps, way, now)
         somebody = (rows["odds"] > CONFIRM_ODDS) & (rows["person"] > 0.0) & (now - rows["born"] > _OWN_POINTS)
-        arm = near.any(axis=1) & ~somebody
-        rows["arm_of"] = np.where(arm, rows["id"][np.where(near, gaps, np.inf).argmin(axis=1)], 0)
+        away = np.where(near, gaps, np.inf)
+        arm = near.any(axis=1) & ~(somebody & (away.min(axis=1) > _TOO_NEAR))
+        rows["arm_of"] = np.where(arm, rows["id"][away.argmin(axis=1)], 0)
         return found
 
     def _near(self, table: Table, gaps: Float64Array, way: Float64Array, now: float) -> BoolArray:

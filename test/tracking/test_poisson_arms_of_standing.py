@@ -73,6 +73,20 @@ def test_who_appears_beside_who_stands_waits_for_the_time_of_an_arm(points, leas
     assert least < found < most
 
 
+@pytest.mark.parametrize(("before", "people"), [(0.5, 1), (0.9, 2)])
+def test_nobody_appears_right_before_who_stands(before, people):
+    """Eight points that move to and fro for nine seconds: half a metre before somebody who stands an arm's, 0.9 m before a second one's."""
+    tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5)
+    for k in range(round(13.0 / DT)):
+        t = k * DT
+        parts = [body(2.5, 0.0, 9, 0.3 * np.sin(2.0 * np.pi * t / 1.5), rng)]
+        if t > 4.0:
+            parts.append(body(2.5 - before, 0.0, 8, 0.6 * np.sin(2.0 * np.pi * t / 1.1), rng))
+        both, speed = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        found = tracker.process(cloud(k, both, speed, rng))
+    assert len(found.people) == people
+
+
 def test_who_waits_keeps_the_points():
     """The same with eight points: from a second and a half on they are no arm's, though nobody is confirmed there yet."""
     tracker, rng = PoissonTracker(TrackerConfig(tracker="poisson_bernoulli")), np.random.default_rng(5)
