@@ -45,7 +45,7 @@ _ALONG: Final = 1.0  # m: an arm never goes so far from where it appeared
 _ARM_RATE: Final = 0.25  # of the rate of its person: fewer points are an arm's
 _LIMB_RATE: Final = 0.65  # what goes along with somebody who walks and has fewer points is an arm or a leg, until it has stayed
 _LIMB_STAYS: Final = 2.0  # and so many times longer beside somebody who stands, whose arms come again and again
-_TOO_NEAR: Final = 0.6  # m: nobody appears so near to somebody who stands; what is there is an arm
+_TOO_NEAR: Final = 0.6  # m: nobody appears so near to somebody who stands and is seen; what is there is an arm
 _OWN_POINTS: Final = 1.0  # s: who has looked like a person for so long keeps the points, confirmed or not
 _BODY_RATE: Final = 0.6  # of the points of the person who has most
 _SAME_TIME, _SAME_TIME_APART = 1.0, 8.0  # s: two confirmed tracks at one place for so long are one; if they have been apart
@@ -209,11 +209,12 @@ class Decisions:
         ready &= np.maximum(rows["moved"], way - _DRIFT) > config.moved * np.clip(1.5 * (1.0 - rows["person"]), 0.0, 1.5)
         ready &= ~self._zones.excluded(np.column_stack([table.mean[:, :2], rows["height"]]))
         near = self._near(table, gaps, way, now)
+        there = rows["confirmed"] & rows["stands"] & (now - rows["seen"] < _AGAIN_AFTER)
         for row in np.flatnonzero(ready).tolist():
             own = near[row]
             limb = (rows["rate"][row] < _LIMB_RATE * rows["rate"][own & rows["stands"]]).any()
             young = now - rows["born"][row] < config.arm_time * (_LIMB_STAYS if limb else 1.0)
-            if (gaps[row][rows["confirmed"] & rows["stands"]] < _TOO_NEAR).any():
+            if (gaps[row][there] < _TOO_NEAR).any():
                 continue
             if own.any() and (young or (rows["rate"][row] < _ARM_RATE * rows["rate"][own]).any()):
                 continue  # has not yet stayed, or gone along, as somebody would
@@ -239,13 +240,17 @@ class Decisions:
         return np.asarray(((gaps < limit) | began) & (people & ~people[:, None]) & (rows["stands"] | (way[:, None] < _ALONG) | limb))
 
     def _recover(self, table: Table, gaps: Float64Array, row: int, now: float, ends: dict[int, Reason]) -> None:
-        """Give a new person the identity of one who stood there and was not seen since, who went off, or who follows another's body."""
+        """Give a new person the identity of one who stood there unseen since, who went off, follows another's body, or is a limb."""
         rows = table.rows
         people = [k for k in np.flatnonzero(rows["confirmed"]).tolist() if k not in ends]
         step = table.mean[:, :2] - rows["birthplace"][row]
         unseen = [k for k in people if now - rows["seen"][k] > _AGAIN_AFTER]
         lost = [k for k in unseen if gaps[row, k] < _AGAIN]
         lost = lost or [k for k in unseen if rows["seen"][k] < rows["born"][row] + _WENT_OFF and math.hypot(*step[k]) < _AGAIN]
+        if not lost:  # who began together with a person of few points is the body of which that one was a limb
+            began = np.hypot(*(rows["birthplace"] - rows["birthplace"][row]).T)
+            limb = (rows["rate"] < _LIMB_RATE * rows["rate"][row]) & (began < _TOO_NEAR) & (gaps[row] < self._config.reach)
+            lost = [k for k in people if limb[k]]
         if not lost:
             near = [k for k in people if math.hypot(*step[k]) < _AGAIN]
             lost = [k for k in near if any(gaps[k, j] < _ONE_BODY * self._config.body_width and table.were_apart(k, j) for j in people)]
